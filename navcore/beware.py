@@ -1,0 +1,111 @@
+"""The beware list: what the operator says must not be touched, and how sure the robot must be of it.
+
+One immutable, versioned value. The segmenter labels pixels with the entries' class ids whether or not an entry is enabled;
+the map keeps every class it ever saw. So an edit of the list acts at once on everything seen before.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from navcore.errors import BadConfiguration
+from navcore.settings import between, from_table, read_toml
+
+NOTHING = 0
+"""Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
+LARGEST_CLASS_ID = 63
+MAX_MARGIN_M = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColourRule:
+    """Pixels of a colour, in HSV; the hue range may wrap around red, e.g. 345 to 15."""
+
+    hue_deg: tuple[float, float] = between(0.0, 360.0)
+    """First and last hue, going up."""
+    min_saturation: float = between(0.0, 1.0, default=0.5)
+    """Least saturation, 0 (grey) to 1."""
+    min_value: float = between(0.0, 1.0, default=0.2)
+    """Least brightness, 0 (black) to 1."""
+    max_height_m: float = between(0.0, 3.0, default=0.05)
+    """Only points up to this height above the floor: a marking is flat, a red chair is no red zone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareClass:
+    """One thing to beware of."""
+
+    name: str
+    """English name, unique in the list, e.g. `red floor`."""
+    class_id: int = between(1, LARGEST_CLASS_ID)
+    """What the map stores; stays with the name for ever."""
+    enabled: bool = True
+    """Whether its points are obstacles now."""
+    margin_m: float = between(0.0, MAX_MARGIN_M, default=0.0)
+    """Room kept around it beyond the robot's own margin."""
+    min_confidence: float = between(0.0, 1.0, default=0.5)
+    """Points the segmenter was less sure of are no obstacles."""
+    colour: ColourRule | None = None
+    """The rule that finds it by colour; None when the network knows it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareList:
+    """Everything to beware of, in the operator's order."""
+
+    classes: tuple[BewareClass, ...]
+    """Unique by name and by class id."""
+    version: int = 0
+    """Grows by one with every edit."""
+
+    def __post_init__(self) -> None:
+        for what in ("name", "class_id"):
+            values = [getattr(entry, what) for entry in self.classes]
+            twice = {value for value in values if values.count(value) > 1}
+            if twice:
+                raise BadConfiguration(f"beware list: {what} {twice.pop()!r} occurs more than once")
+
+    def named(self, name: str) -> BewareClass:
+        """The entry of that name; raises `BadConfiguration` when there is none."""
+        for entry in self.classes:
+            if entry.name == name:
+                return entry
+        known = ", ".join(entry.name for entry in self.classes)
+        raise BadConfiguration(f"beware list: no class {name!r}; known classes: {known}")
+
+    @property
+    def enabled(self) -> tuple[BewareClass, ...]:
+        """The entries that bind the robot now."""
+        return tuple(entry for entry in self.classes if entry.enabled)
+
+    def edited(self, name: str, **changes: object) -> BewareList:
+        """The next version, with fields of one entry changed; raises `BadConfiguration` for a bad value."""
+        entry = dataclasses.replace(self.named(name), **changes)  # type: ignore[arg-type]
+        checked = from_table(BewareClass, _as_table(entry), f"beware list: {name}")
+        return self.replaced(checked if other.name == name else other for other in self.classes)
+
+    def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
+        """The next version, with other entries."""
+        return BewareList(classes=tuple(classes), version=self.version + 1)
+
+
+def _as_table(entry: BewareClass) -> dict[str, object]:
+    return {key: value for key, value in dataclasses.asdict(entry).items() if value is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Document:
+    beware: tuple[BewareClass, ...] = ()
+
+
+def load_beware_list(path: Path) -> BewareList:
+    """Read `[[beware]]` tables; raises `BadConfiguration` naming file and key."""
+    return BewareList(classes=from_table(_Document, read_toml(path), path.name).beware)
+
+
+def default_beware_list() -> BewareList:
+    """The list shipped with the package (`navcore/beware.toml`)."""
+    return load_beware_list(Path(__file__).with_name("beware.toml"))

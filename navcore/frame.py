@@ -1,0 +1,79 @@
+"""What the robot senses at one instant: a registered RGB-D picture and the odometry that belongs to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadFrame
+from navcore.robot import Twist
+from navcore.transform import Matrix, Pose2
+
+BLIND_SHARE = 0.98
+"""A picture with more than this share of its depth missing is no measurement (lens covered, laser off)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intrinsics:
+    """Pinhole camera, pixels; column j and row i as in the paper's equations 1 to 3."""
+
+    width: int
+    """Columns."""
+    height: int
+    """Rows."""
+    fx: float
+    """Focal length along the columns, px."""
+    fy: float
+    """Focal length along the rows, px."""
+    cx: float
+    """Column of the optical axis, px."""
+    cy: float
+    """Row of the optical axis, px."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One picture of the depth camera with colour registered to it, and where odometry says it was taken."""
+
+    stamp_ns: int
+    """Capture time on the robot's monotonic clock, ns."""
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3) colours, RGB order."""
+    depth_m: npt.NDArray[np.float32]
+    """(H, W) distance along the optical axis in metres; 0 where nothing was measured."""
+    intrinsics: Intrinsics
+    """Of the depth camera; colour is registered to it."""
+    T_base_camera: Matrix
+    """(4, 4) camera mount, optical frame."""
+    pose: Pose2
+    """T_map_base by odometry at the time of capture."""
+    twist: Twist
+    """Velocity by odometry at the time of capture."""
+
+    @property
+    def T_map_camera(self) -> Matrix:
+        """(4, 4) where the camera was."""
+        return self.pose.matrix() @ self.T_base_camera
+
+
+def check_frame(frame: Frame) -> None:
+    """Raise `BadFrame` when a frame must not enter the map; it names what is wrong with it."""
+    height, width = frame.intrinsics.height, frame.intrinsics.width
+    if frame.depth_m.shape != (height, width):
+        raise BadFrame(f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its intrinsics say")
+    if frame.rgb.shape != (height, width, 3) or frame.rgb.dtype != np.uint8:
+        raise BadFrame(f"rgb is {frame.rgb.dtype} {frame.rgb.shape}, expected uint8 {(height, width, 3)}")
+    if frame.depth_m.dtype != np.float32:
+        raise BadFrame(f"depth is {frame.depth_m.dtype}, expected float32 metres")
+    if not np.isfinite(frame.depth_m).all():
+        raise BadFrame(f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected metres or 0")
+    if frame.depth_m.min() < 0:
+        raise BadFrame(f"depth holds negative values, least {float(frame.depth_m.min()):g} m, expected metres or 0")
+    missing = float((frame.depth_m == 0).mean())
+    if missing > BLIND_SHARE:
+        raise BadFrame(f"depth is missing in {missing:.0%} of the picture, expected at most {BLIND_SHARE:.0%}")
+    numbers = (frame.pose.x_m, frame.pose.y_m, frame.pose.yaw_rad, frame.twist.v_mps, frame.twist.w_radps)
+    if not np.isfinite(numbers).all() or not np.isfinite(frame.T_base_camera).all():
+        raise BadFrame(f"pose, velocity or camera mount is not finite: {numbers}")

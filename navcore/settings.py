@@ -1,0 +1,81 @@
+"""Read dataclasses from TOML tables: unknown, missing, mistyped and out-of-range keys are refused by name."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from navcore.errors import BadConfiguration
+
+T = TypeVar("T")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The document at `path`; raises `BadConfiguration` with file and line when it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadConfiguration(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
+
+
+def from_table(kind: type[T], table: object, where: str) -> T:
+    """Build the dataclass `kind` from a TOML table.
+
+    `where` is the key path shown in errors, e.g. `office.toml: people[0]`. Types follow the annotations: float (an
+    integer will do), int, bool, str, nested dataclasses, tuples of those, `Literal` and optionals. Ranges live in the
+    field's metadata (see `between`). Raises `BadConfiguration`.
+    """
+    if not isinstance(table, dict):
+        raise BadConfiguration(f"{where}: expected a table, got {table!r}")
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(kind)
+    for key in table:
+        if key not in fields:
+            raise BadConfiguration(f"{where}: unknown key {key!r}; known keys: {', '.join(sorted(fields))}")
+    values = {}
+    for name, field in fields.items():
+        if name in table:
+            values[name] = _value(hints[name], table[name], f"{where}.{name}", field.metadata)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise BadConfiguration(f"{where}: key {name!r} is missing")
+    return kind(**values)
+
+
+def between(low: float, high: float, **default: Any) -> Any:
+    """A dataclass field whose value must lie in [low, high]; for a tuple, every number in it."""
+    return dataclasses.field(metadata={"low": low, "high": high}, **default)
+
+
+def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any]) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is types.UnionType or origin is typing.Union:
+        return _value(next(a for a in arguments if a is not types.NoneType), value, where, metadata)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise BadConfiguration(f"{where}: expected one of {', '.join(map(repr, arguments))}, got {value!r}")
+        return value
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise BadConfiguration(f"{where}: expected a list, got {value!r}")
+        if arguments[-1] is not Ellipsis and len(value) != len(arguments):
+            raise BadConfiguration(f"{where}: expected {len(arguments)} values, got {len(value)}")
+        inner = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
+        return tuple(_value(a, v, f"{where}[{i}]", metadata) for i, (a, v) in enumerate(zip(inner, value, strict=True)))
+    if dataclasses.is_dataclass(hint):
+        return from_table(hint, value, where)  # type: ignore[arg-type]
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
+        raise BadConfiguration(f"{where}: expected {hint.__name__}, got {value!r}")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise BadConfiguration(f"{where}: {value!r} is out of range, allowed {low:g} to {high:g}")
+    return value

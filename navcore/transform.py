@@ -1,0 +1,74 @@
+"""Poses in the plane and rigid transforms in space.
+
+A transform is named `T_parent_child` and maps coordinates of the child frame into the parent frame, so that neighbours
+cancel: `T_map_camera = T_map_base @ T_base_camera`. Frames follow REP 103/105: base x forward, y left, z up; the
+optical camera frame has x right, y down and z forward.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Matrix = npt.NDArray[np.float64]
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same angle in (-π, π]."""
+    return math.pi - (math.pi - angle_rad) % (2 * math.pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose2:
+    """Where a body stands on the floor plane of its parent frame."""
+
+    x_m: float
+    """Position along the parent's x axis."""
+    y_m: float
+    """Position along the parent's y axis."""
+    yaw_rad: float
+    """Heading, counter-clockwise from the parent's x axis."""
+
+    def matrix(self) -> Matrix:
+        """(4, 4) T_parent_body with the body's origin on the floor."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.array(
+            [[cos, -sin, 0.0, self.x_m], [sin, cos, 0.0, self.y_m], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+        )
+
+    def __matmul__(self, child: Pose2) -> Pose2:
+        """Compose: T_a_c = T_a_b @ T_b_c."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return Pose2(
+            x_m=self.x_m + cos * child.x_m - sin * child.y_m,
+            y_m=self.y_m + sin * child.x_m + cos * child.y_m,
+            yaw_rad=wrap_angle(self.yaw_rad + child.yaw_rad),
+        )
+
+    def inverse(self) -> Pose2:
+        """T_body_parent."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return Pose2(
+            x_m=-cos * self.x_m - sin * self.y_m, y_m=sin * self.x_m - cos * self.y_m, yaw_rad=wrap_angle(-self.yaw_rad)
+        )
+
+    def distance_to(self, x_m: float, y_m: float) -> float:
+        """Straight distance to a point of the parent frame, in metres."""
+        return math.hypot(x_m - self.x_m, y_m - self.y_m)
+
+
+def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -> Matrix:
+    """(4, 4) T_base_camera of a forward-looking optical frame, tilted down by `pitch_down_rad`."""
+    cos, sin = math.cos(pitch_down_rad), math.sin(pitch_down_rad)
+    # Columns: the optical x (right), y (down) and z (forward) axes, seen from the base.
+    return np.array(
+        [[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]]
+    )
+
+
+def transform_points(T_parent_child: Matrix, points_child: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """(N, 3) points of the child frame, expressed in the parent frame."""
+    return points_child @ T_parent_child[:3, :3].T + T_parent_child[:3, 3]

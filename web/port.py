@@ -1,0 +1,224 @@
+"""What the console needs of the system behind it. `app` satisfies this port; `web` imports nothing else of the project's
+composition. Every method returns at once: it posts an intent or reads an immutable snapshot, and may be called from any thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import BewareList
+from navcore.frame import Intrinsics
+from navcore.grid import OccupancyGrid
+from navcore.mission import Goal, Phase
+from navcore.path import NoPath, Path
+from navcore.robot import RobotProfile, Twist
+from navcore.transform import Matrix, Pose2
+from navcore.zones import Zone
+
+MissionAction = Literal["start", "pause", "resume", "cancel"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopReason:
+    """One reason for which the robot does not move, or does not move as asked."""
+
+    code: str
+    """Stable word for programs, e.g. `emergency_stop`, `stale_frame`, `no_path`."""
+    text: str
+    """A sentence for the operator, with the figures that matter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """Everything small that is shown or sent on: one consistent snapshot."""
+
+    stamp_s: float
+    """Robot's monotonic clock at the snapshot."""
+    scenario: str
+    """Name of the world, or of the robot when it is real."""
+    robot: str
+    """Platform name."""
+    phase: Phase
+    """What the operator has asked for."""
+    moving: bool
+    """Whether a command other than zero is being sent."""
+    summary: str
+    """One sentence: what the robot does now, or why it does not move."""
+    stop_latched: bool
+    """An emergency stop holds until it is reset."""
+    reasons: tuple[StopReason, ...]
+    """Why the robot stands although it was told to drive; the worst first. Empty when nothing holds it."""
+    pose: Pose2
+    """T_map_base by odometry."""
+    twist: Twist
+    """Velocity by odometry."""
+    command: Twist
+    """What was last sent to the wheels."""
+    queue: tuple[Goal, ...]
+    """Goals still to reach, the present one first."""
+    reached: tuple[Goal, ...]
+    """Goals reached."""
+    distance_to_goal_m: float | None
+    """Along the planned path; None without one."""
+    travelled_m: float
+    """Driven since start."""
+    explored_m2: float
+    """Floor seen since start."""
+    replans: int
+    """Paths planned since start."""
+    tick_ms: float
+    """Duration of the last tick of the navigator."""
+    frame_age_s: float | None
+    """Age of the newest camera frame; None before the first."""
+    zones_version: int
+    """Grows with every change of the zones."""
+    beware_version: int
+    """Version of the beware list."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """Everything large that is shown: the newest tick's values, arrays read-only."""
+
+    serial: int
+    """Grows with every new picture."""
+    pose: Pose2
+    """T_map_base when the frame was taken."""
+    T_map_camera: Matrix
+    """(4, 4) where the camera was, optical frame."""
+    intrinsics: Intrinsics
+    """Of the camera."""
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3) the camera's picture."""
+    labels: npt.NDArray[np.uint8]
+    """(H, W) class id of the beware list per pixel, 0 for nothing."""
+    grid: OccupancyGrid
+    """Occupied cells by layer."""
+    blocked: npt.NDArray[np.bool_]
+    """(rows, cols) where the robot's centre may not be."""
+    seen: npt.NDArray[np.bool_]
+    """(rows, cols) cells the camera has seen; the rest is unknown (and counts as free)."""
+    grid_version: int
+    """Changes whenever `grid`, `blocked` or `seen` do."""
+    path: npt.NDArray[np.float64]
+    """(N, 2) planned path in metres of the map frame; (0, 2) without one."""
+    waypoints: npt.NDArray[np.float64]
+    """(M, 2) the path's corners and its end."""
+    driven: npt.NDArray[np.float64]
+    """(K, 2) where the robot has been."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cloud:
+    """The points of the map."""
+
+    serial: int
+    """Changes whenever the points do."""
+    points_map: npt.NDArray[np.float32]
+    """(N, 3) metres of the map frame."""
+    rgb: npt.NDArray[np.uint8]
+    """(N, 3) colours as the camera saw them."""
+    class_ids: npt.NDArray[np.uint8]
+    """(N,) class id of the beware list, 0 for a geometric obstacle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneDraft:
+    """A zone as an operator gives it, not yet checked."""
+
+    name: str
+    """What the operator calls it."""
+    polygon: tuple[tuple[float, float], ...]
+    """Corners (x, y) in metres of the map frame."""
+    enabled: bool = True
+    """Whether it binds the robot."""
+    margin_m: float = 0.0
+    """Room kept around it beyond the robot's own margin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathPreview:
+    """What a draft would lead to; nothing is applied."""
+
+    outcome: Path | NoPath
+    """The path it would give, or why there would be none."""
+    points: npt.NDArray[np.float64]
+    """(N, 2) the path in metres of the map frame; (0, 2) without one."""
+    length_m: float | None
+    """Its length; None without one."""
+
+
+class Operations(Protocol):
+    """The system as seen from the console.
+
+    Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422), `NotKnown` (404),
+    `Outdated` (412/409), `Refused` (409), `StorageFailed` (503). What is refused changes nothing.
+    """
+
+    @property
+    def profile(self) -> RobotProfile:
+        """The platform's body."""
+
+    @property
+    def robot_urdf(self) -> FilePath | None:
+        """A URDF of the robot for the 3D view; None when there is none (a box is drawn)."""
+
+    def state(self) -> State:
+        """The newest snapshot."""
+
+    def picture(self) -> Picture | None:
+        """The newest tick's values; None before the first."""
+
+    def cloud(self) -> Cloud | None:
+        """The map's points, copied at most about once a second; None before the first."""
+
+    def add_goal(self, x_m: float, y_m: float) -> Goal:
+        """Queue a goal. Refused outside the map and inside an obstacle or zone that is known already."""
+
+    def remove_goal(self, goal_id: int) -> None:
+        """Take a goal out of the queue."""
+
+    def mission(self, action: MissionAction) -> None:
+        """Start, pause, resume or cancel."""
+
+    def stop(self, source: str) -> None:
+        """Latched emergency stop; `source` says who, e.g. `console button`, `REST`."""
+
+    def reset_stop(self) -> None:
+        """Release the latched stop; the mission stays paused until it is started or resumed again."""
+
+    def zones(self) -> tuple[Zone, ...]:
+        """All stored zones."""
+
+    def add_zone(self, draft: ZoneDraft) -> Zone:
+        """Store a zone; it binds the robot from the next tick on."""
+
+    def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
+        """Change a zone; `Outdated` when its version is not the expected one."""
+
+    def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
+        """Forget a zone."""
+
+    def beware(self) -> BewareList:
+        """The list in force."""
+
+    def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
+        """Change fields (`enabled`, `margin_m`, `min_confidence`, `colour`) of one class."""
+
+    def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
+        """Put another list in force; it gets the next version."""
+
+    def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
+        """The path from here to the goal (default: the present one) if the draft zone stood; applies nothing."""
+
+    def runs(self) -> tuple[Mapping[str, object], ...]:
+        """Reports of past missions, newest first, without their series."""
+
+    def run(self, run_id: str) -> Mapping[str, object]:
+        """One mission's whole report."""
