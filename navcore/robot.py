@@ -32,7 +32,7 @@ class Command:
     twist: Twist
     """What the local planner asks for."""
     stamp_ns: int
-    """When the frame behind it was captured, on the robot's monotonic clock."""
+    """When it was decided, on the robot's monotonic clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

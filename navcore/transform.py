@@ -35,9 +35,7 @@ class Pose2:
     def matrix(self) -> Matrix:
         """(4, 4) T_parent_body with the body's origin on the floor."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return np.array(
-            [[cos, -sin, 0.0, self.x_m], [sin, cos, 0.0, self.y_m], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-        )
+        return np.array([[cos, -sin, 0.0, self.x_m], [sin, cos, 0.0, self.y_m], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
     def __matmul__(self, child: Pose2) -> Pose2:
         """Compose: T_a_c = T_a_b @ T_b_c."""
@@ -64,11 +62,17 @@ def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -
     """(4, 4) T_base_camera of a forward-looking optical frame, tilted down by `pitch_down_rad`."""
     cos, sin = math.cos(pitch_down_rad), math.sin(pitch_down_rad)
     # Columns: the optical x (right), y (down) and z (forward) axes, seen from the base.
-    return np.array(
-        [[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]]
-    )
+    return np.array([[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]])
 
 
 def transform_points(T_parent_child: Matrix, points_child: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     """(N, 3) points of the child frame, expressed in the parent frame."""
     return points_child @ T_parent_child[:3, :3].T + T_parent_child[:3, 3]
+
+
+def invert(T_parent_child: Matrix) -> Matrix:
+    """(4, 4) T_child_parent of a rigid transform."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = T_parent_child[:3, :3].T
+    inverse[:3, 3] = -T_parent_child[:3, :3].T @ T_parent_child[:3, 3]
+    return inverse

@@ -1,0 +1,40 @@
+# Two commands on a fresh machine with Python 3.11+ and make: `make run` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/ready
+
+.PHONY: run test lint bench campaign setup debian clean
+
+run: setup
+	$(BIN)/bewarenav console $(ARGS)
+
+test: lint debian
+	$(BIN)/pytest
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/bewarenav bench $(ARGS)
+
+# The promise of the office, measured: ten seeded missions, judged by the referee. Minutes, so it is no part of `test`.
+campaign: setup
+	$(BIN)/bewarenav evaluate office --episodes 10 --seed 0 --workers 2 --out runs/office $(ARGS)
+
+setup: $(READY)
+
+$(READY): pyproject.toml constraints.txt Makefile
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is " + sys.version)'
+	@$(PYTHON) -m venv $(VENV) || { echo "No virtual environment could be made; on Debian install python3-venv."; exit 1; }
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $(READY)
+
+debian:
+	@.ci/debian
+
+clean:
+	rm -rf $(VENV) build *.egg-info

@@ -1,0 +1,303 @@
+"""The global map: points keyed by the pose they were seen from, and the occupied cells they make, class by class.
+
+A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's section on global mapping).
+Three rules make that safe for a camera that sees only a part of the world at a time:
+
+* a point is replaced only where the camera looks at it again; what it does not look at stays;
+* a point through which the camera now sees is removed, whichever pose it belongs to, because people walk on;
+* a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so that the map is bounded by
+  the world's surface, not by the time driven.
+
+The points are the truth. The layers of bits (one 64-bit column of 5 cm heights per cell and class) are kept up to date with
+every insertion and removal and always equal those rebuilt from the points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import NOTHING, BewareList
+from navcore.frame import Frame
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.points import BIN_M, LOWEST_M, Observation
+from navcore.settings import between
+from navcore.transform import Pose2, invert, wrap_angle
+from navcore.zones import Zone, rasterise
+
+Bits = npt.NDArray[np.uint64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapRules:
+    """How poses are told apart and when a point is given up."""
+
+    pose_spacing_m: float = between(0.01, 5.0, default=0.25)
+    """A new pose ID begins after this distance …"""
+    pose_spacing_deg: float = between(1.0, 180.0, default=10.0)
+    """… or after this turn."""
+    clearing_m: float = between(0.02, 1.0, default=0.10)
+    """How far behind a point the camera must see, at no distance, before the point is taken for gone …"""
+    clearing_per_m2: float = between(0.0, 0.2, default=0.012)
+    """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
+
+
+class CloudMap:
+    """Points by pose ID, and the layers of occupied cells they make."""
+
+    def __init__(self, spec: GridSpec, rules: MapRules) -> None:
+        self.spec = spec
+        self._rules = rules
+        self._points = _Points()
+        self._bits: dict[int, Bits] = {}
+        self._seen: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        self._seen_volume: Bits = np.zeros((-(-spec.rows // 4), -(-spec.cols // 4)), dtype=np.uint64)
+        self._pose_id = -1
+        self._keyframe: Pose2 | None = None
+        self.version = 0
+        """Grows whenever a cell of any layer becomes occupied or free."""
+
+    def insert(self, observation: Observation, frame: Frame) -> None:
+        """Replace or append the points of the frame's pose ID, and clear what the frame sees through."""
+        pose_id = self._pose_id_of(frame.pose)
+        changed = self._remove(self._outdated(frame, observation, pose_id))
+        changed |= self._append(observation, pose_id)
+        self._note_seen(observation.voxels_seen)
+        self.version += changed
+
+    def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
+        """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
+        active = [zone for zone in zones if zone.enabled]
+        return OccupancyGrid(
+            spec=self.spec,
+            geometric=self._layer(NOTHING, 0.0),
+            beware={entry.class_id: self._layer(entry.class_id, entry.min_confidence) for entry in beware.enabled},
+            margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
+            zones=_union([zone for zone in active if zone.margin_m == 0], self.spec),
+            wide_zones=tuple((zone.margin_m, rasterise(zone.polygon, self.spec)) for zone in active if zone.margin_m > 0),
+        )
+
+    @property
+    def points(self) -> Mapping[str, npt.NDArray[np.generic]]:
+        """Copies of all points: `points_map` (N, 3), `rgb` (N, 3), `class_ids`, `confidence`, `range_m`, `pose_ids` (N,)."""
+        return self._points.copied()
+
+    @property
+    def seen(self) -> BoolGrid:
+        """(rows, cols) copy: cells in which the camera has measured anything, the floor included."""
+        return self._seen.copy()
+
+    @property
+    def explored_m2(self) -> float:
+        """Area of the cells seen."""
+        return float(np.count_nonzero(self._seen)) * self.spec.resolution_m**2
+
+    @property
+    def explored_m3(self) -> float:
+        """Volume of the voxels of 4 cells × 4 cells × 5 cm in which anything was measured."""
+        return float(np.bitwise_count(self._seen_volume).sum()) * (4 * self.spec.resolution_m) ** 2 * BIN_M
+
+    def _pose_id_of(self, pose: Pose2) -> int:
+        near = self._keyframe is not None and (
+            self._keyframe.distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
+            and abs(wrap_angle(pose.yaw_rad - self._keyframe.yaw_rad)) < math.radians(self._rules.pose_spacing_deg)
+        )
+        if not near:
+            self._keyframe = pose
+            self._pose_id += 1
+        return self._pose_id
+
+    def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> npt.NDArray[np.int64]:
+        intrinsics = frame.intrinsics
+        return _find_outdated(
+            self._points.xyz[: self._points.count],
+            self._points.range_m[: self._points.count],
+            self._points.class_ids[: self._points.count],
+            self._points.pose_ids[: self._points.count],
+            frame.depth_m,
+            invert(frame.T_map_camera),
+            np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy]),
+            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+            observation.max_range_m,
+            pose_id,
+        )
+
+    def _remove(self, indices: npt.NDArray[np.int64]) -> bool:
+        changed = False
+        for class_id in np.unique(self._points.class_ids[indices]):
+            of_class = indices[self._points.class_ids[indices] == class_id]
+            cells, bits = self._places(self._points.xyz[of_class])
+            changed |= _clear_bits(self._bits[int(class_id)].reshape(-1), cells, bits)
+        self._points.remove(indices)
+        return changed
+
+    def _append(self, observation: Observation, pose_id: int) -> bool:
+        changed = False
+        for class_id in np.unique(observation.class_ids):
+            layer = self._bits.setdefault(int(class_id), np.zeros((self.spec.rows, self.spec.cols), dtype=np.uint64))
+            of_class = np.nonzero(observation.class_ids == class_id)[0]
+            cells, bits = self._places(observation.points_map[of_class])
+            fresh, freed = _set_bits(layer.reshape(-1), cells, bits)
+            changed |= freed
+            self._points.append(observation, of_class[fresh], pose_id)
+        return changed
+
+    def _places(self, points_map: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], Bits]:
+        """Flat cell index and height bit of points that are known to lie on the grid."""
+        points = points_map.astype(np.float64)
+        cols = np.floor((points[:, 0] - self.spec.origin_x_m) / self.spec.resolution_m).astype(np.int64)
+        rows = np.floor((points[:, 1] - self.spec.origin_y_m) / self.spec.resolution_m).astype(np.int64)
+        levels = np.floor((points[:, 2] - LOWEST_M) / BIN_M).astype(np.uint64)
+        # A point measured a rounding error inside the border may be stored a rounding error outside.
+        cells = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(cols, 0, self.spec.cols - 1)
+        return cells, np.uint64(1) << np.minimum(levels, np.uint64(63))
+
+    def _layer(self, class_id: int, min_confidence: float) -> BoolGrid:
+        if class_id not in self._bits:
+            return np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
+        unsure = self._points.of_class(class_id) & (self._points.confidence[: self._points.count] < min_confidence)
+        if not unsure.any():
+            return np.not_equal(self._bits[class_id], 0)
+        sure = self._points.of_class(class_id) & ~unsure
+        mask = np.zeros(self.spec.rows * self.spec.cols, dtype=np.bool_)
+        mask[self._places(self._points.xyz[: self._points.count][sure])[0]] = True
+        return mask.reshape(self.spec.rows, self.spec.cols)
+
+    def _note_seen(self, voxels: npt.NDArray[np.int64]) -> None:
+        rows, cols = np.divmod(voxels >> 6, self.spec.cols)
+        self._seen[rows, cols] = True
+        bits = np.uint64(1) << (voxels & 63).astype(np.uint64)
+        np.bitwise_or.at(self._seen_volume, (rows // 4, cols // 4), bits)
+
+
+class _Points:
+    """Parallel arrays that grow by doubling."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.xyz = np.empty((0, 3), dtype=np.float32)
+        self.rgb = np.empty((0, 3), dtype=np.uint8)
+        self.class_ids = np.empty(0, dtype=np.uint8)
+        self.confidence = np.empty(0, dtype=np.float32)
+        self.range_m = np.empty(0, dtype=np.float32)
+        self.pose_ids = np.empty(0, dtype=np.int32)
+
+    _columns = ("xyz", "rgb", "class_ids", "confidence", "range_m", "pose_ids")
+
+    def append(self, observation: Observation, chosen: npt.NDArray[np.int64], pose_id: int) -> None:
+        start, self.count = self.count, self.count + len(chosen)
+        if self.count > len(self.xyz):
+            for name in self._columns:
+                column = getattr(self, name)
+                grown = np.empty((max(2 * self.count, 4096), *column.shape[1:]), dtype=column.dtype)
+                grown[:start] = column[:start]
+                setattr(self, name, grown)
+        place = slice(start, self.count)
+        self.xyz[place], self.rgb[place] = observation.points_map[chosen], observation.rgb[chosen]
+        self.class_ids[place], self.confidence[place] = observation.class_ids[chosen], observation.confidence[chosen]
+        self.range_m[place], self.pose_ids[place] = observation.range_m[chosen], pose_id
+
+    def remove(self, indices: npt.NDArray[np.int64]) -> None:
+        if len(indices) == 0:
+            return
+        keep = np.ones(self.count, dtype=np.bool_)
+        keep[indices] = False
+        kept = int(keep.sum())
+        for name in self._columns:
+            column = getattr(self, name)
+            column[:kept] = column[: self.count][keep]
+        self.count = kept
+
+    def of_class(self, class_id: int) -> npt.NDArray[np.bool_]:
+        return np.equal(self.class_ids[: self.count], class_id)
+
+    def copied(self) -> dict[str, npt.NDArray[np.generic]]:
+        names = {"xyz": "points_map"}
+        return {names.get(name, name): getattr(self, name)[: self.count].copy() for name in self._columns}
+
+
+def _union(zones: list[Zone], spec: GridSpec) -> BoolGrid:
+    mask = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    for zone in zones:
+        mask |= rasterise(zone.polygon, spec)
+    return mask
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_outdated(
+    xyz: npt.NDArray[np.float32],
+    range_m: npt.NDArray[np.float32],
+    class_ids: npt.NDArray[np.uint8],
+    pose_ids: npt.NDArray[np.int32],
+    depth_m: npt.NDArray[np.float32],
+    T_camera_map: npt.NDArray[np.float64],
+    lens: npt.NDArray[np.float64],
+    clearing: npt.NDArray[np.float64],
+    max_range_m: float,
+    pose_id: int,
+) -> npt.NDArray[np.int64]:
+    """Indices of the points that the frame sees through, or measures again for the same pose or from much nearer.
+
+    A point's pixel and its eight neighbours are looked at: one that measures something nearer hides the point, and the point is
+    seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured again"
+    by depth alone: a floor marking has no depth of its own, and a label lost at a grazing angle must not free it.
+    """
+    height, width = depth_m.shape
+    found = np.empty(len(xyz), dtype=np.int64)
+    count = 0
+    t = T_camera_map
+    for index in range(len(xyz)):
+        x, y, z = float(xyz[index, 0]), float(xyz[index, 1]), float(xyz[index, 2])
+        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+        if depth < 0.2 or depth > max_range_m:
+            continue
+        j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
+        i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
+        if i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
+            continue
+        tolerance = clearing[0] + clearing[1] * depth * depth
+        nearest = np.inf
+        for r in range(i - 1, i + 2):
+            for c in range(j - 1, j + 2):
+                if 0.0 < depth_m[r, c] < nearest:
+                    nearest = depth_m[r, c]
+        if nearest == np.inf or nearest < depth - tolerance:
+            continue
+        again = class_ids[index] == 0 and (pose_ids[index] == pose_id or depth < 0.7 * range_m[index])
+        if nearest > depth + tolerance or again:
+            found[count] = index
+            count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, nogil=True)
+def _set_bits(
+    layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]
+) -> tuple[npt.NDArray[np.int64], bool]:
+    """Set each point's bit; returns which points were the first in their voxel, and whether a cell became occupied."""
+    fresh = np.empty(len(cells), dtype=np.int64)
+    count, changed = 0, False
+    for k in range(len(cells)):
+        before = layer[cells[k]]
+        if before & bits[k]:
+            continue
+        changed |= before == 0
+        layer[cells[k]] = before | bits[k]
+        fresh[count] = k
+        count += 1
+    return fresh[:count], changed
+
+
+@numba.njit(cache=True, nogil=True)
+def _clear_bits(layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]) -> bool:
+    """Clear each point's bit; returns whether a cell became free."""
+    changed = False
+    for k in range(len(cells)):
+        layer[cells[k]] &= ~bits[k]
+        changed |= layer[cells[k]] == 0
+    return changed

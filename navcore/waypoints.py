@@ -1,0 +1,28 @@
+"""Corners of a path, by turning angle (the paper's Algorithm 1, path refinement)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid import GridSpec
+from navcore.path import Path
+
+
+def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float) -> npt.NDArray[np.float64]:
+    """(M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
+
+    A cell p_i is kept where the angle at it between p_(i−1) − p_i and p_(i+1) − p_i, π on a straight line, is below
+    `max_vertex_angle_rad`. The end of the path is always a waypoint.
+    """
+    before, after = path.cells[:-2] - path.cells[1:-1], path.cells[2:] - path.cells[1:-1]
+    lengths = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    angles = np.arccos(np.clip((before * after).sum(axis=1) / np.maximum(lengths, 1e-12), -1.0, 1.0))
+    corners = path.cells[1:-1][angles < max_vertex_angle_rad]
+    return spec.centres(np.vstack([corners, path.cells[-1:]]))
+
+
+DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
+"""Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""
