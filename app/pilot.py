@@ -50,8 +50,12 @@ class Thought:
     """Capture time of that frame."""
     command: Command | None = None
     """What it asks the wheels to do."""
+    order: Order | None = None
+    """What the operator wanted when it was decided."""
     bad_frame: str | None = None
     """Why the newest frame was refused; None when it was not."""
+    failure: str | None = None
+    """What broke in the newest tick; None when nothing did."""
 
 
 class Pilot:
@@ -94,22 +98,28 @@ class Pilot:
         """One tick; None when the frame was refused. `clock` dates the command, after the work is done."""
         intent = self._intent
         goal = intent.mission.goal
-        order = Order(goal=(goal.x_m, goal.y_m) if goal else None, beware=intent.beware, zones=intent.zones)
+        order = _order(intent)
         try:
             decision = self.navigator.tick(frame, order)
         except BadFrame as error:
             self._thought = dataclasses.replace(self._thought, bad_frame=str(error), command=None)
             return None
         command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal else None
-        self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command)
+        self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
         if goal and decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
             self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
         return decision
 
+    def note_failure(self, error: Exception) -> None:
+        """The tick broke: stand, and say so, until one succeeds."""
+        failure = f"{type(error).__name__}: {error}"
+        self._thought = dataclasses.replace(self._thought, failure=failure, command=None)
+
     def command(self, now_ns: int, period_s: float) -> Verdict:
         """What to send now, `period_s` after the last time. A mission that does not drive never moves the robot."""
         intent, thought = self._intent, self._thought
-        driving = intent.mission.phase is Phase.DRIVING
+        # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
+        driving = intent.mission.phase is Phase.DRIVING and thought.order == _order(intent)
         facts = Facts(
             now_ns=now_ns,
             frame_ns=thought.frame_ns,
@@ -125,6 +135,8 @@ class Pilot:
         found = []
         if thought.bad_frame is not None:
             found.append(StopReason(cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {thought.bad_frame}."))
+        if thought.failure is not None:
+            found.append(StopReason(cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."))
         if intent.mission.phase is Phase.PAUSED:
             found.append(StopReason(cause=Cause.PAUSED, text="The mission is paused; resume it to drive on."))
         if intent.mission.phase is not Phase.DRIVING or thought.decision is None:
@@ -137,3 +149,8 @@ class Pilot:
         if outcome is Outcome.BOXED_IN:
             found.append(StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear of what stands near the robot."))
         return found
+
+
+def _order(intent: Intent) -> Order:
+    goal = intent.mission.goal
+    return Order(goal=(goal.x_m, goal.y_m) if goal else None, beware=intent.beware, zones=intent.zones)

@@ -16,7 +16,7 @@ from navcore.settings import between, from_table, read_toml
 
 NOTHING = 0
 """Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
-LARGEST_CLASS_ID = 63
+LARGEST_CLASS_ID = 62
 MAX_MARGIN_M = 2.0
 
 
@@ -81,10 +81,14 @@ class BewareList:
         """The entries that bind the robot now."""
         return tuple(entry for entry in self.classes if entry.enabled)
 
-    def edited(self, name: str, **changes: object) -> BewareList:
-        """The next version, with fields of one entry changed; raises `BadConfiguration` for a bad value."""
-        entry = dataclasses.replace(self.named(name), **changes)  # type: ignore[arg-type]
-        checked = from_table(BewareClass, _as_table(entry), f"beware list: {name}")
+    def edited(self, name: str, /, **changes: object) -> BewareList:
+        """The next version, with fields of one entry changed; raises `BadConfiguration` for an unknown key or a bad value."""
+        if "class_id" in changes:
+            raise BadConfiguration(f"beware list: {name}: class_id stays with the name for ever")
+        table = {**as_table(self.named(name)), **changes}
+        if changes.get("colour", ...) is None:
+            del table["colour"]
+        checked = from_table(BewareClass, table, f"beware list: {name}")
         return self.replaced(checked if other.name == name else other for other in self.classes)
 
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
@@ -92,7 +96,8 @@ class BewareList:
         return BewareList(classes=tuple(classes), version=self.version + 1)
 
 
-def _as_table(entry: BewareClass) -> dict[str, object]:
+def as_table(entry: BewareClass) -> dict[str, object]:
+    """The entry as plain values, as a TOML table or JSON object would give it; without `colour` where there is no rule."""
     return {key: value for key, value in dataclasses.asdict(entry).items() if value is not None}
 
 

@@ -15,7 +15,7 @@ every insertion and removal and always equal those rebuilt from the points.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numba
@@ -47,6 +47,24 @@ class MapRules:
     """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapPoints:
+    """The points of the map at one moment."""
+
+    points_map: npt.NDArray[np.float32]
+    """(N, 3) metres of the map frame."""
+    rgb: npt.NDArray[np.uint8]
+    """(N, 3) colour."""
+    class_ids: npt.NDArray[np.uint8]
+    """(N,) class of the beware list; `NOTHING` for geometric points."""
+    confidence: npt.NDArray[np.float32]
+    """(N,) of the segmenter."""
+    range_m: npt.NDArray[np.float32]
+    """(N,) depth at which each was measured."""
+    pose_ids: npt.NDArray[np.int32]
+    """(N,) pose that each belongs to."""
+
+
 class CloudMap:
     """Points by pose ID, and the layers of occupied cells they make."""
 
@@ -60,13 +78,21 @@ class CloudMap:
         self._pose_id = -1
         self._keyframe: Pose2 | None = None
         self.version = 0
-        """Grows whenever a cell of any layer becomes occupied or free."""
+        """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
 
     def insert(self, observation: Observation, frame: Frame) -> None:
         """Replace or append the points of the frame's pose ID, and clear what the frame sees through."""
         pose_id = self._pose_id_of(frame.pose)
-        changed = self._remove(self._outdated(frame, observation, pose_id))
-        changed |= self._append(observation, pose_id)
+        outdated = self._outdated(frame, observation, pose_id)
+        leaving, coming = self._points.class_ids[outdated], observation.class_ids
+        fresh, changed = [np.empty(0, dtype=np.int64)], False
+        for class_id in np.union1d(leaving, coming):
+            new = np.nonzero(coming == class_id)[0]
+            kept, differs = self._update_layer(int(class_id), outdated[leaving == class_id], observation, new)
+            fresh.append(new[kept])
+            changed |= differs
+        self._points.remove(outdated)
+        self._points.append(observation, np.concatenate(fresh), pose_id)
         self._note_seen(observation.voxels_seen)
         self.version += changed
 
@@ -83,8 +109,8 @@ class CloudMap:
         )
 
     @property
-    def points(self) -> Mapping[str, npt.NDArray[np.generic]]:
-        """Copies of all points: `points_map` (N, 3), `rgb` (N, 3), `class_ids`, `confidence`, `range_m`, `pose_ids` (N,)."""
+    def points(self) -> MapPoints:
+        """A copy of all points."""
         return self._points.copied()
 
     @property
@@ -127,25 +153,40 @@ class CloudMap:
             pose_id,
         )
 
-    def _remove(self, indices: npt.NDArray[np.int64]) -> bool:
-        changed = False
-        for class_id in np.unique(self._points.class_ids[indices]):
-            of_class = indices[self._points.class_ids[indices] == class_id]
-            cells, bits = self._places(self._points.xyz[of_class])
-            changed |= _clear_bits(self._bits[int(class_id)].reshape(-1), cells, bits)
-        self._points.remove(indices)
-        return changed
+    def _update_layer(
+        self, class_id: int, outdated: npt.NDArray[np.int64], observation: Observation, new: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], bool]:
+        """Take points out of a class's layer and put others in; which of the others are the first in their voxel, and whether
+        anything has changed for the planners."""
+        layer = self._bits.setdefault(class_id, np.zeros((self.spec.rows, self.spec.cols), dtype=np.uint64)).reshape(-1)
+        old_cells, old_bits = self._places(self._points.xyz[outdated])
+        new_cells, new_bits = self._places(observation.points_map[new])
+        touched = np.concatenate([old_cells, new_cells])
+        before = layer[touched] != 0
+        _clear_bits(layer, old_cells, old_bits)
+        fresh = _set_bits(layer, new_cells, new_bits)
+        changed = bool(((layer[touched] != 0) != before).any())
+        if class_id != NOTHING:
+            # What is surer now than when it was first seen counts as the surer of the two.
+            changed |= len(fresh) > 0 or len(outdated) > 0
+            changed |= self._raise_confidence(class_id, new_cells, new_bits, observation.confidence[new])
+        return fresh, changed
 
-    def _append(self, observation: Observation, pose_id: int) -> bool:
-        changed = False
-        for class_id in np.unique(observation.class_ids):
-            layer = self._bits.setdefault(int(class_id), np.zeros((self.spec.rows, self.spec.cols), dtype=np.uint64))
-            of_class = np.nonzero(observation.class_ids == class_id)[0]
-            cells, bits = self._places(observation.points_map[of_class])
-            fresh, freed = _set_bits(layer.reshape(-1), cells, bits)
-            changed |= freed
-            self._points.append(observation, of_class[fresh], pose_id)
-        return changed
+    def _raise_confidence(
+        self, class_id: int, cells: npt.NDArray[np.int64], bits: Bits, confidence: npt.NDArray[np.float32]
+    ) -> bool:
+        """Let stored points of a class take over a higher confidence measured in their voxel; whether any did."""
+        unsure = np.nonzero(self._points.of_class(class_id) & (self._points.confidence[: self._points.count] < 1.0))[0]
+        if len(unsure) == 0 or len(cells) == 0:
+            return False
+        own_cells, own_bits = self._places(self._points.xyz[unsure])
+        best = {(int(cell), int(bit)): 0.0 for cell, bit in zip(own_cells, own_bits, strict=True)}
+        for cell, bit, value in zip(cells, bits, confidence, strict=True):
+            best[int(cell), int(bit)] = max(best.get((int(cell), int(bit)), 0.0), float(value))
+        seen = np.array([best[int(cell), int(bit)] for cell, bit in zip(own_cells, own_bits, strict=True)], dtype=np.float32)
+        surer = seen > self._points.confidence[unsure]
+        self._points.confidence[unsure[surer]] = seen[surer]
+        return bool(surer.any())
 
     def _places(self, points_map: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], Bits]:
         """Flat cell index and height bit of points that are known to lie on the grid."""
@@ -216,9 +257,9 @@ class _Points:
     def of_class(self, class_id: int) -> npt.NDArray[np.bool_]:
         return np.equal(self.class_ids[: self.count], class_id)
 
-    def copied(self) -> dict[str, npt.NDArray[np.generic]]:
-        names = {"xyz": "points_map"}
-        return {names.get(name, name): getattr(self, name)[: self.count].copy() for name in self._columns}
+    def copied(self) -> MapPoints:
+        xyz, *others = (getattr(self, name)[: self.count].copy() for name in self._columns)
+        return MapPoints(points_map=xyz, **dict(zip(self._columns[1:], others, strict=True)))
 
 
 def _union(zones: list[Zone], spec: GridSpec) -> BoolGrid:
@@ -278,26 +319,21 @@ def _find_outdated(
 @numba.njit(cache=True, nogil=True)
 def _set_bits(
     layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]
-) -> tuple[npt.NDArray[np.int64], bool]:
-    """Set each point's bit; returns which points were the first in their voxel, and whether a cell became occupied."""
+) -> npt.NDArray[np.int64]:
+    """Set each point's bit; returns which points were the first in their voxel."""
     fresh = np.empty(len(cells), dtype=np.int64)
-    count, changed = 0, False
+    count = 0
     for k in range(len(cells)):
-        before = layer[cells[k]]
-        if before & bits[k]:
+        if layer[cells[k]] & bits[k]:
             continue
-        changed |= before == 0
-        layer[cells[k]] = before | bits[k]
+        layer[cells[k]] |= bits[k]
         fresh[count] = k
         count += 1
-    return fresh[:count], changed
+    return fresh[:count]
 
 
 @numba.njit(cache=True, nogil=True)
-def _clear_bits(layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]) -> bool:
-    """Clear each point's bit; returns whether a cell became free."""
-    changed = False
+def _clear_bits(layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]) -> None:
+    """Clear each point's bit."""
     for k in range(len(cells)):
         layer[cells[k]] &= ~bits[k]
-        changed |= layer[cells[k]] == 0
-    return changed

@@ -15,7 +15,7 @@ from navcore.settings import between, from_table, read_toml
 class NavigatorConfig:
     """Read from a TOML file by `load_config`; unknown keys and values out of range are refused by name."""
 
-    safety_margin_m: float = between(0.0, 1.0, default=0.10)
+    safety_margin_m: float = between(0.0, 1.0, default=0.15)
     """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
     max_vertex_angle_deg: float = between(90.0, 179.9, default=170.0)
     """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper."""

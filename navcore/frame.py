@@ -60,6 +60,9 @@ class Frame:
 
 def check_frame(frame: Frame) -> None:
     """Raise `BadFrame` when a frame must not enter the map; it names what is wrong with it."""
+    lens = frame.intrinsics
+    if not np.isfinite((lens.fx, lens.fy, lens.cx, lens.cy)).all() or min(lens.fx, lens.fy) <= 0:
+        raise BadFrame(f"intrinsics {lens} are no lens: fx and fy must be positive, all four finite")
     height, width = frame.intrinsics.height, frame.intrinsics.width
     if frame.depth_m.shape != (height, width):
         raise BadFrame(f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its intrinsics say")

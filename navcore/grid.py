@@ -66,9 +66,11 @@ class GridSpec:
         )
 
     def contains(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies on the grid; False for NaN."""
-        width, height = self.cols * self.resolution_m, self.rows * self.resolution_m
-        return 0 <= x_m - self.origin_x_m < width and 0 <= y_m - self.origin_y_m < height
+        """Whether a point lies on the grid, i.e. has a cell there; False for NaN and infinity."""
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return False
+        row, col = self.cell(x_m, y_m)
+        return 0 <= row < self.rows and 0 <= col < self.cols
 
     def extent(self) -> str:
         """The covered area in words, for refusals."""

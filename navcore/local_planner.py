@@ -16,6 +16,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.errors import BadConfiguration
 from navcore.grid import OccupancyGrid, inflate, inflation_radius
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
@@ -54,6 +55,14 @@ class LocalRules:
     """… and go on turning until it is less than this."""
     turn_rate_radps: float = between(0.1, 2.0, default=0.9)
     """Largest yaw rate when turning in place."""
+    back_off_m: float = between(0.1, 3.0, default=0.5)
+    """How far the robot backs off once it does, before it tries the path again."""
+
+    def __post_init__(self) -> None:
+        if self.turn_until_deg >= self.turn_from_deg:
+            raise BadConfiguration(
+                f"local: turn_until_deg {self.turn_until_deg:g} must be below turn_from_deg {self.turn_from_deg:g}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +73,8 @@ class Motion:
     """Velocity to command."""
     outcome: Outcome
     """Why."""
+    began: Pose2 | None = None
+    """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
 
 
 IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
@@ -94,7 +105,8 @@ def plan_motion(
     *,
     geometric: Points,
     ruled: Points,
-    path_base: Points,
+    path_map: Points,
+    pose: Pose2,
     previous: Motion,
     profile: RobotProfile,
     rules: LocalRules,
@@ -102,47 +114,62 @@ def plan_motion(
 ) -> Motion:
     """The motion that follows the path best without touching anything.
 
-    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `path_base` is the (N, 2) path in the
-    base frame, first point nearest the robot, last point the goal. `cell_m` is the side of a cell: obstacles reach half a cell
-    further than their centre.
+    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `path_map` is the (N, 2) path in the map
+    frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches as far as its cell's corners.
     """
-    goal_m = float(np.hypot(*path_base[-1]))
-    if goal_m <= rules.arrival_m:
+    path = path_from(path_map, pose)
+    if float(np.hypot(*path[-1])) <= rules.arrival_m:
         return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
-    half_cell = cell_m / 2
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
-    geometric = geometric[_outside(geometric, profile, -half_cell)]
-    if not _outside(ruled, profile, -half_cell).all():
+    geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
+    if not _outside(ruled, profile, -cell_m / 2).all():
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
-    obstacles = np.vstack([geometric, ruled])
-    carrot = _carrot(path_base, rules.lookahead_m)
+    near = _Surroundings(obstacles=np.vstack([geometric, ruled]), reach_m=cell_m * math.sqrt(0.5), profile=profile, rules=rules)
+    if previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
+        motion = _back_off(near, previous.began)
+        if motion.outcome is Outcome.BACK:
+            return motion
+    carrot = _carrot(path, rules.lookahead_m)
     bearing = math.atan2(carrot[1], carrot[0])
     turning = previous.outcome is Outcome.TURN
     if abs(bearing) > math.radians(rules.turn_until_deg if turning else rules.turn_from_deg):
-        turn = _turn(obstacles, bearing, profile, rules, half_cell)
+        turn = _turn(near, bearing)
         if turn is not None:
             return turn
-    return _follow(obstacles, path_base, carrot, profile, rules, half_cell) or _back_off(obstacles, profile, rules, half_cell)
+    return _follow(near, path) or _back_off(near, pose)
 
 
-def _follow(
-    obstacles: Points, path_base: Points, carrot: Points, profile: RobotProfile, rules: LocalRules, half_cell: float
-) -> Motion | None:
-    """Drive the arc that comes nearest to the carrot; None when every arc is blocked at once."""
+class _Surroundings:
+    """What stands near, and how much room the footprint keeps to it along a motion."""
+
+    def __init__(self, *, obstacles: Points, reach_m: float, profile: RobotProfile, rules: LocalRules) -> None:
+        self.profile, self.rules = profile, rules
+        self._obstacles, self._reach_m = obstacles, reach_m
+        here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
+        # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
+        # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
+        self.padding_m = float(np.clip(here - 0.002, 0.005, max(rules.padding_m, 0.005)))
+
+    def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about 1."""
+        half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
+        return np.asarray(_clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
+
+
+def _follow(near: _Surroundings, path: Points) -> Motion | None:
+    """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once."""
+    rules, profile = near.rules, near.profile
     curvatures, poses = _arcs()
-    clear = _clearances(obstacles, poses, profile.length_m / 2, profile.width_m / 2) - half_cell
-    padding = _padding(obstacles, profile, rules, half_cell)
-    free = clear > padding
-    to_carrot = np.hypot(poses[:, :, 0] - carrot[0], poses[:, :, 1] - carrot[1])
-    heading = np.abs(_wrap(poses[:, :, 2] - _direction(path_base, rules.lookahead_m)))
-    cost = to_carrot + 0.2 * heading + 0.6 * np.maximum(0.0, 0.25 - clear) + 0.02 * np.abs(curvatures)[:, None]
-    cost = np.where(free, cost, np.inf)
-    arc, step = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    start = float(np.hypot(*carrot))
-    if not np.isfinite(cost[arc, step]) or to_carrot[arc, step] > start - min(0.1, 0.5 * start):
+    clear = near.clear(poses)
+    free = clear > near.padding_m
+    progress, aside, askew = _along(path, poses, rules.lookahead_m)
+    gain = progress - aside - 0.15 * askew - 0.6 * np.maximum(0.0, 0.25 - clear) - 0.02 * np.abs(curvatures)[:, None]
+    gain = np.where(free, gain, -np.inf)
+    arc, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    goal_m = float(np.hypot(*path[-1]))
+    if not np.isfinite(gain[arc, step]) or progress[arc, step] < min(0.05, 0.5 * goal_m):
         return None
     free_m = ARC_STEP_M * float(free[arc].sum())
-    goal_m = float(np.hypot(*path_base[-1]))
     # free_m ends where the padding would be touched; the padding itself is what is left after braking.
     speed = min(
         profile.max_speed_mps,
@@ -154,36 +181,50 @@ def _follow(
     return Motion(twist=Twist(v_mps=speed, w_radps=speed * float(curvatures[arc])), outcome=Outcome.FOLLOW)
 
 
-def _turn(obstacles: Points, bearing: float, profile: RobotProfile, rules: LocalRules, half_cell: float) -> Motion | None:
+def _along(
+    path: Points, poses: npt.NDArray[np.float64], lookahead_m: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """For each of (A, S, 3) poses: metres gained along the path, metres aside of it, radians askew to it; each (A, S)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    stations = np.linspace(0.0, min(along[-1], 1.5 * lookahead_m), 32)
+    marks = np.column_stack([np.interp(stations, along, path[:, axis]) for axis in (0, 1)])
+    ahead = np.column_stack([np.interp(stations + 0.3, along, path[:, axis]) for axis in (0, 1)]) - marks
+    # At the path's end there is nothing ahead: the last direction goes on.
+    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+    headings[~ahead.any(axis=1)] = headings[ahead.any(axis=1)][-1] if ahead.any() else 0.0
+    distance = np.hypot(poses[:, :, None, 0] - marks[:, 0], poses[:, :, None, 1] - marks[:, 1])
+    nearest = distance.argmin(axis=2)
+    aside = np.take_along_axis(distance, nearest[:, :, None], axis=2)[:, :, 0]
+    return stations[nearest], aside, np.abs(_wrap(poses[:, :, 2] - headings[nearest]))
+
+
+def _turn(near: _Surroundings, bearing: float) -> Motion | None:
     """Turn in place towards the bearing, the long way round if the short one is blocked; None when neither is free."""
-    padding = _padding(obstacles, profile, rules, half_cell)
     for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing)):
-        headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(4.0))))
+        headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(2.0))))
         poses = np.zeros((1, len(headings), 3))
         poses[0, :, 2] = headings
-        clear = _clearances(obstacles, poses, profile.length_m / 2, profile.width_m / 2) - half_cell
         # Turning sweeps the corners past what stands beside the robot; half the padding is enough where it barely moves.
-        if (clear > padding / 2).all():
-            rate = min(rules.turn_rate_radps, 0.15 + 1.5 * abs(angle))
+        if (near.clear(poses) > near.padding_m / 2).all():
+            rate = min(near.rules.turn_rate_radps, 0.15 + 1.5 * abs(angle))
             return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rate, angle)), outcome=Outcome.TURN)
     return None
 
 
-def _back_off(obstacles: Points, profile: RobotProfile, rules: LocalRules, half_cell: float) -> Motion:
+def _back_off(near: _Surroundings, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly; nothing behind is seen, so only the map and the recent past vouch for it."""
     curvatures, poses = _arcs()
     behind = poses[:, : BACK_STEPS + 1] * np.array([-1.0, 1.0, -1.0])
-    clear = _clearances(obstacles, behind, profile.length_m / 2, profile.width_m / 2) - half_cell
-    reach = (clear > _padding(obstacles, profile, rules, half_cell)).sum(axis=1)
+    reach = (near.clear(behind) > near.padding_m).sum(axis=1)
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
         return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
-    return Motion(twist=Twist(v_mps=-0.2, w_radps=0.2 * float(curvatures[arc])), outcome=Outcome.BACK)
+    return Motion(twist=Twist(v_mps=-0.2, w_radps=-0.2 * float(curvatures[arc])), outcome=Outcome.BACK, began=began)
 
 
-ARC_STEP_M = 0.08
-ARC_STEPS = 20
-BACK_STEPS = 5
+ARC_STEP_M = 0.04
+ARC_STEPS = 40
+BACK_STEPS = 10
 
 
 @cache
@@ -199,23 +240,10 @@ def _arcs() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     return curvatures, np.stack([x, y, heading], axis=2)
 
 
-def _padding(obstacles: Points, profile: RobotProfile, rules: LocalRules, half_cell: float) -> float:
-    """The padding asked for, or what the robot has where it stands: it may leave a tight place but not get tighter."""
-    here = _clearances(obstacles, np.zeros((1, 1, 3)), profile.length_m / 2, profile.width_m / 2)[0, 0] - half_cell
-    return float(np.clip(here - 0.01, 0.0, rules.padding_m))
-
-
 def _carrot(path_base: Points, lookahead_m: float) -> Points:
     """(2,) the point of the path that lies `lookahead_m` further along it, or its end."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path_base, axis=0).T))])
     return np.asarray(path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)])
-
-
-def _direction(path_base: Points, lookahead_m: float) -> float:
-    """Heading of the path at the carrot."""
-    ahead, here = _carrot(path_base, lookahead_m + 0.3), _carrot(path_base, lookahead_m - 0.3)
-    step = ahead - here
-    return math.atan2(step[1], step[0]) if np.any(step) else math.atan2(ahead[1], ahead[0])
 
 
 def _outside(points: Points, profile: RobotProfile, padding_m: float) -> npt.NDArray[np.bool_]:

@@ -95,6 +95,8 @@ class Mission:
 
     def arrive(self) -> Mission:
         """The present goal is reached: go on to the next, or be done."""
+        if not self.queue:
+            raise Refused("there is no goal to arrive at")
         done, *rest = self.queue
         return dataclasses.replace(
             self, queue=tuple(rest), reached=(*self.reached, done), phase=self.phase if rest else Phase.IDLE

@@ -13,7 +13,7 @@ from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
 from navcore.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import IDLE, Motion, Points, hard_cells, nearby, path_from, plan_motion
+from navcore.local_planner import IDLE, Motion, Points, hard_cells, nearby, plan_motion
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.points import observe
 from navcore.robot import RobotProfile
@@ -118,7 +118,7 @@ class Navigator:
             grid = self.map.grid(order.beware, order.zones)
             geometric, ruled = hard_cells(grid)
             version = 0 if self._occupancy is None else self._occupancy[1].version + 1
-            made = Occupancy(grid=grid, blocked=self._blocked(grid), geometric=geometric, ruled=ruled, version=version)
+            made = Occupancy(grid=grid, blocked=self.blocked(grid), geometric=geometric, ruled=ruled, version=version)
             self._occupancy = (key, made)
         return self._occupancy[1]
 
@@ -152,7 +152,8 @@ class Navigator:
         self._motion = plan_motion(
             geometric=nearby(occupancy.geometric, occupancy.grid, pose, reach),
             ruled=nearby(occupancy.ruled, occupancy.grid, pose, reach),
-            path_base=path_from(route.points, pose),
+            path_map=route.points,
+            pose=pose,
             previous=self._motion,
             profile=self._profile,
             rules=self._config.local,
@@ -160,7 +161,8 @@ class Navigator:
         )
         return self._motion
 
-    def _blocked(self, grid: OccupancyGrid) -> BoolGrid:
+    def blocked(self, grid: OccupancyGrid) -> BoolGrid:
+        """(rows, cols) where this robot's centre may not be on the given grid."""
         return inflate_layers(grid, vehicle_width_m=self._profile.width_m, safety_margin_m=self._config.safety_margin_m)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareList
+from navcore.errors import BadConfiguration
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
 from navcore.segment import Labels
@@ -16,8 +17,8 @@ from navcore.settings import between
 
 HEIGHT_BINS = 64
 BIN_M = 0.05
-LOWEST_M = -0.4
-"""Heights are binned from here up, 64 bins of 5 cm: to 2.8 m."""
+LOWEST_M = -0.425
+"""Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin, not the border of two."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +33,13 @@ class PointRules:
     """Depth beyond this is too coarse to be put on the map."""
     min_support: int = between(1, 100, default=2)
     """Pixels that must agree on a voxel before it counts."""
+
+    def __post_init__(self) -> None:
+        if self.ceiling_m <= self.obstacle_height_m:
+            raise BadConfiguration(
+                f"points: ceiling_m {self.ceiling_m:g} must be above obstacle_height_m {self.obstacle_height_m:g}, "
+                "or nothing would ever be an obstacle"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,6 +78,8 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
     A point of a beware class that is also higher than the obstacle height counts twice, as both: it stays an obstacle when
     its class is switched off.
     """
+    if labels.class_ids.shape != frame.depth_m.shape or int(labels.class_ids.max(initial=0)) > LARGEST_CLASS_ID:
+        raise ValueError(f"labels must be {frame.depth_m.shape} class ids of 0 to {LARGEST_CLASS_ID}")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     keys, pixels = _voxelise(
         frame.depth_m,
@@ -104,7 +114,7 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
 
 _SEEN = 63
 """Kind of a hash entry that says: something was measured here. All other kinds are class ids."""
-assert LARGEST_CLASS_ID <= _SEEN
+assert LARGEST_CLASS_ID < _SEEN
 
 
 def _max_heights(beware: BewareList) -> npt.NDArray[np.float64]:
@@ -131,13 +141,8 @@ def _voxelise(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Count pixels per (voxel, kind) in a hash table; returns the keys with enough support and one pixel of each."""
     height, width = depth_m.shape
-    # A pixel makes at most three entries, so a table of four times the pixels never fills up, whatever the picture.
-    size = 1
-    while size < 4 * height * width:
-        size *= 2
-    table = np.full(size, -1, dtype=np.int64)
-    counts = np.zeros(size, dtype=np.int32)
-    pixels = np.zeros(size, dtype=np.int32)
+    table, counts, pixels = _empty_table(1 << 15)
+    entries = 0
     t = T_map_camera
     for i in range(height):
         b = (i - lens[3]) / lens[1]
@@ -155,27 +160,54 @@ def _voxelise(
                 continue
             voxel = ((row * cols + col) * HEIGHT_BINS + level) << 6
             pixel = i * width + j
-            _count(table, counts, pixels, voxel | _SEEN, pixel)
+            entries += _count(table, counts, pixels, voxel | _SEEN, pixel, 1)
             if limits[0] < z < limits[1]:
-                _count(table, counts, pixels, voxel | NOTHING, pixel)
+                entries += _count(table, counts, pixels, voxel | NOTHING, pixel, 1)
             kind = class_ids[i, j]
             if kind != NOTHING and z <= max_heights[kind]:
-                _count(table, counts, pixels, voxel | kind, pixel)
+                entries += _count(table, counts, pixels, voxel | kind, pixel, 1)
+            if 2 * entries > len(table):
+                table, counts, pixels = _doubled(table, counts, pixels)
     slots = np.nonzero((counts >= min_support) | ((counts > 0) & ((table & 63) == _SEEN)))[0]
-    # The table's order depends on the hash alone, not on the run; sorted, it depends on nothing but the voxels.
+    # The table's order depends on its size and the hash; sorted, it depends on nothing but the voxels.
     slots = slots[np.argsort(table[slots])]
     return table[slots], pixels[slots].astype(np.int64)
 
 
 @numba.njit(cache=True, nogil=True)
+def _empty_table(size: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Keys (−1 where empty), counts and one pixel of each key; `size` is a power of two."""
+    return np.full(size, -1, dtype=np.int64), np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _doubled(
+    table: npt.NDArray[np.int64], counts: npt.NDArray[np.int32], pixels: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    larger, larger_counts, larger_pixels = _empty_table(2 * len(table))
+    for slot in range(len(table)):
+        if table[slot] != -1:
+            _count(larger, larger_counts, larger_pixels, table[slot], pixels[slot], counts[slot])
+    return larger, larger_counts, larger_pixels
+
+
+@numba.njit(cache=True, nogil=True)
 def _count(
-    table: npt.NDArray[np.int64], counts: npt.NDArray[np.int32], pixels: npt.NDArray[np.int32], key: int, pixel: int
-) -> None:
+    table: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.int32],
+    pixels: npt.NDArray[np.int32],
+    key: int,
+    pixel: int,
+    times: int,
+) -> int:
+    """Count a key `times` more; returns 1 if it is new, and then `pixel` stands for it, else 0."""
     mask = len(table) - 1
     slot = ((key * 0x2545F4914F6CDD1D) >> 20) & mask
+    new = 0
     while table[slot] != key:
         if table[slot] == -1:
-            table[slot], pixels[slot] = key, pixel
+            table[slot], pixels[slot], new = key, pixel, 1
             break
         slot = (slot + 1) & mask
-    counts[slot] += 1
+    counts[slot] += times
+    return new

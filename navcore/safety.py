@@ -23,6 +23,7 @@ class Cause(StrEnum):
     STALE_FRAME = "stale_frame"
     BAD_FRAME = "bad_frame"
     BAD_COMMAND = "bad_command"
+    PLANNER_FAILED = "planner_failed"
     STALE_COMMAND = "stale_command"
     NO_PATH = "no_path"
     IN_ZONE = "in_zone"
@@ -109,9 +110,15 @@ def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
 
 
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:
+    period_s = max(period_s, 0.0)  # a clock that goes back gives no licence to accelerate
+    speed = _approach(asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps)
+    # While the speed is still building up the robot turns less as well: it was the curvature that was checked.
+    built_up = 1.0 if asked.v_mps == 0.0 else min(max(speed / asked.v_mps, 0.0), 1.0)
     return Twist(
-        v_mps=_approach(asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps),
-        w_radps=_approach(asked.w_radps, sent.w_radps, profile.max_yaw_accel_radps2 * period_s, profile.max_yaw_rate_radps),
+        v_mps=speed,
+        w_radps=_approach(
+            asked.w_radps * built_up, sent.w_radps, profile.max_yaw_accel_radps2 * period_s, profile.max_yaw_rate_radps
+        ),
     )
 
 

@@ -48,6 +48,8 @@ def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> npt.NDArray[np.boo
     first, last = (round(hue / 2) for hue in rule.hue_deg)
     floor = (round(rule.min_saturation * 255), round(rule.min_value * 255))
     spans = [(first, last)] if first <= last else [(first, 180), (0, last)]
+    if last == 180:
+        spans.append((0, 0))  # 360° is 0°
     mask = np.zeros(hsv.shape[:2], dtype=np.bool_)
     for low, high in spans:
         mask |= cv2.inRange(hsv, np.array([low, *floor]), np.array([high, 255, 255])) > 0

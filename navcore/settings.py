@@ -13,6 +13,8 @@ from typing import Any, TypeVar
 from navcore.errors import BadConfiguration
 
 T = TypeVar("T")
+_LARGEST_INT = 1 << 53
+"""Beyond this a float no longer tells integers apart; no setting needs one."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -70,12 +72,14 @@ def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, A
         return tuple(_value(a, v, f"{where}[{i}]", metadata) for i, (a, v) in enumerate(zip(inner, value, strict=True)))
     if dataclasses.is_dataclass(hint):
         return from_table(hint, value, where)  # type: ignore[arg-type]
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+    if hint is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_INT:
         value = float(value)
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _LARGEST_INT:
+        raise BadConfiguration(f"{where}: the number is out of range")
     if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
         raise BadConfiguration(f"{where}: expected {hint.__name__}, got {value!r}")
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
-        if not (math.isfinite(value) and low <= value <= high):
-            raise BadConfiguration(f"{where}: {value!r} is out of range, allowed {low:g} to {high:g}")
+        if not low <= value <= high or value in (math.inf, -math.inf):
+            raise BadConfiguration(f"{where}: {value!r:.40} is out of range, allowed {low:g} to {high:g}")
     return value

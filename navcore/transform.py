@@ -18,7 +18,8 @@ Matrix = npt.NDArray[np.float64]
 
 def wrap_angle(angle_rad: float) -> float:
     """The same angle in (-π, π]."""
-    return math.pi - (math.pi - angle_rad) % (2 * math.pi)
+    wrapped = math.pi - (math.pi - angle_rad) % (2 * math.pi)
+    return math.pi if wrapped == -math.pi else wrapped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

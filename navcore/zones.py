@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import shapely
 from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
@@ -61,15 +63,26 @@ def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[t
 
 
 def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    """(rows, cols) True for every cell the polygon touches, so that no sliver of a zone is lost to rounding."""
+    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone is lost to rounding."""
+    return _rasterised(tuple((float(x), float(y)) for x, y in polygon), spec)
+
+
+@lru_cache(maxsize=64)
+def _rasterised(polygon: tuple[tuple[float, float], ...], spec: GridSpec) -> npt.NDArray[np.bool_]:
     # fillPoly works on pixel centres with `shift` fractional bits: world metres → cells, where a centre is an integer.
     shift = 8
     corners = np.asarray(polygon, dtype=np.float64)
-    pixels = np.column_stack(
-        [(corners[:, 0] - spec.origin_x_m) / spec.resolution_m, (corners[:, 1] - spec.origin_y_m) / spec.resolution_m]
-    )
+    pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
     fixed = np.round((pixels - 0.5) * (1 << shift)).astype(np.int32)
     mask = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
     cv2.fillPoly(mask, [fixed], 1, shift=shift)
     cv2.polylines(mask, [fixed], True, 1, shift=shift)
-    return mask.astype(bool)
+    # Drawn lines are 8-connected and skip cells that the polygon only clips: those are asked one by one.
+    rim = np.argwhere((cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8)) > 0) & (mask == 0))
+    low = rim[:, ::-1] * spec.resolution_m + np.array([spec.origin_x_m, spec.origin_y_m])
+    squares = shapely.box(low[:, 0], low[:, 1], low[:, 0] + spec.resolution_m, low[:, 1] + spec.resolution_m)
+    clipped = rim[shapely.intersects(Polygon(corners), squares)]
+    mask[clipped[:, 0], clipped[:, 1]] = 1
+    cells = mask > 0
+    cells.flags.writeable = False
+    return cells

@@ -1,0 +1,5 @@
+"""`python -m app` is `bewarenav`."""
+
+from app.cli import main
+
+main()

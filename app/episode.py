@@ -1,0 +1,198 @@
+"""A mission without a console: simulated robot, pilot and referee, stepped in one thread as fast as the machine allows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from app.pilot import Intent, Pilot
+from app.timing import Stopwatch
+from navcore.beware import BewareList
+from navcore.config import NavigatorConfig
+from navcore.errors import BadConfiguration
+from navcore.grid import GridSpec
+from navcore.mission import Goal, Mission, Phase
+from navcore.navigator import Navigator
+from navcore.segment import ColourSegmenter
+from navcore.warmup import warm_up
+from sim.scenario import Scenario
+from sim.simulator import Simulator
+
+COMMAND_PERIOD_S = 0.05
+SERIES_PERIOD_S = 1.0
+GOAL_RADIUS_M = 0.3
+"""The robot must finally stand this near to a goal, judged from the ground truth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """Where an episode is, for a progress bar."""
+
+    goal: Goal | None
+    """The present goal; None when all are done."""
+    goals_done: int
+    """Goals reached so far."""
+    goals: int
+    """Goals in all."""
+    distance_m: float
+    """Straight distance to the present goal."""
+    sim_time_s: float
+    """Simulated time."""
+
+    def text(self) -> str:
+        """One line for the bar."""
+        where = f"goal {self.goal.id} ({self.goal.x_m:g}, {self.goal.y_m:g}), {self.distance_m:5.1f} m" if self.goal else "done"
+        return f"{self.goals_done} of {self.goals} goals, {where}, {self.sim_time_s:5.0f} s"
+
+
+def map_of(scenario: Scenario) -> GridSpec:
+    """The map's grid for a world."""
+    return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
+
+
+class Episode:
+    """One seeded mission from start to end; `run` returns the episode report."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        seed: int,
+        beware: BewareList,
+        goals: tuple[tuple[float, float], ...] = (),
+        config: NavigatorConfig | None = None,
+        max_time_s: float = 600.0,
+    ) -> None:
+        self.scenario, self.seed, self._max_time_s = scenario, seed, max_time_s
+        self.simulator = Simulator(scenario, seed=seed)
+        spec = map_of(scenario)
+        mission = Mission()
+        for x_m, y_m in goals or scenario.goals:
+            mission = mission.add(x_m, y_m, spec)
+        if not mission.queue:
+            raise BadConfiguration(f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y")
+        self._goals = mission.queue
+        profile = self.simulator.profile
+        self._config = config or NavigatorConfig()
+        navigator = Navigator(spec=spec, profile=profile, segmenter=ColourSegmenter(), config=self._config)
+        self.stopwatch = Stopwatch(navigator)
+        self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware))
+        self._arrived: dict[int, float] = {}
+        self._explored: list[tuple[float, float, float]] = []
+        self.driven: list[tuple[float, float]] = []
+        """Where the robot truly was, once a command."""
+
+    def run(self, on_progress: Callable[[Progress], None] = lambda progress: None) -> dict[str, Any]:
+        """Drive until every goal is reached or the time is up; the report of the contract."""
+        warm_up()
+        started = time.perf_counter()
+        self._wait_for_camera()
+        self.pilot.change_mission(Mission.start)
+        frame, next_command_s, next_sample_s = None, 0.0, 0.0
+        while self.pilot.intent.mission.phase is Phase.DRIVING and self._now_s < self._max_time_s:
+            self.simulator.step()
+            if self.simulator.newest_frame() is not frame:
+                frame = self.simulator.newest_frame()
+                if frame is not None:
+                    self._think(frame)
+            if self._now_s >= next_command_s:
+                next_command_s += COMMAND_PERIOD_S
+                self._command()
+            if self._now_s >= next_sample_s:
+                next_sample_s += SERIES_PERIOD_S
+                self._sample()
+                on_progress(self._progress())
+        self._sample()
+        on_progress(self._progress())
+        return self._report(time.perf_counter() - started)
+
+    def close(self) -> None:
+        """Free the simulator."""
+        self.simulator.close()
+
+    @property
+    def _now_s(self) -> float:
+        return self.simulator.now_ns() / 1e9
+
+    def _wait_for_camera(self) -> None:
+        while self.simulator.newest_frame() is None:
+            self.simulator.step()
+
+    def _think(self, frame: Any) -> None:
+        goal = self.pilot.intent.mission.goal
+        self.pilot.think(frame, clock=self.simulator.now_ns)
+        if goal is not None and goal in self.pilot.intent.mission.reached:
+            pose = self.simulator.true_pose()
+            self._arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
+
+    def _command(self) -> None:
+        verdict = self.pilot.command(self.simulator.now_ns(), COMMAND_PERIOD_S)
+        self.simulator.send(verdict.twist)
+        pose = self.simulator.true_pose()
+        self.driven.append((pose.x_m, pose.y_m))
+        self.simulator.referee.note_stop(verdict.reasons[0].cause if verdict.reasons else None)
+
+    def _sample(self) -> None:
+        world = self.pilot.navigator.map
+        self._explored.append((self._now_s, world.explored_m2, world.explored_m3))
+
+    def _progress(self) -> Progress:
+        goal, pose = self.pilot.intent.mission.goal, self.simulator.odometry()
+        return Progress(
+            goal=goal,
+            goals_done=len(self.pilot.intent.mission.reached),
+            goals=len(self._goals),
+            distance_m=pose.distance_to(goal.x_m, goal.y_m) if goal else 0.0,
+            sim_time_s=self._now_s,
+        )
+
+    def _report(self, wall_time_s: float) -> dict[str, Any]:
+        referee, watch = self.simulator.referee, self.stopwatch
+        reached = [goal for goal in self._goals if self._arrived.get(goal.id, float("inf")) <= GOAL_RADIUS_M]
+        everywhere = len(reached) == len(self._goals)
+        clean = referee.collisions == referee.beware_intrusions == referee.zone_intrusions == 0
+        shortest_m = self._shortest_m()
+        longest_m = max(referee.distance_m, shortest_m or 0.0)
+        return {
+            "scenario": self.scenario.name,
+            "seed": self.seed,
+            "robot": self.simulator.profile.name,
+            "goals": [[goal.x_m, goal.y_m] for goal in self._goals],
+            "goals_reached": len(reached),
+            "success": everywhere and clean,
+            "sim_time_s": round(self._now_s, 3),
+            "wall_time_s": round(wall_time_s, 3),
+            "distance_m": round(referee.distance_m, 3),
+            "shortest_m": None if shortest_m is None else round(shortest_m, 3),
+            "spl": 0.0 if shortest_m is None or not everywhere else round(shortest_m / longest_m, 4),
+            "collisions": referee.collisions,
+            "struck_while_standing": referee.struck_while_standing,
+            "min_clearance_m": round(referee.min_clearance_m, 4),
+            "beware_intrusions": referee.beware_intrusions,
+            "beware_intrusion_s": round(referee.beware_intrusion_s, 3),
+            "zone_intrusions": referee.zone_intrusions,
+            "zone_intrusion_s": round(referee.zone_intrusion_s, 3),
+            "goal_errors_m": {str(goal_id): round(error, 3) for goal_id, error in self._arrived.items()},
+            "replans": len(watch.ms["plan"]),
+            "plan_ms": watch.summary("plan"),
+            "tick_ms": watch.summary("tick"),
+            "segment_ms": watch.summary("label"),
+            "series": self._series(),
+            "stops": referee.stops,
+        }
+
+    def _series(self) -> dict[str, list[float]]:
+        return {
+            "t_s": [round(t_s, 3) for t_s, _, _ in self._explored],
+            "distance_m": [round(self.simulator.referee.distance_at(t_s), 3) for t_s, _, _ in self._explored],
+            "explored_m2": [round(area, 2) for _, area, _ in self._explored],
+            "explored_m3": [round(volume, 3) for _, _, volume in self._explored],
+        }
+
+    def _shortest_m(self) -> float | None:
+        """The shortest way through all goals on the true map with the same inflation; None when there is none."""
+        inflation_m = self.simulator.profile.width_m / 2 + self._config.safety_margin_m
+        goals = [(goal.x_m, goal.y_m) for goal in self._goals]
+        return self.simulator.referee.shortest_m(map_of(self.scenario), inflation_m, goals)

@@ -1,0 +1,109 @@
+"""Many seeded episodes, over several workers, resumable: what is in `episodes.jsonl` is not driven again."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console as Terminal
+from rich.table import Table
+
+from app.episode import Episode
+from navcore.beware import BewareList
+from navcore.errors import BadConfiguration
+from sim.scenario import load_scenario
+
+
+def evaluate_scenario(
+    scenario: str, *, seeds: Iterable[int], workers: int, out: Path, max_time_s: float, beware: BewareList
+) -> dict[str, Any]:
+    """Drive one episode a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
+    load_scenario(scenario)  # a bad world is refused before any worker starts
+    wanted = list(seeds)
+    kept = out / "episodes.jsonl"
+    done = {report["seed"]: report for report in _read(kept, scenario)}
+    todo = [seed for seed in wanted if seed not in done]
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with kept.open("a", encoding="utf-8") as file:
+            for report in _driven(scenario, todo, workers, max_time_s, beware):
+                done[report["seed"]] = report
+                file.write(json.dumps(report) + "\n")
+                file.flush()
+    except OSError as error:
+        raise BadConfiguration(f"{out} cannot be written: {error}") from None
+    reports = [done[seed] for seed in wanted]
+    summary = summarise(scenario, reports)
+    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    _print(reports, summary)
+    return summary
+
+
+def summarise(scenario: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
+    """The figures of a campaign."""
+
+    def mean(value: Callable[[dict[str, Any]], float]) -> float:
+        return round(statistics.fmean(value(report) for report in reports), 4)
+
+    return {
+        "scenario": scenario,
+        "episodes": len(reports),
+        "success_rate": mean(lambda report: float(report["success"])),
+        "goals_reached": sum(report["goals_reached"] for report in reports),
+        "goals": sum(len(report["goals"]) for report in reports),
+        "collisions": sum(report["collisions"] for report in reports),
+        "beware_intrusions": sum(report["beware_intrusions"] for report in reports),
+        "zone_intrusions": sum(report["zone_intrusions"] for report in reports),
+        "min_clearance_m": min(report["min_clearance_m"] for report in reports),
+        "spl": mean(lambda report: report["spl"]),
+        "sim_time_s": mean(lambda report: report["sim_time_s"]),
+        "real_time_factor": mean(lambda report: report["sim_time_s"] / report["wall_time_s"]),
+        "tick_ms_p99": mean(lambda report: report["tick_ms"]["p99"]),
+    }
+
+
+def _driven(scenario: str, seeds: list[int], workers: int, max_time_s: float, beware: BewareList) -> Iterator[dict[str, Any]]:
+    if workers == 1:
+        yield from (_drive(scenario, seed, max_time_s, beware) for seed in seeds)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(_drive, scenario, seed, max_time_s, beware) for seed in seeds]
+        yield from (job.result() for job in as_completed(jobs))
+
+
+def _drive(scenario: str, seed: int, max_time_s: float, beware: BewareList) -> dict[str, Any]:
+    episode = Episode(load_scenario(scenario), seed=seed, beware=beware, max_time_s=max_time_s)
+    try:
+        return episode.run()
+    finally:
+        episode.close()
+
+
+def _read(path: Path, scenario: str) -> Iterator[dict[str, Any]]:
+    """The episodes kept before; a last line that a kill cut short is driven again."""
+    if not path.exists():
+        return
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            report = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if report["scenario"] != load_scenario(scenario).name:
+            raise BadConfiguration(f"{path} holds episodes of {report['scenario']!r}, not of {scenario!r}; give another --out")
+        yield report
+
+
+def _print(reports: list[dict[str, Any]], summary: dict[str, Any]) -> None:
+    columns = ("seed", "success", "goals_reached", "collisions", "beware_intrusions", "zone_intrusions", "min_clearance_m")
+    columns += ("distance_m", "spl", "sim_time_s", "wall_time_s", "replans")
+    table = Table(*columns, title=summary["scenario"])
+    for report in reports:
+        table.add_row(*(f"{report[column]}" for column in columns))
+    terminal = Terminal()
+    terminal.print(table)
+    terminal.print_json(data=summary)

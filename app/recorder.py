@@ -1,0 +1,165 @@
+"""What the console shows and keeps of a drive: newest picture, point cloud, driven path, and each mission's report."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from typing import Any, Protocol
+
+import numpy as np
+
+from app.pilot import Pilot
+from app.storage import Store
+from navcore.errors import StorageFailed
+from navcore.local_planner import Points
+from navcore.mission import Mission, Phase
+from navcore.navigator import Decision, Route
+from navcore.path import Path
+from navcore.safety import Verdict
+from navcore.transform import Pose2
+from navcore.zones import Zone
+from web.port import Cloud, Picture
+
+log = logging.getLogger(__name__)
+CLOUD_PERIOD_S = 1.0
+DRIVEN_STEP_M = 0.05
+MAX_DRIVEN = 20_000
+"""The driven path keeps its newest kilometre."""
+
+
+class Referee(Protocol):
+    """Who judges a run from outside; only the simulated robot has one."""
+
+    def watch_zones(self, polygons: list[list[tuple[float, float]]]) -> None:
+        """Judge by these zones from now on."""
+
+    def note_stop(self, reason: str | None) -> None:
+        """Why the robot is held, None when it is not."""
+
+    def new_run(self) -> None:
+        """Start afresh."""
+
+    def referee_report(self) -> dict[str, Any]:
+        """What has been judged since."""
+
+
+class Recorder:
+    """Fed by the think and the command thread; read by anyone, each attribute an immutable value swapped as a whole."""
+
+    def __init__(self, *, pilot: Pilot, store: Store, referee: Referee | None, scenario: str) -> None:
+        self._pilot, self._store, self._referee, self._scenario = pilot, store, referee, scenario
+        self.picture: Picture | None = None
+        self.cloud: Cloud | None = None
+        self.pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+        self.travelled_m = 0.0
+        self.explored_m2 = 0.0
+        self.replans = 0
+        self._driven: list[tuple[float, float]] = []
+        self._route: Route | None = None
+        self._floor_key: tuple[int, float] = (-1, -1.0)
+        self._floor_version = 0
+        self._cloud_ns = 0
+        self._run: dict[str, Any] | None = None
+        self._stop_noted: str | None = None
+
+    def note_decision(self, decision: Decision) -> None:
+        """Called by the think thread after each tick."""
+        self._note_pose(decision.frame.pose)
+        if decision.route is not None and decision.route is not self._route:
+            self.replans += isinstance(decision.route.outcome, Path)
+        self._route = decision.route
+        self.explored_m2 = self._pilot.navigator.map.explored_m2
+        self.picture = self._painted(decision)
+        if decision.frame.stamp_ns - self._cloud_ns > CLOUD_PERIOD_S * 1e9:
+            self._cloud_ns = decision.frame.stamp_ns
+            self.cloud = self._copied_cloud()
+        self._note_run(decision)
+
+    def note_verdict(self, verdict: Verdict) -> None:
+        """Called by the command thread each time it has sent."""
+        reason = str(verdict.reasons[0].cause) if verdict.reasons else None
+        if self._referee is not None and reason != self._stop_noted:
+            self._stop_noted = reason
+            self._referee.note_stop(reason)
+
+    def watch_zones(self, zones: tuple[Zone, ...]) -> None:
+        """Called when the zones have changed."""
+        if self._referee is not None:
+            self._referee.watch_zones([list(zone.polygon) for zone in zones if zone.enabled])
+
+    def _note_pose(self, pose: Pose2) -> None:
+        if not self._driven:
+            self._driven.append((pose.x_m, pose.y_m))
+        step_m = pose.distance_to(*self._driven[-1])
+        if step_m >= DRIVEN_STEP_M:
+            self.travelled_m += step_m
+            self._driven = [*self._driven[-MAX_DRIVEN:], (pose.x_m, pose.y_m)]
+        self.pose = pose
+
+    def _painted(self, decision: Decision) -> Picture:
+        frame, occupancy, route = decision.frame, decision.occupancy, decision.route
+        key = (occupancy.version, self.explored_m2)
+        if key != self._floor_key:
+            self._floor_key = key
+            self._floor_version += 1
+        nowhere: Points = np.empty((0, 2))
+        return Picture(
+            serial=frame.stamp_ns,
+            pose=frame.pose,
+            T_map_camera=frame.T_map_camera,
+            intrinsics=frame.intrinsics,
+            rgb=frame.rgb,
+            labels=decision.labels.class_ids,
+            grid=occupancy.grid,
+            blocked=occupancy.blocked,
+            seen=self._pilot.navigator.map.seen,
+            grid_version=self._floor_version,
+            path=route.points if route else nowhere,
+            waypoints=route.waypoints if route else nowhere,
+            driven=np.array(self._driven),
+        )
+
+    def _copied_cloud(self) -> Cloud:
+        points = self._pilot.navigator.map.points
+        return Cloud(serial=self._cloud_ns, points_map=points.points_map, rgb=points.rgb, class_ids=points.class_ids)
+
+    def _note_run(self, decision: Decision) -> None:
+        """A run begins when the mission starts to drive and ends when it is idle again."""
+        mission = self._pilot.intent.mission
+        if self._run is None and mission.phase is Phase.DRIVING:
+            self._begin_run(decision, mission)
+        elif self._run is not None:
+            self._run["series"]["t_s"].append(round(self._run_s(decision), 2))
+            self._run["series"]["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
+            self._run["series"]["explored_m2"].append(round(self.explored_m2, 2))
+            if mission.phase is Phase.IDLE:
+                self._end_run(decision, mission)
+
+    def _begin_run(self, decision: Decision, mission: Mission) -> None:
+        if self._referee is not None:
+            self._referee.new_run()
+        self._run = {
+            "id": uuid.uuid4().hex[:12],
+            "scenario": self._scenario,
+            "robot": self._pilot.profile.name,
+            "goals": [[goal.x_m, goal.y_m] for goal in mission.queue],
+            "reached_at_start": len(mission.reached),
+            "started_ns": decision.frame.stamp_ns,
+            "travelled_at_start_m": self.travelled_m,
+            "series": {"t_s": [], "distance_m": [], "explored_m2": []},
+        }
+
+    def _end_run(self, decision: Decision, mission: Mission) -> None:
+        assert self._run is not None
+        run, self._run = self._run, None
+        verdict = self._referee.referee_report() if self._referee is not None else {}
+        reached = len(mission.reached) - run.pop("reached_at_start")
+        run["distance_m"] = round(self.travelled_m - run.pop("travelled_at_start_m"), 3)
+        run["sim_time_s"] = round((decision.frame.stamp_ns - run.pop("started_ns")) / 1e9, 3)
+        try:
+            self._store.save_run({**run, **verdict, "goals_reached": reached})
+        except StorageFailed:
+            log.exception("the run is not in the history")  # a full disk is no reason to stop driving
+
+    def _run_s(self, decision: Decision) -> float:
+        return float(decision.frame.stamp_ns - self._run["started_ns"]) / 1e9 if self._run else 0.0

@@ -1,0 +1,90 @@
+"""The console's threads: think (the navigator's tick) and command (20 times a second, alone sends to the robot).
+
+The third, sense, lives with the link of each robot back end and fills its one-slot mailbox. The web server and viser bring
+their own. Command waits on nothing but its own clock: whatever hangs above it, it sends zero by itself when the command is
+too old.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from app.pilot import Pilot
+from navcore.frame import Frame
+from navcore.navigator import Decision
+from navcore.robot import STANDSTILL, Robot
+from navcore.safety import Verdict
+
+COMMAND_PERIOD_S = 0.05
+FRAME_WAIT_S = 0.2
+log = logging.getLogger(__name__)
+
+
+class LiveRobot(Robot, Protocol):
+    """A robot that runs by itself: its pictures can be waited for."""
+
+    def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
+        """The newest picture if it is another than `after`; None when none comes in time."""
+
+
+class Loop:
+    """Runs the pilot on a live robot until it is stopped."""
+
+    def __init__(
+        self,
+        robot: LiveRobot,
+        pilot: Pilot,
+        *,
+        on_decision: Callable[[Decision], None],
+        on_verdict: Callable[[Verdict], None],
+    ) -> None:
+        self._robot, self._pilot = robot, pilot
+        self._on_decision, self._on_verdict = on_decision, on_verdict
+        self._ended = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._think, name="think", daemon=True),
+            threading.Thread(target=self._command, name="command", daemon=True),
+        ]
+
+    def start(self) -> None:
+        """Start both threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Send zero and end both threads."""
+        self._ended.set()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+        self._robot.send(STANDSTILL)
+
+    def _think(self) -> None:
+        frame: Frame | None = None
+        while not self._ended.is_set():
+            newest = self._robot.wait_frame(frame, FRAME_WAIT_S)
+            if newest is None:
+                continue
+            frame = newest
+            try:
+                decision = self._pilot.think(frame, clock=self._robot.now_ns)
+                if decision is not None:
+                    self._on_decision(decision)
+            except Exception as error:
+                # The loop outlives any bug above it: the robot stands with this reason and the next picture is tried.
+                log.exception("the tick failed")
+                self._pilot.note_failure(error)
+                self._ended.wait(FRAME_WAIT_S)
+
+    def _command(self) -> None:
+        due = last = time.monotonic()
+        while not self._ended.is_set():
+            now = time.monotonic()
+            verdict = self._pilot.command(self._robot.now_ns(), max(now - last, 1e-3))
+            self._robot.send(verdict.twist)
+            self._on_verdict(verdict)
+            last, due = now, max(due + COMMAND_PERIOD_S, now)
+            self._ended.wait(max(due - time.monotonic(), 0.0))

@@ -1,0 +1,118 @@
+"""The RealSense D455 on the Husky: one registered RGB-D picture, colour aligned to depth.
+
+It sits on the sensor arch, 0.35 m ahead of the middle of the robot and 0.65 m above the floor, and looks 12° down, so that
+it sees the floor from 0.6 m ahead of the bumper and nothing of the robot itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+import pybullet
+
+from navcore.frame import Intrinsics
+from navcore.transform import Matrix, Pose2, camera_mount
+from sim.egl import egl_works, load_egl
+from sim.stereo import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
+
+Renderer = Literal["tiny", "egl"]
+
+FIELD_OF_VIEW_DEG = (87.0, 58.0)
+"""Of the depth imagers, across and along."""
+T_BASE_CAMERA: Matrix = camera_mount(x_m=0.35, y_m=0.0, z_m=0.65, pitch_down_rad=math.radians(12.0))
+"""The mount, optical frame."""
+NEAR_M, FAR_M = 0.1, 30.0
+"""The renderer's clipping planes."""
+LIGHT_FROM_M = [400.0, 300.0, 1000.0]
+"""So far away that it shines on everything alike."""
+
+
+def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
+    """The lens at a picture size (columns, rows); the optical axis goes between the middle pixels."""
+    width, height = size
+    across, along = (math.tan(math.radians(angle) / 2) for angle in FIELD_OF_VIEW_DEG)
+    return Intrinsics(
+        width=width,
+        height=height,
+        fx=width / 2 / across,
+        fy=height / 2 / along,
+        cx=(width - 1) / 2,
+        cy=(height - 1) / 2,
+    )
+
+
+def choose_renderer(wanted: Literal["auto", "tiny", "egl"]) -> Renderer:
+    """What to render with; "auto" is EGL where it works and PyBullet's own TINY elsewhere."""
+    if wanted != "auto":
+        return wanted
+    return "egl" if egl_works() else "tiny"
+
+
+class Camera:
+    """Renders what stands in one physics client. Owns the client's renderer."""
+
+    def __init__(
+        self, client: int, *, size: tuple[int, int], renderer: Renderer, errors: StereoErrors, rng: np.random.Generator
+    ) -> None:
+        self.intrinsics = d455_intrinsics(size)
+        self.renderer: Renderer = renderer
+        self._client, self._errors, self._rng = client, errors, rng
+        self._plugin = load_egl(client) if renderer == "egl" else -1
+        if self._plugin < 0:
+            self.renderer = "tiny"
+        self._lens = _projection(self.intrinsics)
+
+    def picture(self, pose: Pose2) -> tuple[Rgb, Depth]:
+        """(H, W, 3) colours and (H, W) depth in metres, 0 where nothing was measured, from a true pose of the base."""
+        rgb, depth = self.render(pose)
+        return spoil_colour(rgb, self._errors, self._rng), spoil_depth(depth, self.intrinsics.fx, self._errors, self._rng)
+
+    def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
+        """The same without the camera's errors; depth is that of the far plane where nothing is."""
+        width, height = self.intrinsics.width, self.intrinsics.height
+        *_, rgba, buffer, _ = pybullet.getCameraImage(
+            width,
+            height,
+            viewMatrix=_view(pose.matrix() @ T_BASE_CAMERA),
+            projectionMatrix=self._lens,
+            lightDirection=LIGHT_FROM_M,
+            lightAmbientCoeff=0.75,
+            lightDiffuseCoeff=0.3,
+            lightSpecularCoeff=0.0,
+            shadow=0,
+            flags=pybullet.ER_NO_SEGMENTATION_MASK,
+            renderer=pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL,
+            physicsClientId=self._client,
+        )
+        rgb = np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
+        share = np.asarray(buffer, dtype=np.float64).reshape(height, width)
+        # The depth buffer is 0 at the near and 1 at the far plane, and hyperbolic between them.
+        return rgb, (FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * share)).astype(np.float32)
+
+    def close(self) -> None:
+        """Let the renderer go; before its client disconnects."""
+        if self._plugin >= 0:
+            pybullet.unloadPlugin(self._plugin, physicsClientId=self._client)
+
+
+def _projection(lens: Intrinsics) -> list[float]:
+    """OpenGL's projection matrix, column by column."""
+    depth = FAR_M - NEAR_M
+    columns = (
+        (2 * lens.fx / lens.width, 0.0, 0.0, 0.0),
+        (0.0, 2 * lens.fy / lens.height, 0.0, 0.0),
+        (0.0, 0.0, -(FAR_M + NEAR_M) / depth, -1.0),
+        (0.0, 0.0, -2 * FAR_M * NEAR_M / depth, 0.0),
+    )
+    return [value for column in columns for value in column]
+
+
+def _view(T_map_camera: Matrix) -> list[float]:
+    """OpenGL's view matrix, column by column: its camera has y up and looks along −z."""
+    rotation = T_map_camera[:3, :3] * (1.0, -1.0, -1.0)
+    view = np.eye(4)
+    view[:3, :3] = rotation.T
+    view[:3, 3] = -rotation.T @ T_map_camera[:3, 3]
+    return [float(value) for value in view.T.ravel()]

@@ -1,0 +1,193 @@
+"""Judges a run from the ground truth, with the oriented footprint, at every physics step. Knows nothing of the navigator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid import BoolGrid, GridSpec
+from navcore.robot import HUSKY, Twist
+from navcore.transform import Pose2
+from sim.clearance import Outlines
+from sim.layout import beware_markings, items, obstacles
+from sim.people import BODY_DIAMETER_M
+from sim.scenario import Scenario
+from sim.shapes import Polygon, cylinder, placed
+from sim.stops import StopLog
+from sim.true_map import blocked_grid, shortest_way_m
+
+CONTACT_M = 0.005
+"""The model's body is 4 mm longer than the footprint, and the engine keeps a margin: nearer than this is contact."""
+STANDING_MPS = 0.02
+"""No corner of a standing robot is faster than this."""
+CARRIED_ON_M = 0.1
+"""A robot that was struck while standing and then moves so far without coming free collides after all."""
+SERIES_PERIOD_S = 1.0
+
+
+class Referee:
+    """Counts what must not happen, from the moment it is made; times are seconds since then."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        fixed = [thing.outlines() for thing in obstacles(scenario)]
+        off_limits = [thing.outlines() for thing in items(scenario)] + [(area,) for area in beware_markings(scenario)]
+        self._fixed, self._beware, self._zones = Outlines.of(fixed), Outlines.of(off_limits), Outlines.of([])
+        self._polygons = [outline for parts in (*fixed, *off_limits) for outline in parts]
+        self._person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
+        self._zone_polygons: tuple[Polygon, ...] = ()
+        self._footprint = HUSKY.footprint()
+        self._began_s: float | None = None
+        self._stops = StopLog()
+        self._t_s = 0.0
+        self._here: Pose2 | None = None
+        self._contacts: dict[int, float] = {}
+        self._collided: set[int] = set()
+        self._on_beware = np.zeros(self._beware.count, dtype=np.bool_)
+        self._on_zone = np.zeros(0, dtype=np.bool_)
+        self._excused = np.zeros(0, dtype=np.bool_)
+        self._series: tuple[list[float], list[float]] = ([], [])
+        self.collisions = 0
+        """Contacts that began, or went on, while the robot moved."""
+        self.struck_while_standing = 0
+        """Times that somebody walked into the standing robot."""
+        self.min_clearance_m = math.inf
+        """Least distance of the footprint from any obstacle or person so far."""
+        self.beware_intrusions = 0
+        """Times that the footprint came over a beware marking, or over the place where an item lay at the start."""
+        self.beware_intrusion_s = 0.0
+        """How long it was there."""
+        self.zone_intrusions = 0
+        """Times that the footprint came into a zone of the operator."""
+        self.zone_intrusion_s = 0.0
+        """How long it was there."""
+        self.distance_m = 0.0
+        """Way of the robot's middle."""
+
+    def observe(self, *, t_s: float, pose: Pose2, twist: Twist, people: Sequence[Pose2], period_s: float) -> None:
+        """Judge one physics step from the true pose, velocity and people, `t_s` on the simulator's clock."""
+        self._began_s = t_s - period_s if self._began_s is None else self._began_s
+        self._t_s = t_s - self._began_s
+        if self._here is not None:
+            self.distance_m += self._here.distance_to(pose.x_m, pose.y_m)
+        self._here = pose
+        body = placed(self._footprint, pose)
+        moves = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m > STANDING_MPS
+        self._judge_contacts(body, people, moves)
+        self._judge_areas(body, period_s)
+        self._sample()
+
+    def set_zones(self, polygons: Sequence[Polygon]) -> None:
+        """Judge by these zones, (N, 2) each, from now on. A zone drawn over the robot counts once it has left it."""
+        before = {
+            _key(p): (on, excused) for p, on, excused in zip(self._zone_polygons, self._on_zone, self._excused, strict=True)
+        }
+        self._zone_polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in polygons)
+        self._zones = Outlines.of([(polygon,) for polygon in self._zone_polygons])
+        inside = np.zeros(self._zones.count, dtype=np.bool_)
+        if self._here is not None:
+            inside, _ = self._zones.near(placed(self._footprint, self._here), 0.0, 0.0)
+        states = [before.get(_key(p), (False, now)) for p, now in zip(self._zone_polygons, inside, strict=True)]
+        self._on_zone = np.array([on for on, _ in states], dtype=np.bool_)
+        self._excused = np.array([excused for _, excused in states], dtype=np.bool_)
+
+    @property
+    def zones(self) -> tuple[Polygon, ...]:
+        """The zones judged by."""
+        return self._zone_polygons
+
+    def note_stop(self, reason: str | None) -> None:
+        """Say why the robot is held, None when it is free to move; called in every control cycle."""
+        self._stops.note(reason, self._t_s)
+
+    @property
+    def stops(self) -> list[dict[str, Any]]:
+        """t_s, duration_s and reason of every stop, the present one included."""
+        return self._stops.intervals(self._t_s)
+
+    @property
+    def series(self) -> dict[str, list[float]]:
+        """t_s and distance_m, once a second."""
+        return {"t_s": list(self._series[0]), "distance_m": list(self._series[1])}
+
+    def distance_at(self, t_s: float) -> float:
+        """Way driven until `t_s`, from the series."""
+        return float(np.interp(t_s, [0.0, *self._series[0], self._t_s], [0.0, *self._series[1], self.distance_m]))
+
+    def summary(self) -> dict[str, Any]:
+        """All verdicts under the names of the episode report, without the series."""
+        return {
+            "distance_m": round(self.distance_m, 3),
+            "collisions": self.collisions,
+            "struck_while_standing": self.struck_while_standing,
+            "min_clearance_m": round(self.min_clearance_m, 4),
+            "beware_intrusions": self.beware_intrusions,
+            "beware_intrusion_s": round(self.beware_intrusion_s, 3),
+            "zone_intrusions": self.zone_intrusions,
+            "zone_intrusion_s": round(self.zone_intrusion_s, 3),
+            "stops": self.stops,
+        }
+
+    def violations(self) -> int:
+        """Collisions and intrusions; 0 is a clean run."""
+        return self.collisions + self.beware_intrusions + self.zone_intrusions
+
+    def true_blocked(self, spec: GridSpec, inflation_m: float) -> BoolGrid:
+        """(rows, cols) where the robot's centre may not be: walls, furniture, items and beware markings, inflated."""
+        return blocked_grid(self._polygons, spec, inflation_m)
+
+    def shortest_m(self, spec: GridSpec, inflation_m: float, goals: Sequence[tuple[float, float]]) -> float | None:
+        """Shortest way from the start through all goals on the true map; None when there is none."""
+        x_m, y_m, _ = self._scenario.start
+        return shortest_way_m(self.true_blocked(spec, inflation_m), spec, (x_m, y_m), goals)
+
+    def _judge_contacts(self, body: Polygon, people: Sequence[Pose2], moves: bool) -> None:
+        touched, self.min_clearance_m = self._fixed.near(body, CONTACT_M, self.min_clearance_m)
+        now = {int(k) for k in np.flatnonzero(touched)} if touched.any() else set()
+        for i, person in enumerate(people):
+            crowd = Outlines.of([(placed(self._person, person),)])
+            hit, self.min_clearance_m = crowd.near(body, CONTACT_M, self.min_clearance_m)
+            if hit[0]:
+                now.add(self._fixed.count + i)
+        self._count_contacts(now, moves)
+
+    def _count_contacts(self, now: set[int], moves: bool) -> None:
+        """Each contact counts once: as a collision, or as a blow that the standing robot took."""
+        for thing in now:
+            new = thing not in self._contacts
+            if new:
+                self._contacts[thing] = self.distance_m
+                self.struck_while_standing += not moves and thing >= self._fixed.count
+            carried = self.distance_m - self._contacts[thing] > CARRIED_ON_M
+            if thing not in self._collided and moves and (new or carried):
+                self._collided.add(thing)
+                self.collisions += 1
+        self._contacts = {thing: since for thing, since in self._contacts.items() if thing in now}
+        self._collided &= now
+
+    def _judge_areas(self, body: Polygon, period_s: float) -> None:
+        on_beware, _ = self._beware.near(body, 0.0, 0.0)
+        self.beware_intrusions += int((on_beware & ~self._on_beware).sum())
+        self.beware_intrusion_s += period_s * bool(on_beware.any())
+        self._on_beware = on_beware
+        if not self._zones.count:
+            return
+        in_zone, _ = self._zones.near(body, 0.0, 0.0)
+        self._excused &= in_zone
+        on_zone: npt.NDArray[np.bool_] = in_zone & ~self._excused
+        self.zone_intrusions += int((on_zone & ~self._on_zone).sum())
+        self.zone_intrusion_s += period_s * bool(on_zone.any())
+        self._on_zone = on_zone
+
+    def _sample(self) -> None:
+        if self._t_s >= len(self._series[0]) * SERIES_PERIOD_S:
+            self._series[0].append(self._t_s)
+            self._series[1].append(self.distance_m)
+
+
+def _key(polygon: Polygon) -> bytes:
+    return polygon.tobytes()

@@ -1,0 +1,174 @@
+"""A world and the mission in it, read from a TOML file. The world is centred on the origin of the map frame, z up.
+
+Files are refused by key: unknown or missing keys and numbers out of range here, impossible places in `sim.scenario_checks`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from navcore.errors import BadConfiguration
+from navcore.settings import between, from_table, read_toml
+from navcore.transform import Pose2
+from sim.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids, item_solids
+from sim.scenario_checks import check_scenario
+from sim.shapes import Colour, Solid
+
+WORLDS = Path(__file__).parent / "worlds"
+"""Where the built-in worlds lie."""
+FARTHEST_M = 100.0
+"""Worlds are at most twice as large as this."""
+
+FurnitureKind = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
+ItemKind = Literal["cup", "book", "bag", "shoe"]
+ITEM_COLOURS: dict[str, Colour] = {"cup": (25, 55, 205), "book": (25, 150, 45), "bag": (96, 90, 84), "shoe": (84, 78, 74)}
+"""What an item looks like when the file does not say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapExtent:
+    """The grid that navigation maps this world on, centred on the origin."""
+
+    size_m: tuple[float, float] = between(1.0, 2 * FARTHEST_M)
+    """Sides along x and y."""
+    resolution_m: float = between(0.01, 1.0, default=0.05)
+    """Side of a cell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wall:
+    """A run of straight walls; a door is a gap between two runs."""
+
+    points: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    """Corners along the middle of the wall, two or more; equal ends close it."""
+    thickness_m: float = between(0.02, 2.0, default=0.12)
+    """Half of it on either side of the line."""
+    height_m: float = between(0.1, 5.0, default=2.6)
+    """From the floor."""
+    colour: tuple[int, int, int] = between(0, 255, default=(226, 223, 214))
+    """Red, green, blue."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Furniture:
+    """Something that stands in the way."""
+
+    kind: FurnitureKind
+    """What it is."""
+    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    """Its middle, x and y in metres."""
+    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    """Where its front points, counter-clockwise from the map's x."""
+    size_m: tuple[float, float, float] | None = between(0.02, 20.0, default=None)
+    """Depth, width and height; usual for its kind when left out."""
+    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    """Red, green, blue; usual for its kind when left out."""
+
+    def solids(self) -> tuple[Solid, ...]:
+        """What it is made of, in its own frame."""
+        size, colour = self.size_m or FURNITURE_SIZES[self.kind], self.colour or FURNITURE_COLOURS[self.kind]
+        return furniture_solids(self.kind, size, colour)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marking:
+    """A painted area of the floor, without height."""
+
+    name: str
+    """For reports."""
+    polygon: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    """Its corners in metres, three or more, in either sense."""
+    colour: tuple[int, int, int] = between(0, 255, default=(200, 20, 20))
+    """Red, green, blue."""
+    beware: bool = True
+    """Whether the robot must stay off it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """A small thing on the floor; the robot must touch none of them."""
+
+    kind: ItemKind
+    """What it is."""
+    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    """Its middle, x and y in metres."""
+    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    """Its turn, counter-clockwise."""
+    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    """Red, green, blue; usual for its kind when left out."""
+
+    def solids(self) -> tuple[Solid, ...]:
+        """What it is made of, in its own frame."""
+        return item_solids(self.kind, self.colour or ITEM_COLOURS[self.kind])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Person:
+    """Somebody who stands, or walks to and fro along a line of points."""
+
+    points: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    """One point to stand on, or two and more to walk along and back."""
+    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    """Where somebody who stands looks."""
+    speed_mps: float = between(0.0, 3.0, default=0.8)
+    """Of walking."""
+    yields: bool = True
+    """Whether a walker waits, or turns back, when the robot is right before him."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """A world, the robot's place in it, and the mission S → G1 → G2 → …"""
+
+    name: str
+    """For reports."""
+    size_m: tuple[float, float] = between(1.0, 2 * FARTHEST_M)
+    """Sides of the floor along x and y; centred on the origin."""
+    map: MapExtent
+    """What navigation maps of it."""
+    start: tuple[float, float, float] = between(-FARTHEST_M, FARTHEST_M)
+    """Where the robot starts: x and y in metres, yaw in radians."""
+    goals: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M, default=())
+    """Where the mission leads, in this order, x and y in metres."""
+    floor_colour: tuple[int, int, int] = between(0, 255, default=(196, 196, 194))
+    """Red, green, blue."""
+    walls: tuple[Wall, ...] = field(default=())
+    """All walls."""
+    furniture: tuple[Furniture, ...] = field(default=())
+    """Everything else that stands."""
+    markings: tuple[Marking, ...] = field(default=())
+    """Everything painted on the floor."""
+    items: tuple[Item, ...] = field(default=())
+    """Everything small on the floor."""
+    people: tuple[Person, ...] = field(default=())
+    """Everybody."""
+
+    @property
+    def start_pose(self) -> Pose2:
+        """T_map_base at the start."""
+        x, y, yaw = self.start
+        return Pose2(x_m=x, y_m=y, yaw_rad=yaw)
+
+
+def scenario_names() -> tuple[str, ...]:
+    """The built-in worlds, sorted."""
+    return tuple(sorted(path.stem for path in WORLDS.glob("*.toml")))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A built-in world by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
+    path = _path_of(name_or_path)
+    scenario = from_table(Scenario, read_toml(path), path.name)
+    check_scenario(scenario, path.name)
+    return scenario
+
+
+def _path_of(name_or_path: str | Path) -> Path:
+    if isinstance(name_or_path, Path) or name_or_path.endswith(".toml"):
+        return Path(name_or_path)
+    if name_or_path not in scenario_names():
+        known = ", ".join(scenario_names())
+        raise BadConfiguration(f"no world is called {name_or_path!r}; give a .toml file or one of: {known}")
+    return WORLDS / f"{name_or_path}.toml"

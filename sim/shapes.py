@@ -1,0 +1,76 @@
+"""Solids that things are made of: boxes and upright cylinders with a colour, placed in the frame of their thing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.transform import Pose2
+
+Colour = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
+Polygon = npt.NDArray[np.float64]
+"""(N, 2) corners x, y, counter-clockwise."""
+
+ROUND_CORNERS = 12
+"""A cylinder's outline on the floor is a polygon of so many corners."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solid:
+    """A box or an upright cylinder."""
+
+    kind: Literal["box", "cylinder"]
+    """Its form."""
+    size_m: tuple[float, float, float]
+    """Along x, y and z; a cylinder has its diameter along x and along y."""
+    centre_m: tuple[float, float, float]
+    """In the frame of its thing: origin on the floor, z up."""
+    colour: Colour
+    """Of all its sides."""
+    yaw_rad: float = 0.0
+    """Turn about z in the frame of its thing."""
+
+    @property
+    def bottom_m(self) -> float:
+        """Height of its underside."""
+        return self.centre_m[2] - self.size_m[2] / 2
+
+    def outline(self) -> Polygon:
+        """(N, 2) convex outline on the floor, in the frame of its thing."""
+        corners = _round_outline(self.size_m[0] / 2) if self.kind == "cylinder" else rectangle(self.size_m[0], self.size_m[1])
+        return placed(corners, Pose2(x_m=self.centre_m[0], y_m=self.centre_m[1], yaw_rad=self.yaw_rad))
+
+
+def box(size_m: tuple[float, float, float], at_m: tuple[float, float], colour: Colour, *, bottom_m: float = 0.0) -> Solid:
+    """A box that stands on `bottom_m`."""
+    return Solid(kind="box", size_m=size_m, centre_m=(*at_m, bottom_m + size_m[2] / 2), colour=colour)
+
+
+def cylinder(diameter_m: float, height_m: float, at_m: tuple[float, float], colour: Colour, *, bottom_m: float = 0.0) -> Solid:
+    """An upright cylinder that stands on `bottom_m`."""
+    size_m = (diameter_m, diameter_m, height_m)
+    return Solid(kind="cylinder", size_m=size_m, centre_m=(*at_m, bottom_m + height_m / 2), colour=colour)
+
+
+def rectangle(length_m: float, width_m: float) -> Polygon:
+    """(4, 2) corners of a rectangle about the origin, counter-clockwise."""
+    x, y = length_m / 2, width_m / 2
+    return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
+
+
+def placed(polygon: Polygon, pose: Pose2) -> Polygon:
+    """The polygon of a body's frame in the frame that its pose is given in."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return np.asarray(polygon @ np.array([[cos, sin], [-sin, cos]]) + (pose.x_m, pose.y_m))
+
+
+def _round_outline(radius_m: float) -> Polygon:
+    """Around the circle, never inside it: what is clear of the outline is clear of the cylinder."""
+    angles = np.arange(ROUND_CORNERS) * 2 * math.pi / ROUND_CORNERS
+    reach = radius_m / math.cos(math.pi / ROUND_CORNERS)
+    return reach * np.column_stack([np.cos(angles), np.sin(angles)])

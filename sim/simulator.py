@@ -1,0 +1,167 @@
+"""The simulated robot: physics, driver, sensors, people and referee behind the port that every robot satisfies.
+
+It is stepped from outside and reads no clock: time passes by 1/240 s in each `step`, and only there.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Literal
+
+import pybullet
+
+from navcore.errors import BadConfiguration
+from navcore.frame import Frame
+from navcore.robot import HUSKY, RobotProfile, Twist
+from navcore.transform import Pose2
+from sim.camera import T_BASE_CAMERA, Camera, Renderer, choose_renderer
+from sim.husky import Driver, Husky
+from sim.odometry import Gyro, Odometry
+from sim.quiet import quiet_stdout
+from sim.referee import Referee
+from sim.scenario import Scenario
+from sim.stereo import StereoErrors
+from sim.variation import Source, generator, vary
+from sim.world import Crowd, build_world
+
+STEPS_PER_S = 240
+PERIOD_S = 1 / STEPS_PER_S
+SETTLING_STEPS = 60
+"""The model needs a moment to come to rest on its wheels; the clock starts after it."""
+
+
+class Simulator:
+    """One scenario, one seed; same seed and commands, same run, bit for bit. Several may live in one process."""
+
+    profile: RobotProfile = HUSKY
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        seed: int,
+        renderer: Literal["auto", "tiny", "egl"] = "auto",
+        camera_size: tuple[int, int] = (424, 240),
+        camera_rate_hz: float = 10.0,
+        errors: StereoErrors | None = None,
+    ) -> None:
+        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err."""
+        if not 0 < camera_rate_hz <= STEPS_PER_S:
+            raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
+        self.scenario = vary(scenario, seed)
+        """As it is found in this run."""
+        chosen = choose_renderer(renderer)
+        with quiet_stdout():
+            self._client: int = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*camera_size))
+            self._camera = Camera(
+                self._client,
+                size=camera_size,
+                renderer=chosen,
+                errors=errors or StereoErrors(),
+                rng=generator(seed, Source.CAMERA),
+            )
+            self._build(seed)
+            for _ in range(2):  # EGL talks during its first pictures
+                self._camera.render(self.true_pose())
+        self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
+        self._frame: Frame | None = None
+        self.referee = Referee(self.scenario)
+        """The ground truth's verdict."""
+
+    @property
+    def renderer(self) -> Renderer:
+        """What renders the camera's pictures."""
+        return self._camera.renderer
+
+    def now_ns(self) -> int:
+        """Simulated time since the start."""
+        return self._steps * 1_000_000_000 // STEPS_PER_S
+
+    def step(self) -> None:
+        """Let 1/240 s pass; takes a picture when one is due."""
+        before = self.true_pose()
+        self._husky.drive(*self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps))
+        self._husky.hold_sideways(before)
+        self._crowd.step(before)
+        pybullet.stepSimulation(physicsClientId=self._client)
+        self._steps += 1
+        pose = self.true_pose()
+        twist = self._husky.velocity(pose)
+        self._yaw_rate_radps = self._gyro.measure(twist.w_radps)
+        self._odometry.update(*self._husky.rolled_m(), self._yaw_rate_radps)
+        people = [walker.pose for walker in self._crowd.walkers]
+        self.referee.observe(t_s=self._steps * PERIOD_S, pose=pose, twist=twist, people=people, period_s=PERIOD_S)
+        if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
+            self._pictures += 1
+            self._frame = self.capture()
+
+    def newest_frame(self) -> Frame | None:
+        """The last picture that was due, or None before the first."""
+        return self._frame
+
+    def capture(self) -> Frame:
+        """Take a picture now."""
+        rgb, depth_m = self._camera.picture(self.true_pose())
+        rgb.flags.writeable = depth_m.flags.writeable = False
+        return Frame(
+            stamp_ns=self.now_ns(),
+            rgb=rgb,
+            depth_m=depth_m,
+            intrinsics=self._camera.intrinsics,
+            T_base_camera=T_BASE_CAMERA,
+            pose=self.odometry(),
+            twist=self.velocity(),
+        )
+
+    def send(self, twist: Twist) -> None:
+        """Ask the wheels for a velocity; it is clipped to the platform's limits and forgotten after 0.25 s."""
+        self._driver.ask(twist, self.now_ns())
+
+    def odometry(self) -> Pose2:
+        """T_map_base as the robot believes."""
+        return self._odometry.pose
+
+    def velocity(self) -> Twist:
+        """As the robot measures it."""
+        return self._odometry.twist
+
+    def true_pose(self) -> Pose2:
+        """T_map_base as it is: for the referee and for tests, never for navigation."""
+        return self._husky.pose()
+
+    def true_people(self) -> tuple[Pose2, ...]:
+        """T_map_person of everybody: for tests, never for navigation."""
+        return tuple(walker.pose for walker in self._crowd.walkers)
+
+    def new_run(self) -> None:
+        """Begin to judge afresh, by the same zones; robot, people and clock go on."""
+        zones, self.referee = self.referee.zones, Referee(self.scenario)
+        self.referee.set_zones(zones)
+
+    def close(self) -> None:
+        """Free the physics client; the simulator is of no use afterwards."""
+        if self._client >= 0:
+            with quiet_stdout():
+                self._camera.close()
+                pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _build(self, seed: int) -> None:
+        pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
+        pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
+        build_world(self._client, self.scenario)
+        self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S)
+        self._husky = Husky(self._client, self.scenario.start_pose)
+        for _ in range(SETTLING_STEPS):
+            self._husky.drive(0.0, 0.0)
+            pybullet.stepSimulation(physicsClientId=self._client)
+        self._driver = Driver(PERIOD_S)
+        self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
+        self._yaw_rate_radps = 0.0
+        self._odometry = Odometry(self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S)

@@ -1,0 +1,96 @@
+"""How a stereo depth camera errs: noise that grows with the square of the distance, shadows behind edges, speckle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Depth = npt.NDArray[np.float32]
+Rgb = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StereoErrors:
+    """Of an Intel RealSense D455; all zero makes a perfect camera of it."""
+
+    baseline_m: float = 0.095
+    """Between the two imagers."""
+    disparity_noise_px: float = 0.08
+    """Standard deviation of the matched disparity."""
+    disparity_step_px: float = 1 / 32
+    """Disparity comes in steps of this; 0 for none."""
+    speckle: float = 0.01
+    """Share of pixels that match nothing, anywhere."""
+    edge_px: int = 1
+    """Pixels on the near side of an edge in depth that match nothing either."""
+    shadows: bool = True
+    """Whether what only the left imager sees is missing."""
+    colour_noise: int = 3
+    """Largest error of a colour level, of a sum of two equal draws."""
+    min_range_m: float = 0.4
+    """Nothing nearer is measured."""
+    max_range_m: float = 6.0
+    """Nothing farther is measured."""
+
+
+PERFECT = StereoErrors(disparity_noise_px=0.0, disparity_step_px=0.0, speckle=0.0, edge_px=0, shadows=False, colour_noise=0)
+"""Only the range is limited."""
+
+
+def spoil_depth(true_m: Depth, focal_px: float, errors: StereoErrors, rng: np.random.Generator) -> Depth:
+    """(H, W) depth as the camera reports it, 0 where it measures nothing.
+
+    With disparity d = f·b/z the noise of z is z²·σ_d/(f·b).
+    """
+    strength = np.float32(focal_px * errors.baseline_m)
+    disparity: Depth = (strength / np.maximum(true_m, np.float32(0.05))).astype(np.float32)
+    missing = (true_m < errors.min_range_m) | (true_m > errors.max_range_m)
+    if errors.shadows:
+        missing |= _shadowed(disparity)
+    if errors.edge_px:
+        missing |= _near_edges(disparity, errors.edge_px)
+    if errors.speckle:
+        missing |= rng.random(true_m.shape, dtype=np.float32) < errors.speckle
+    if errors.disparity_noise_px:
+        disparity += np.float32(errors.disparity_noise_px) * rng.standard_normal(true_m.shape, dtype=np.float32)
+    if errors.disparity_step_px:
+        disparity = np.round(disparity / np.float32(errors.disparity_step_px)) * np.float32(errors.disparity_step_px)
+    depth: Depth = (strength / np.maximum(disparity, np.float32(0.1))).astype(np.float32)
+    depth[missing | (depth > errors.max_range_m)] = 0.0
+    return depth
+
+
+def spoil_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator) -> Rgb:
+    """(H, W, 3) colours with the sensor's noise."""
+    if not errors.colour_noise:
+        return true_rgb.copy()
+    span = errors.colour_noise + 1
+    draws = rng.integers(0, span, size=(2, *true_rgb.shape), dtype=np.uint8)
+    noisy = true_rgb.astype(np.int16) + draws[0] - draws[1]
+    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)
+
+
+def _shadowed(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """What something nearer, to its right in the left picture, hides from the right imager.
+
+    Column j lands in column j − d of the right picture. Whatever lies further right on the left and lands further left hides
+    it.
+    """
+    landing = np.arange(disparity.shape[1], dtype=np.float32) - disparity
+    rest = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
+    hidden = np.zeros(disparity.shape, dtype=np.bool_)
+    hidden[:, :-1] = landing[:, :-1] > rest[:, 1:]
+    return hidden
+
+
+def _near_edges(disparity: npt.NDArray[np.float32], width_px: int) -> npt.NDArray[np.bool_]:
+    """Pixels beside a jump of more than one pixel of disparity, along rows and columns."""
+    edges = np.zeros(disparity.shape, dtype=np.bool_)
+    across = np.abs(np.diff(disparity, axis=1)) > 1.0
+    along = np.abs(np.diff(disparity, axis=0)) > 1.0
+    for k in range(width_px):
+        edges[:, k + 1 :] |= across[:, : across.shape[1] - k]
+        edges[k + 1 :, :] |= along[: along.shape[0] - k, :]
+    return edges

@@ -1,0 +1,88 @@
+"""The operator's goals: every transition, and every refusal that leaves the mission as it was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from navcore.errors import BadGeometry, NotKnown, Refused
+from navcore.grid import GridSpec
+from navcore.mission import MAX_GOALS, Goal, Mission, Phase
+
+SPEC = GridSpec.centred(size_m=(10, 10), resolution_m=0.1)
+EMPTY = Mission()
+TWO = EMPTY.add(1.0, 2.0, SPEC).add(3.0, 4.0, SPEC)
+DRIVING = TWO.start()
+PAUSED = DRIVING.pause()
+
+
+def test_goals_wait_in_the_order_they_were_added_under_ids_of_their_own() -> None:
+    assert TWO.queue == (Goal(id=1, x_m=1.0, y_m=2.0), Goal(id=2, x_m=3.0, y_m=4.0))
+    assert EMPTY.queue == ()
+
+
+@pytest.mark.parametrize(("x", "y"), [(5.0, 0.0), (0.0, -5.1), (math.nan, 0.0), (0.0, math.inf)])
+def test_a_goal_off_the_map_is_refused(x: float, y: float) -> None:
+    with pytest.raises(BadGeometry, match="outside the map"):
+        EMPTY.add(x, y, SPEC)
+
+
+def test_a_full_queue_is_refused() -> None:
+    mission = EMPTY
+    for _ in range(MAX_GOALS):
+        mission = mission.add(0.0, 0.0, SPEC)
+    with pytest.raises(Refused, match="full"):
+        mission.add(0.0, 0.0, SPEC)
+
+
+def test_there_is_a_goal_to_drive_to_only_while_driving() -> None:
+    assert [mission.goal for mission in (EMPTY, TWO, PAUSED, DRIVING.cancel())] == [None] * 4
+    assert DRIVING.goal == PAUSED.resume().goal == TWO.queue[0]
+    assert PAUSED.queue == TWO.queue
+
+
+@pytest.mark.parametrize(
+    ("action", "word"),
+    [
+        (EMPTY.start, "no goal"),
+        (PAUSED.start, "paused"),
+        (EMPTY.pause, "only a driving"),
+        (TWO.pause, "only a driving"),
+        (PAUSED.pause, "only a driving"),
+        (EMPTY.resume, "only a paused"),
+        (TWO.resume, "only a paused"),
+        (DRIVING.resume, "only a paused"),
+    ],
+)
+def test_an_action_that_does_not_fit_the_phase_is_refused(action: Callable[[], Mission], word: str) -> None:
+    with pytest.raises(Refused, match=word):
+        action()
+
+
+@pytest.mark.parametrize("mission", [EMPTY, TWO, DRIVING, PAUSED])
+def test_cancelling_is_always_possible_and_forgets_what_waits(mission: Mission) -> None:
+    assert mission.cancel() == Mission(phase=Phase.IDLE, queue=(), reached=mission.reached, next_id=mission.next_id)
+
+
+def test_arriving_advances_to_the_next_goal_and_at_the_last_ends_the_mission() -> None:
+    first = DRIVING.arrive()
+    assert (first.phase, first.queue, first.reached) == (Phase.DRIVING, TWO.queue[1:], TWO.queue[:1])
+    last = first.arrive()
+    assert (last.phase, last.queue, last.reached) == (Phase.IDLE, (), TWO.queue)
+
+
+def test_removing_the_present_goal_drives_to_the_next_and_removing_the_last_ends() -> None:
+    assert DRIVING.remove(1).goal == TWO.queue[1]
+    assert DRIVING.remove(2).goal == TWO.queue[0]
+    assert DRIVING.remove(1).remove(2).phase is Phase.IDLE
+    assert PAUSED.remove(1).phase is Phase.PAUSED
+    with pytest.raises(NotKnown, match="id 9"):
+        DRIVING.remove(9)
+
+
+def test_an_id_is_never_used_twice() -> None:
+    mission = TWO.cancel().add(0.0, 0.0, SPEC)
+    assert mission.queue[0].id == 3
+    assert TWO.remove(2).add(0.0, 0.0, SPEC).queue[-1].id == 3

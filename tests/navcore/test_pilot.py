@@ -1,0 +1,268 @@
+"""The loop and the pilot that joins it to the operator: from a picture to what is sent to the wheels."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from app.pilot import Intent, Pilot
+from navcore.config import NavigatorConfig
+from navcore.errors import BadFrame, Refused
+from navcore.frame import Frame
+from navcore.local_planner import Outcome
+from navcore.mission import Mission, Phase
+from navcore.navigator import Navigator, Order, nearest_free
+from navcore.path import NoPath, Path, Reason
+from navcore.robot import HUSKY, STANDSTILL, Twist
+from navcore.safety import Cause, Verdict
+from navcore.segment import ColourSegmenter
+from navcore.transform import Pose2
+from navcore.zones import Zone
+from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
+
+SECOND = 1_000_000_000
+OPEN = picture(stamp_ns=SECOND)
+NAN = dataclasses.replace(OPEN, depth_m=np.full_like(OPEN.depth_m, math.nan))
+ACROSS = Zone(id="z", name="across", polygon=((1.5, -7.9), (2.0, -7.9), (2.0, 7.9), (1.5, 7.9)))
+
+
+def navigator() -> Navigator:
+    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+
+
+def pilot(*goals: tuple[float, float]) -> Pilot:
+    mission = Mission()
+    for x, y in goals:
+        mission = mission.add(x, y, SPEC)
+    intent = Intent(mission=mission.start() if goals else mission, beware=RED_LIST)
+    return Pilot(navigator=navigator(), profile=HUSKY, intent=intent)
+
+
+def think(driver: Pilot, frame: Frame = OPEN) -> None:
+    driver.think(frame, clock=lambda: frame.stamp_ns)
+
+
+def command(driver: Pilot, after_s: float = 0.0) -> Verdict:
+    return driver.command(SECOND + round(after_s * SECOND), 0.05)
+
+
+def causes(verdict: Verdict) -> list[Cause]:
+    return [reason.cause for reason in verdict.reasons]
+
+
+def test_a_driving_mission_moves_the_robot_towards_its_goal() -> None:
+    """Control of every standstill below."""
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    verdict = command(driver)
+    assert verdict.twist.v_mps > 0
+    assert verdict.reasons == ()
+    assert driver.sent == verdict.twist
+
+
+def test_before_the_first_picture_nothing_is_sent_and_the_reason_is_named() -> None:
+    verdict = command(pilot((3.0, 0.0)))
+    assert verdict.twist == STANDSTILL
+    assert causes(verdict) == [Cause.STALE_FRAME]
+
+
+def test_cancel_means_zero_at_the_next_command() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+    driver.change_mission(Mission.cancel)
+    assert command(driver).twist == STANDSTILL
+    think(driver)
+    assert command(driver).twist == STANDSTILL
+
+
+def test_a_cancel_during_the_tick_means_zero_although_the_tick_ends_later() -> None:
+    driver = pilot((3.0, 0.0))
+
+    def cancel_then_date() -> int:
+        driver.change_mission(Mission.cancel)
+        return SECOND
+
+    driver.think(OPEN, clock=cancel_then_date)
+    assert command(driver).twist == STANDSTILL
+
+
+def test_a_velocity_decided_for_a_cancelled_goal_is_not_sent_under_the_next() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    driver.change_mission(lambda mission: mission.cancel().add(-3.0, 0.0, SPEC).start())
+    assert command(driver, 0.1).twist == STANDSTILL
+
+
+def test_a_velocity_decided_before_a_zone_was_drawn_is_not_sent_after() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    here = dataclasses.replace(ACROSS, polygon=((0.55, -1.0), (1.5, -1.0), (1.5, 1.0), (0.55, 1.0)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(here,)))
+    assert command(driver, 0.1).twist == STANDSTILL
+
+
+def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    driver.change_mission(Mission.pause)
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.PAUSED])
+    driver.change_mission(Mission.resume)
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+    driver.change(lambda intent: dataclasses.replace(intent, stopped_by="ann"))
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.EMERGENCY_STOP])
+
+
+def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, 0.25).twist != STANDSTILL
+    assert (command(driver, 0.26).twist, causes(command(driver, 0.26))) == (STANDSTILL, [Cause.STALE_COMMAND])
+    assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
+
+
+def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -> None:
+    driver = pilot((0.05, 0.0), (3.0, 0.0))
+    think(driver)
+    assert [goal.id for goal in driver.intent.mission.reached] == [1]
+    assert driver.intent.mission.goal is not None
+    think(driver)
+    assert command(driver).twist.v_mps > 0
+    think(driver, picture(pose=Pose2(x_m=3.0, y_m=0.05, yaw_rad=0.0), stamp_ns=SECOND))
+    assert [goal.id for goal in driver.intent.mission.reached] == [1, 2]
+    assert driver.intent.mission.phase is Phase.IDLE
+    assert command(driver).twist == STANDSTILL
+
+
+def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
+    driver = pilot((0.05, 0.0))
+    think(driver, dataclasses.replace(OPEN, twist=Twist(v_mps=0.5, w_radps=0.0)))
+    assert driver.intent.mission.reached == ()
+    assert driver.intent.mission.phase is Phase.DRIVING
+
+
+def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:
+    driver = pilot((0.05, 0.0), (3.0, 0.0))
+
+    def remove_then_date() -> int:
+        driver.change_mission(lambda mission: mission.remove(1))
+        return SECOND
+
+    driver.think(OPEN, clock=remove_then_date)
+    assert driver.intent.mission.reached == ()
+    assert [goal.id for goal in driver.intent.mission.queue] == [2]
+
+
+def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_reason() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
+    assert command(driver).twist != STANDSTILL
+    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.seen
+    assert driver.think(NAN, clock=lambda: SECOND) is None
+    after = driver.navigator.map.points
+    np.testing.assert_array_equal(before.points_map, after.points_map)
+    np.testing.assert_array_equal(seen, driver.navigator.map.seen)
+    assert driver.navigator.map.version == version
+    verdict = command(driver)
+    assert verdict.twist == STANDSTILL
+    assert Cause.BAD_FRAME in causes(verdict)
+    assert "non-finite" in verdict.reasons[0].text
+    think(driver, picture(stamp_ns=SECOND))
+    assert driver.navigator.map.version > version
+    assert command(driver).reasons == ()
+
+
+def test_an_edit_that_is_refused_changes_nothing() -> None:
+    driver = pilot()
+    before = driver.intent
+    with pytest.raises(Refused):
+        driver.change_mission(Mission.start)
+    assert driver.intent is before
+
+
+def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
+    driver = pilot((5.0, 0.0))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    think(driver)
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.NO_PATH])
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(dataclasses.replace(ACROSS, enabled=False),)))
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+
+
+def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
+    driver = pilot((3.0, 0.0))
+    around = dataclasses.replace(ACROSS, polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(around,)))
+    think(driver)
+    assert command(driver).twist == STANDSTILL
+    assert causes(command(driver))
+
+
+RED_PATCH = Paint(x=(1.6, 2.4), y=(-0.5, 0.5))
+
+
+def order(goal: tuple[float, float] | None = (4.0, 0.0), *, enabled: bool = True, zones: tuple[Zone, ...] = ()) -> Order:
+    return Order(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones)
+
+
+def test_the_path_leads_around_a_red_floor_and_across_it_once_the_class_is_off() -> None:
+    loop = navigator()
+    around = loop.tick(picture(RED_PATCH), order()).route
+    across = loop.tick(picture(RED_PATCH), order(enabled=False)).route
+    assert around is not None
+    assert across is not None
+    assert isinstance(around.outcome, Path)
+    assert isinstance(across.outcome, Path)
+    assert across.outcome.length == 40.0
+    assert around.outcome.length > 42.0
+    assert np.abs(around.points[:, 1]).max() > 0.8
+
+
+def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
+    loop = navigator()
+    with pytest.raises(BadFrame):
+        loop.tick(NAN, order())
+    assert loop.map.version == 0
+    assert not loop.map.seen.any()
+
+
+def test_without_a_goal_the_robot_looks_and_stands() -> None:
+    decision = navigator().tick(picture(Box(x=(2, 3), y=(-1, 1), z=(0, 1))), order(None))
+    assert decision.route is None
+    assert decision.motion.outcome is Outcome.IDLE
+    assert decision.occupancy.grid.geometric.any()
+
+
+def test_a_goal_in_a_zone_is_blocked_and_the_path_ends_exactly_at_a_free_one() -> None:
+    loop = navigator()
+    blocked = loop.tick(OPEN, order((1.75, 0.0), zones=(ACROSS,))).route
+    assert blocked is not None
+    assert blocked.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+    free = loop.tick(OPEN, order((1.234, 0.567))).route
+    assert free is not None
+    assert free.points[-1].tolist() == free.waypoints[-1].tolist() == [1.234, 0.567]
+
+
+def test_planning_a_preview_changes_neither_map_nor_route() -> None:
+    loop = navigator()
+    decision = loop.tick(OPEN, order())
+    everything = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    assert loop.plan(everything, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
+    again = loop.tick(OPEN, order())
+    assert again.route is decision.route
+    assert again.occupancy is decision.occupancy
+
+
+def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> None:
+    blocked = np.zeros((20, 20), dtype=np.bool_)
+    blocked[5:12, 5:12] = True
+    assert nearest_free(blocked, (3, 3), 0.0) == (3, 3)
+    assert nearest_free(blocked, (8, 6), 2.0) == (8, 4)
+    assert nearest_free(blocked, (8, 8), 3.9) is None
+    assert nearest_free(blocked, (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
+    assert nearest_free(blocked, (-1, 30), 4.0) == (-1, 30)

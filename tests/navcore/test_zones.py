@@ -1,0 +1,112 @@
+"""Zones: what is refused, and that no touched cell is lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from navcore.errors import BadGeometry
+from navcore.grid import BoolGrid, GridSpec
+from navcore.zones import MAX_CORNERS, check_polygon, rasterise
+from tests.navcore.laws import law
+
+SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+HAIR = 0.02
+"""Cells: an overlap that reaches no further than this into a cell may be lost to rounding."""
+
+
+@pytest.mark.parametrize(
+    ("corners", "word"),
+    [
+        ([], "0 distinct corners"),
+        ([(0, 0)], "1 distinct corners"),
+        ([(0, 0), (1, 1)], "2 distinct corners"),
+        ([(0, 0), (1, 1), (0, 0), (1, 1), (0, 0)], "2 distinct corners"),
+        ([(0, 0), (1, 1), (1, 0), (0, 1)], "not simple"),
+        ([(0, 0), (1, 0), (2, 0)], "not simple|covers"),
+        ([(0, 0), (1, 0), (math.nan, 1)], "not finite"),
+        ([(0, 0), (1, 0), (1, math.inf)], "not finite"),
+        ([(0, 0), (1, 0), (1, 2.5)], r"\(1, 2.5\) lies outside"),
+        ([(0, 0), (1, 0), (1e200, 1e200)], "outside|not simple"),
+        ([(0, 0), (0.001, 0), (0, 0.001)], "covers"),
+        ([(0, 0), (1, 0, 0), (1, 1)], "pairs"),
+        ([(0, 0), (1,), (1, 1)], "pairs"),
+        ([(0.001 * i, 0.0) for i in range(MAX_CORNERS + 1)], f"{MAX_CORNERS + 1} corners"),
+    ],
+)
+def test_a_polygon_that_is_no_place_on_the_map_is_refused_with_the_reason(
+    corners: Sequence[Sequence[float]], word: str
+) -> None:
+    with pytest.raises(BadGeometry, match=word):
+        check_polygon(corners, SPEC)
+
+
+def test_a_good_polygon_passes_unchanged_and_a_closing_corner_is_dropped() -> None:
+    """Control of the refusals above."""
+    assert check_polygon(SQUARE, SPEC) == SQUARE
+    assert check_polygon([*SQUARE, SQUARE[0]], SPEC) == SQUARE
+    assert check_polygon(SQUARE[::-1], SPEC) == SQUARE[::-1]
+
+
+def overlaps(polygon: Sequence[Sequence[float]], *, deeper_than: float) -> BoolGrid:
+    """(rows, cols) cells whose square, shrunk by `deeper_than` cells on every side, meets the polygon; by shapely."""
+    shape = Polygon(polygon)
+    shapely.prepare(shape)
+    rows, cols = np.mgrid[: SPEC.rows, : SPEC.cols]
+    x, y, d = SPEC.origin_x_m + cols * 0.1, SPEC.origin_y_m + rows * 0.1, deeper_than * 0.1
+    return np.asarray(shapely.intersects(shape, shapely.box(x + d, y + d, x + 0.1 - d, y + 0.1 - d)))
+
+
+def star(seed: int, corners: int) -> list[tuple[float, float]]:
+    """A simple polygon: corners around a centre, in order of their angle."""
+    rng = np.random.default_rng(seed)
+    angles = np.sort((np.arange(corners) + rng.uniform(0.05, 0.95, corners)) / corners * 2 * np.pi)
+    radii = rng.uniform(0.05, 1.4, corners)
+    x, y = rng.uniform(-1.5, 1.5), rng.uniform(-0.5, 0.5)
+    return [(float(x + r * math.cos(a)), float(y + r * math.sin(a))) for r, a in zip(radii, angles, strict=True)]
+
+
+@law(150)
+@given(st.integers(0, 2**32 - 1), st.integers(3, 12))
+def test_every_cell_that_a_zone_overlaps_by_more_than_a_hair_is_marked(seed: int, corners: int) -> None:
+    polygon = check_polygon(star(seed, corners), SPEC)
+    missing = overlaps(polygon, deeper_than=HAIR) & ~rasterise(polygon, SPEC)
+    assert not missing.any(), f"{int(missing.sum())} cells, first {np.argwhere(missing)[0]}, of {polygon}"
+
+
+def test_the_tip_that_a_slanted_edge_puts_into_a_cell_is_marked() -> None:
+    polygon = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.06), (0.0, 0.06)]
+    missing = overlaps(polygon, deeper_than=HAIR) & ~rasterise(polygon, SPEC)
+    assert not missing.any(), f"{int(missing.sum())} cells, first {np.argwhere(missing)[0]}"
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1), st.integers(3, 12))
+def test_no_cell_that_a_zone_keeps_away_from_is_marked(seed: int, corners: int) -> None:
+    """Control: marking the whole map would pass the law above."""
+    polygon = star(seed, corners)
+    assert not (rasterise(polygon, SPEC) & ~overlaps(polygon, deeper_than=-1.0)).any()
+
+
+def test_a_sliver_thinner_than_a_cell_is_marked_from_end_to_end() -> None:
+    sliver = [(-2.0, 0.031), (2.0, 0.031), (2.0, 0.039), (-2.0, 0.039)]
+    row = SPEC.cell(0.0, 0.035)[0]
+    assert rasterise(sliver, SPEC)[row, 10:50].all()
+    assert int(rasterise(sliver, SPEC)[row + 3].sum()) == 0
+
+
+def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
+    """Control: cells by their centres alone, as a plain fill would have them, lose touched cells."""
+    polygon = star(3, 5)
+    by_centre = np.array(
+        [[Polygon(polygon).contains(shapely.Point(SPEC.centre(r, c))) for c in range(SPEC.cols)] for r in range(SPEC.rows)]
+    )
+    assert (overlaps(polygon, deeper_than=HAIR) & ~by_centre).any()

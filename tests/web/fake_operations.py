@@ -1,0 +1,353 @@
+"""A small system behind the console, in memory: the real values and rules of the navigation in a world of rectangles."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections.abc import Iterable, Mapping
+from pathlib import Path as FilePath
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import BewareList, default_beware_list
+from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated
+from navcore.frame import Intrinsics
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission import Goal, Mission, Phase
+from navcore.path import NoPath, Path, plan
+from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
+from navcore.transform import Pose2, camera_mount
+from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.zones import Zone, check_polygon, rasterise
+from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
+
+SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
+INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
+T_BASE_CAMERA = camera_mount(x_m=0.4, y_m=0.0, z_m=0.6, pitch_down_rad=0.3)
+MARGIN_M = 0.1
+STEP_M = 0.1
+RED_FLOOR = 1
+
+
+class FakeOperations:
+    """Satisfies `web.port.Operations`; `step` moves the robot along its path."""
+
+    def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
+        self._lock = threading.RLock()
+        self._mission = Mission()
+        self._zones: dict[str, Zone] = {}
+        self._zone_ids = itertools.count(1)
+        self._beware = default_beware_list()
+        self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
+        self._driven = [(-6.0, 0.0)]
+        self._stopped_by: str | None = None
+        self._counts = {"serial": 0, "grid": 0, "zones": 0, "replans": 0}
+        self._urdf = robot_urdf
+        self.stops: list[str] = []
+        self._world = {0: _walls(), RED_FLOOR: _box(-1.5, 0.5, -1.0, 1.0)}
+        self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
+        self._seen[:, -30:] = False
+        self._see()
+
+    # -------------------------------------------------------------------------------------------------------- reading
+
+    @property
+    def profile(self) -> RobotProfile:
+        """The Husky."""
+        return HUSKY
+
+    @property
+    def robot_urdf(self) -> FilePath | None:
+        """What the test asked for."""
+        return self._urdf
+
+    def state(self) -> State:
+        """The newest snapshot."""
+        with self._lock:
+            reasons = self._reasons()
+            moving = self._mission.goal is not None and not reasons
+            return State(
+                stamp_s=0.1 * self._counts["serial"],
+                scenario="fake hall",
+                robot=HUSKY.name,
+                phase=self._mission.phase,
+                moving=moving,
+                summary=self._summary(reasons, moving),
+                stop_latched=self._stopped_by is not None,
+                reasons=reasons,
+                pose=self._pose,
+                twist=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
+                command=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
+                queue=self._mission.queue,
+                reached=self._mission.reached,
+                distance_to_goal_m=self._length(self._path),
+                travelled_m=STEP_M * (len(self._driven) - 1),
+                explored_m2=float(self._seen.sum()) * SPEC.resolution_m**2,
+                replans=self._counts["replans"],
+                tick_ms=12.5,
+                frame_age_s=0.05,
+                zones_version=self._counts["zones"],
+                beware_version=self._beware.version,
+            )
+
+    def picture(self) -> Picture | None:
+        """The newest tick's values."""
+        with self._lock:
+            return self._picture
+
+    def cloud(self) -> Cloud | None:
+        """The walls as points."""
+        points, rgb, ids = [], [], []
+        for class_id, mask in self._world.items():
+            cells = SPEC.centres(np.argwhere(mask))
+            for height in (0.01,) if class_id else (0.1, 0.4, 0.7, 1.0):
+                points.append(np.column_stack([cells, np.full(len(cells), height)]))
+                rgb.append(np.tile((200, 30, 30) if class_id else (150, 150, 160), (len(cells), 1)))
+                ids.append(np.full(len(cells), class_id))
+        return Cloud(
+            serial=1,
+            points_map=np.vstack(points).astype(np.float32),
+            rgb=np.vstack(rgb).astype(np.uint8),
+            class_ids=np.concatenate(ids).astype(np.uint8),
+        )
+
+    # -------------------------------------------------------------------------------------------------------- mission
+
+    def add_goal(self, x_m: float, y_m: float) -> Goal:
+        """As the port says."""
+        with self._lock:
+            mission = self._mission.add(x_m, y_m, SPEC)
+            if self._picture.grid.occupied()[SPEC.cell(x_m, y_m)]:
+                raise BadGeometry(f"goal ({x_m:g}, {y_m:g}) lies inside an obstacle or a zone; choose a free place")
+            self._mission = mission
+            self._see()
+            return mission.queue[-1]
+
+    def remove_goal(self, goal_id: int) -> None:
+        """As the port says."""
+        with self._lock:
+            self._mission = self._mission.remove(goal_id)
+            self._see()
+
+    def mission(self, action: MissionAction) -> None:
+        """As the port says."""
+        with self._lock:
+            self._mission = getattr(self._mission, action)()
+            self._see()
+
+    def stop(self, source: str) -> None:
+        """As the port says."""
+        with self._lock:
+            self.stops.append(source)
+            self._stopped_by = source
+
+    def reset_stop(self) -> None:
+        """As the port says."""
+        with self._lock:
+            self._stopped_by = None
+            if self._mission.phase is Phase.DRIVING:
+                self._mission = self._mission.pause()
+
+    def step(self) -> None:
+        """One tick: the robot moves one step along its path and arrives at its end."""
+        with self._lock:
+            goal = self._mission.goal
+            if goal is not None and not self._reasons() and len(self._path):
+                x, y = self._path[min(1, len(self._path) - 1)]
+                yaw = math.atan2(y - self._pose.y_m, x - self._pose.x_m) if len(self._path) > 1 else self._pose.yaw_rad
+                self._pose = Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw)
+                self._driven.append((float(x), float(y)))
+                if len(self._path) <= 2:
+                    self._mission = self._mission.arrive()
+            self._see()
+
+    # ---------------------------------------------------------------------------------------------------------- zones
+
+    def zones(self) -> tuple[Zone, ...]:
+        """As the port says."""
+        with self._lock:
+            return tuple(self._zones.values())
+
+    def add_zone(self, draft: ZoneDraft) -> Zone:
+        """As the port says."""
+        with self._lock:
+            return self._put(_zone(f"z{next(self._zone_ids)}", 1, draft))
+
+    def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
+        """As the port says."""
+        with self._lock:
+            old = self._expect(zone_id, expected_version)
+            return self._put(_zone(zone_id, old.version + 1, draft))
+
+    def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
+        """As the port says."""
+        with self._lock:
+            self._expect(zone_id, expected_version)
+            del self._zones[zone_id]
+            self._counts["zones"] += 1
+            self._see()
+
+    # --------------------------------------------------------------------------------------------------------- beware
+
+    def beware(self) -> BewareList:
+        """As the port says."""
+        return self._beware
+
+    def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
+        """As the port says."""
+        with self._lock:
+            self._beware = self._beware.edited(name, **changes)
+            self._see()
+            return self._beware
+
+    def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
+        """As the port says."""
+        with self._lock:
+            if expected_version not in (None, self._beware.version):
+                raise Outdated(f"beware list is at version {self._beware.version}")
+            if not beware.classes:
+                raise BadConfiguration("beware list: at least one class is needed")
+            self._beware = self._beware.replaced(beware.classes)
+            self._see()
+            return self._beware
+
+    def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
+        """As the port says."""
+        with self._lock:
+            blocked = self._picture.blocked
+            if polygon is not None:
+                corners = check_polygon(polygon, SPEC)
+                blocked = blocked | _inflated(_grid(self._world, self._beware, [Zone(id="-", name="-", polygon=corners)]))
+            if goal is None:
+                if not self._mission.queue:
+                    raise BadGeometry("preview needs a goal, there is none yet")
+                goal = (self._mission.queue[0].x_m, self._mission.queue[0].y_m)
+            if not SPEC.contains(*goal):
+                raise BadGeometry(f"goal {goal} lies outside the map, {SPEC.extent()}")
+            outcome, points = _planned(blocked, self._pose, goal)
+            return PathPreview(outcome=outcome, points=points, length_m=self._length(points))
+
+    # ----------------------------------------------------------------------------------------------------------- runs
+
+    def runs(self) -> tuple[Mapping[str, object], ...]:
+        """One past mission."""
+        return ({"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},)
+
+    def run(self, run_id: str) -> Mapping[str, object]:
+        """That mission."""
+        if run_id != "run-1":
+            raise NotKnown("no run has this id")
+        return {**self.runs()[0], "series": {"t_s": [0.0, 1.0]}}
+
+    # ---------------------------------------------------------------------------------------------------------- inside
+
+    def _expect(self, zone_id: str, version: int | None) -> Zone:
+        if zone_id not in self._zones:
+            raise NotKnown("no zone has this id")
+        zone = self._zones[zone_id]
+        if version not in (None, zone.version):
+            raise Outdated(f"zone {zone_id} is at version {zone.version}, not {version}")
+        return zone
+
+    def _put(self, zone: Zone) -> Zone:
+        self._zones[zone.id] = zone
+        self._counts["zones"] += 1
+        self._see()
+        return zone
+
+    def _reasons(self) -> tuple[StopReason, ...]:
+        found = []
+        if self._stopped_by is not None:
+            found.append(StopReason(code="emergency_stop", text=f"emergency stop by {self._stopped_by}; reset it to go on"))
+        if self._mission.goal is not None and not len(self._path):
+            found.append(StopReason(code="no_path", text="there is no path to the goal: every way to it is closed"))
+        return tuple(found)
+
+    def _summary(self, reasons: tuple[StopReason, ...], moving: bool) -> str:
+        if reasons:
+            return f"standing: {reasons[0].text}"
+        if moving:
+            return f"driving to goal {self._mission.queue[0].id}"
+        return "waiting for a goal" if not self._mission.queue else f"waiting, mission is {self._mission.phase}"
+
+    def _see(self) -> None:
+        counts = self._counts
+        counts["serial"] += 1
+        grid = _grid(self._world, self._beware, self._zones.values())
+        blocked = _inflated(grid)
+        old: Picture | None = getattr(self, "_picture", None)
+        if old is None or not np.array_equal(old.blocked, blocked) or grid.beware.keys() != old.grid.beware.keys():
+            counts["grid"] += 1
+        self._path, waypoints = np.empty((0, 2)), np.empty((0, 2))
+        if self._mission.queue:
+            counts["replans"] += 1
+            goal = self._mission.queue[0]
+            outcome, self._path = _planned(blocked, self._pose, (goal.x_m, goal.y_m))
+            if isinstance(outcome, Path):
+                waypoints = choose_waypoints(outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD)
+        rgb, labels = _frame()
+        self._picture = Picture(
+            serial=counts["serial"],
+            pose=self._pose,
+            T_map_camera=self._pose.matrix() @ T_BASE_CAMERA,
+            intrinsics=INTRINSICS,
+            rgb=rgb,
+            labels=labels,
+            grid=grid,
+            blocked=blocked,
+            seen=self._seen,
+            grid_version=counts["grid"],
+            path=self._path,
+            waypoints=waypoints,
+            driven=np.array(self._driven),
+        )
+
+    @staticmethod
+    def _length(points: npt.NDArray[np.float64]) -> float | None:
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if len(points) else None
+
+
+def _zone(zone_id: str, version: int, draft: ZoneDraft) -> Zone:
+    corners = check_polygon(draft.polygon, SPEC)
+    return Zone(id=zone_id, name=draft.name, polygon=corners, enabled=draft.enabled, margin_m=draft.margin_m, version=version)
+
+
+def _box(left: float, right: float, low: float, high: float) -> BoolGrid:
+    return rasterise(((left, low), (right, low), (right, high), (left, high)), SPEC)
+
+
+def _walls() -> BoolGrid:
+    outer = _box(-7.9, 7.9, -5.9, 5.9) & ~_box(-7.7, 7.7, -5.7, 5.7)
+    return outer | _box(1.5, 2.0, -5.9, -2.0) | _box(3.5, 4.5, 2.0, 3.0)
+
+
+def _grid(world: Mapping[int, BoolGrid], beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
+    active = [zone for zone in zones if zone.enabled]
+    masks = [rasterise(zone.polygon, SPEC) for zone in active]
+    nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    return OccupancyGrid(
+        spec=SPEC,
+        geometric=world[0],
+        beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
+        zones=np.logical_or.reduce([nothing, *masks]),
+    )
+
+
+def _inflated(grid: OccupancyGrid) -> BoolGrid:
+    return inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
+
+
+def _planned(blocked: BoolGrid, pose: Pose2, goal: tuple[float, float]) -> tuple[Path | NoPath, npt.NDArray[np.float64]]:
+    outcome = plan(blocked, SPEC.cell(pose.x_m, pose.y_m), SPEC.cell(*goal))
+    return outcome, SPEC.centres(outcome.cells) if isinstance(outcome, Path) else np.empty((0, 2))
+
+
+def _frame() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    rgb = np.full((INTRINSICS.height, INTRINSICS.width, 3), 120, dtype=np.uint8)
+    rgb[:90] = (170, 180, 190)
+    rgb[110:150, 120:220] = (200, 30, 30)
+    labels = np.zeros(rgb.shape[:2], dtype=np.uint8)
+    labels[110:150, 120:220] = RED_FLOOR
+    return rgb, labels

@@ -1,0 +1,64 @@
+"""`WS /api/v1/events`: the state at 10 Hz and on every change. Each client gets the newest value, never a queue of old ones."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+
+from web.api.answers import state_of
+from web.port import Operations, State
+
+LOOK_S = 0.025
+"""How often a change is looked for; a snapshot is one attribute read."""
+PERIOD_S = 0.1
+"""Longest time between two messages."""
+
+
+def events_router(operations: Operations) -> APIRouter:
+    """The websocket below `/api/v1`."""
+    router = APIRouter()
+
+    @router.websocket("/events")
+    async def events(socket: WebSocket) -> None:
+        """The state, again and again, until the client goes."""
+        await socket.accept()
+        sending = asyncio.create_task(_send(socket, operations))
+        try:
+            while True:
+                await socket.receive_text()
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            # Gone, or it sent what is no text: nothing a client says here has a meaning.
+            pass
+        finally:
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    return router
+
+
+async def _send(socket: WebSocket, operations: Operations) -> None:
+    clock = asyncio.get_running_loop().time
+    sent_at, sent = -PERIOD_S, None
+    while True:
+        notable = _notable(operations.state())
+        if notable != sent or clock() - sent_at >= PERIOD_S:
+            sent_at, sent = clock(), notable
+            # A slow client holds up its own coroutine only, and then gets what is newest.
+            await socket.send_text(state_of(operations).model_dump_json())
+        await asyncio.sleep(LOOK_S)
+
+
+def _notable(state: State) -> tuple[Any, ...]:
+    """What must reach the operator at once, not at the next turn."""
+    return (
+        state.phase,
+        state.moving,
+        state.stop_latched,
+        tuple(reason.code for reason in state.reasons),
+        state.queue,
+        state.reached,
+        state.zones_version,
+        state.beware_version,
+    )

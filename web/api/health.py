@@ -1,0 +1,54 @@
+"""What machines ask: is it alive, and its figures for Prometheus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fastapi import APIRouter, Response
+
+from navcore.mission import Phase
+from web.port import Operations, State
+from web.problems import JsonResponse
+from web.schemas import HealthOut
+
+
+def health_router(operations: Operations) -> APIRouter:
+    """Routes at the top."""
+    router = APIRouter(tags=["health"], default_response_class=JsonResponse)
+
+    @router.get("/healthz", response_model=HealthOut)
+    async def healthz() -> HealthOut:
+        """That the console answers and reads the system's state."""
+        state = operations.state()
+        return HealthOut(scenario=state.scenario, robot=state.robot, frame_age_s=state.frame_age_s)
+
+    @router.get("/metrics", response_class=Response)
+    async def metrics() -> Response:
+        """Figures in Prometheus' text format."""
+        text = "".join(_lines(operations.state()))
+        return Response(text, media_type="text/plain; version=0.0.4; charset=utf-8")
+
+    return router
+
+
+def _lines(state: State) -> Iterator[str]:
+    figures: tuple[tuple[str, str, str, float | None], ...] = (
+        ("stop_latched", "gauge", "1 while the emergency stop holds.", float(state.stop_latched)),
+        ("moving", "gauge", "1 while a command other than zero is sent.", float(state.moving)),
+        ("stop_reasons", "gauge", "Reasons that hold the robot now.", float(len(state.reasons))),
+        ("goals_waiting", "gauge", "Goals still to reach.", float(len(state.queue))),
+        ("goals_reached_total", "counter", "Goals reached.", float(len(state.reached))),
+        ("travelled_metres_total", "counter", "Distance driven.", state.travelled_m),
+        ("explored_square_metres", "gauge", "Floor seen.", state.explored_m2),
+        ("replans_total", "counter", "Paths planned.", float(state.replans)),
+        ("tick_seconds", "gauge", "Duration of the navigator's last tick.", state.tick_ms / 1000),
+        ("frame_age_seconds", "gauge", "Age of the newest camera frame.", state.frame_age_s),
+        ("speed_metres_per_second", "gauge", "Forward speed by odometry.", state.twist.v_mps),
+    )
+    for name, kind, meaning, value in figures:
+        if value is not None and math.isfinite(value):
+            yield f"# HELP bewarenav_{name} {meaning}\n# TYPE bewarenav_{name} {kind}\nbewarenav_{name} {value!r}\n"
+    yield "# HELP bewarenav_phase What the operator has asked for.\n# TYPE bewarenav_phase gauge\n"
+    for phase in Phase:
+        yield f'bewarenav_phase{{phase="{phase}"}} {float(state.phase is phase)!r}\n'

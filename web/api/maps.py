@@ -1,0 +1,116 @@
+"""The large values as files: map, cloud, path, camera, and reports of past missions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
+
+from web.api.answers import finite, track
+from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml
+from web.port import Operations, Picture
+from web.problems import RESPONSES, JsonResponse
+from web.schemas import MapOut, PathOut
+
+_NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
+RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
+
+
+def maps_router(operations: Operations) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+    png, camera, labelled, ply = Newest[bytes](), Newest[bytes](), Newest[bytes](), Newest[bytes]()
+
+    def newest() -> Picture:
+        picture = operations.picture()
+        if picture is None:
+            raise HTTPException(404, "the camera has delivered no picture yet")
+        return picture
+
+    @router.get("/map", response_model=MapOut, responses=_NOTHING_YET)
+    def get_map() -> MapOut:
+        """Where the map lies; `version` changes whenever its cells do."""
+        picture, profile = newest(), operations.profile
+        spec = picture.grid.spec
+        return MapOut(
+            version=picture.grid_version,
+            resolution_m=spec.resolution_m,
+            rows=spec.rows,
+            cols=spec.cols,
+            origin_x_m=spec.origin_x_m,
+            origin_y_m=spec.origin_y_m,
+            robot_length_m=profile.length_m,
+            robot_width_m=profile.width_m,
+        )
+
+    @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
+    def get_map_png(request: Request) -> Response:
+        """All layers as a picture, north up, two pixels per cell and side."""
+        picture, beware = newest(), operations.beware()
+        key = (picture.grid_version, beware.version)
+        return _tagged(request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png")
+
+    @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
+    def get_map_pgm() -> Response:
+        """Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top."""
+        return Response(map_pgm(newest()), media_type="image/x-portable-graymap")
+
+    @router.get("/map.yaml", response_class=Response, responses=_NOTHING_YET)
+    def get_map_yaml() -> Response:
+        """Nav2's description of `map.pgm`; the origin is its lower-left corner."""
+        return Response(map_yaml(newest()), media_type="application/yaml")
+
+    @router.get("/cloud.ply", response_class=Response, responses=_NOTHING_YET)
+    def get_cloud() -> Response:
+        """The points of the map as binary PLY with colour and class id."""
+        cloud = operations.cloud()
+        if cloud is None:
+            raise HTTPException(404, "the map has no points yet")
+        return Response(ply.get(cloud.serial, lambda: cloud_ply(cloud)), media_type="application/octet-stream")
+
+    @router.get("/path", response_model=PathOut, responses=_NOTHING_YET)
+    def get_path() -> PathOut:
+        """The planned path, its corners, and the way driven so far."""
+        picture = newest()
+        return PathOut(
+            serial=picture.serial,
+            path=track(picture.path),
+            waypoints=track(picture.waypoints),
+            driven=track(picture.driven),
+        )
+
+    @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
+    def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:
+        """What the camera sees; with `overlay=segmentation`, what the segmenter found is tinted and outlined."""
+        picture = newest()
+        drawn = overlay == "segmentation"
+        data = (labelled if drawn else camera).get(picture.serial, lambda: camera_jpg(picture, overlay=drawn))
+        return Response(data, media_type="image/jpeg")
+
+    @router.get("/runs")
+    def get_runs() -> list[dict[str, Any]]:
+        """Reports of past missions, newest first, without their series."""
+        return [finite(dict(run)) for run in operations.runs()]
+
+    @router.get("/runs/{run_id}", responses=_NOTHING_YET)
+    def get_run(run_id: Annotated[str, Path(pattern=RUN_ID)]) -> dict[str, Any]:
+        """One mission's whole report."""
+        report: dict[str, Any] = finite(dict(operations.run(run_id)))
+        return report
+
+    return router
+
+
+class _Png(Response):
+    media_type = "image/png"
+
+
+class _Jpeg(Response):
+    media_type = "image/jpeg"
+
+
+def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) -> Response:
+    tag = '"{}-{}"'.format(*key)
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"ETag": tag})
+    return Response(make(), media_type=media_type, headers={"ETag": tag, "Cache-Control": "no-cache"})

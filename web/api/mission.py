@@ -1,0 +1,65 @@
+"""State, goals, mission and the stop.
+
+The stop's handlers are coroutines on purpose: a plain function waits for a thread of the pool, and the pool may be busy with
+pictures. They answer when the intent is posted, which takes no longer than a function call.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+
+from web.api.answers import goals, mission_of, state_of
+from web.port import MissionAction, Operations
+from web.problems import RESPONSES, JsonResponse
+from web.schemas import GoalIn, GoalOut, MissionOut, StateOut
+
+
+def mission_router(operations: Operations) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["mission"], default_response_class=JsonResponse)
+
+    @router.get("/state", response_model=StateOut)
+    async def get_state() -> StateOut:
+        """Everything small that is shown, in one consistent snapshot; the reasons of a stop with the worst first."""
+        return state_of(operations)
+
+    @router.get("/goals", response_model=MissionOut)
+    async def get_goals() -> MissionOut:
+        """The goals that wait, the present one first, and those reached."""
+        return mission_of(operations.state())
+
+    @router.post("/goals", status_code=201, response_model=GoalOut, responses=_refusals(409, 422))
+    def add_goal(goal: GoalIn) -> GoalOut:
+        """Queue a goal; refused outside the map and inside an obstacle or zone that is known already."""
+        return goals([operations.add_goal(goal.x_m, goal.y_m)])[0]
+
+    @router.delete("/goals/{goal_id}", status_code=204, responses=_refusals(404, 422))
+    def remove_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)]) -> None:
+        """Take a waiting goal, or the present one, out of the queue."""
+        operations.remove_goal(goal_id)
+
+    @router.post("/mission/{action}", response_model=MissionOut, responses=_refusals(409, 422))
+    async def act(action: MissionAction) -> MissionOut:
+        """Start, pause, resume or cancel; the answer is the state after it."""
+        operations.mission(action)
+        return mission_of(operations.state())
+
+    @router.post("/stop", response_model=StateOut)
+    async def stop() -> StateOut:
+        """Emergency stop. It holds until it is reset, whatever else is asked for."""
+        operations.stop("REST")
+        return state_of(operations)
+
+    @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))
+    async def reset_stop() -> StateOut:
+        """Release the emergency stop. The mission stays paused until it is started or resumed again."""
+        operations.reset_stop()
+        return state_of(operations)
+
+    return router
+
+
+def _refusals(*statuses: int) -> dict[int | str, dict[str, object]]:
+    return {status: RESPONSES[status] for status in statuses}

@@ -1,0 +1,61 @@
+"""`WS /api/v1/viewer/{page_id}`: what a console page and its 3D view tell each other.
+
+The page sends its mode and draft, the view sends clicks and drags as points on the floor. Nothing here acts on the robot: the
+page turns a click into a request to the same routes that programs use.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from pydantic import ValidationError
+
+from web.viewer.link import PAGE_ID, PageLink
+from web.viewer.messages import PageMessage
+from web.viewer.viewer import Viewer
+
+NOT_FOR_YOU, BAD_MESSAGE = 1008, 1007
+
+
+def viewer_link_router(viewer: Viewer | None) -> APIRouter:
+    """The websocket below `/api/v1`."""
+    router = APIRouter()
+
+    @router.websocket("/viewer/{page_id}")
+    async def link(socket: WebSocket, page_id: str) -> None:
+        if viewer is None or PAGE_ID.fullmatch(page_id) is None:
+            await socket.close(NOT_FOR_YOU)
+            return
+        await socket.accept()
+        mailbox = PageLink(asyncio.get_running_loop())
+        viewer.links.put(page_id, mailbox)
+        telling = asyncio.create_task(_tell(socket, mailbox))
+        try:
+            await _listen(socket, viewer, page_id)
+        finally:
+            telling.cancel()
+            await asyncio.gather(telling, return_exceptions=True)
+            viewer.links.drop(page_id, mailbox)
+            viewer.forget(page_id)
+
+    return router
+
+
+async def _tell(socket: WebSocket, mailbox: PageLink) -> None:
+    while True:
+        message: dict[str, Any] = await mailbox.next()
+        await socket.send_text(json.dumps(message, allow_nan=False))
+
+
+async def _listen(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
+    try:
+        while True:
+            viewer.receive(page_id, PageMessage.validate_json(await socket.receive_text()))
+    except ValidationError:
+        # Only a page of another version or a stranger says what is not understood.
+        await socket.close(BAD_MESSAGE)
+    except (WebSocketDisconnect, RuntimeError, KeyError):
+        pass

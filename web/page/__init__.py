@@ -1,0 +1,1 @@
+"""The operator's page: HTML, style and scripts, served as they are."""

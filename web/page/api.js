@@ -1,0 +1,56 @@
+// Requests to the same routes that programs use. A refusal becomes an Error whose text is the system's own sentence.
+
+export class Refusal extends Error {
+  constructor(status, body) {
+    super(body?.error?.message ?? `the console answered ${status}`);
+    this.status = status;
+    this.body = body;
+  }
+}
+
+export async function request(method, path, body, headers = {}) {
+  const options = { method, headers: { Accept: "application/json", ...headers } };
+  if (body !== undefined) {
+    options.headers["Content-Type"] = "application/json";
+    options.body = JSON.stringify(body);
+  }
+  let response;
+  try {
+    response = await fetch(`/api/v1${path}`, options);
+  } catch {
+    throw new Refusal(0, { error: { message: "the console does not answer; nothing was changed as far as this page knows" } });
+  }
+  const text = await response.text();
+  let value = null;
+  try { value = text ? JSON.parse(text) : null; } catch { /* an answer that is no JSON has no more to say */ }
+  if (!response.ok) throw new Refusal(response.status, value);
+  return value;
+}
+
+export const get = (path) => request("GET", path);
+export const post = (path, body) => request("POST", path, body);
+
+// The stop is sent again until an answer comes: it may be the one request that a bad link swallows.
+export async function stop() {
+  for (let attempt = 0; attempt < 3; attempt += 1) {
+    try {
+      const response = await fetch("/api/v1/stop", { method: "POST", keepalive: true, signal: AbortSignal.timeout(1500) });
+      if (response.ok) return;
+    } catch { /* try again */ }
+  }
+  throw new Error("THE STOP DID NOT REACH THE ROBOT. Use the stop on the robot itself.");
+}
+
+// One connection that comes back by itself; `onMessage` gets parsed messages, `onOpen` a function to send with.
+export function connect(path, { onMessage, onOpen = () => {} }) {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  let socket;
+  const open = () => {
+    socket = new WebSocket(`${scheme}://${location.host}/api/v1${path}`);
+    socket.onopen = () => onOpen();
+    socket.onmessage = (event) => onMessage(JSON.parse(event.data));
+    socket.onclose = () => setTimeout(open, 500);
+  };
+  open();
+  return { send: (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); } };
+}

@@ -1,0 +1,223 @@
+// The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
+
+import { connect, get, post, stop } from "./api.js";
+import { clicked, draft, dragged, finish, nameZonesBy, onDraft, parseCorners, setMode, undo } from "./draft.js";
+import { showBeware, showGoals, showLegend, showZones } from "./lists.js";
+import * as map from "./map.js";
+import { attempt, say } from "./toasts.js";
+
+const STALE_MS = 1000;
+const CAMERA_MS = 250;
+const element = (id) => document.getElementById(id);
+const seen = { zones: null, beware: null, grid: null, picture: null };
+let arrivedAt = performance.now();
+let state = null;
+let zones = [];
+
+// ------------------------------------------------------------------------------------------------------ the robot's state
+
+function text(id, value) { if (element(id).textContent !== value) element(id).textContent = value; }
+
+function showState(next) {
+  state = next;
+  arrivedAt = performance.now();
+  const kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : state.phase;
+  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING" };
+  element("badge").dataset.kind = kind;
+  text("badge", words[kind] ?? kind);
+  text("summary", state.summary);
+  element("summary").title = state.summary;
+  text("world", `${state.scenario} · ${state.robot}`);
+  text("phase", state.phase);
+  showReasons();
+  showButtons();
+  showFigures();
+  showGoals(state);
+  follow();
+  map.update({ state });
+}
+
+function showReasons() {
+  const box = element("reasons");
+  box.dataset.kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : "clear";
+  text("reasons-head", state.reasons.length ? "Why it stands:" : "✓ Nothing holds the robot.");
+  const wanted = state.reasons.map((reason) => reason.text);
+  const list = element("reasons-list");
+  if ([...list.children].map((child) => child.textContent).join("\n") === wanted.join("\n")) return;
+  list.replaceChildren(...wanted.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+}
+
+function showButtons() {
+  const allowed = { start: state.phase === "idle" && state.queue.length > 0, pause: state.phase === "driving", resume: state.phase === "paused", cancel: state.queue.length > 0 || state.phase !== "idle" };
+  for (const button of document.querySelectorAll("[data-mission]")) button.disabled = !allowed[button.dataset.mission];
+  element("stop").setAttribute("aria-pressed", String(state.stop_latched));
+  element("reset").disabled = !state.stop_latched;
+  element("reset").classList.toggle("due", state.stop_latched);
+}
+
+function showFigures() {
+  const number = (value, digits, unit) => (value === null ? "–" : `${value.toFixed(digits)} ${unit}`);
+  const rows = [
+    ["position", state.pose.x_m === null ? "unknown" : `${state.pose.x_m.toFixed(2)}, ${state.pose.y_m.toFixed(2)} m`],
+    ["speed", number(state.twist.v_mps, 2, "m/s")], ["to goal", number(state.distance_to_goal_m, 1, "m")],
+    ["driven", number(state.travelled_m, 1, "m")], ["seen", number(state.explored_m2, 0, "m²")],
+    ["paths", String(state.replans)], ["tick", number(state.tick_ms, 0, "ms")],
+    ["picture", state.frame_age_s === null ? "none yet" : number(state.frame_age_s, 2, "s old")],
+  ];
+  const list = element("figures");
+  if (!list.children.length) list.append(...rows.map(([name]) => { const row = document.createElement("div"); row.append(Object.assign(document.createElement("dt"), { textContent: name }), document.createElement("dd")); return row; }));
+  rows.forEach(([, value], i) => { const cell = list.children[i].lastChild; if (cell.textContent !== value) cell.textContent = value; });
+}
+
+// ------------------------------------------------------------------------------------------------------- the large values
+
+// One request at a time per thing, and one more if it changed meanwhile: a slow link is never flooded.
+function fetcher(load) {
+  let busy = false;
+  let again = false;
+  return async function run() {
+    if (busy) { again = true; return; }
+    busy = true;
+    try { await load(); } catch { /* the next change tries again; a lost connection has its own banner */ }
+    busy = false;
+    if (again) { again = false; run(); }
+  };
+}
+
+const loadZones = fetcher(async () => { zones = (await get("/zones")).features; showZones(zones, loadZones); map.update({ zones }); });
+const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); });
+const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); });
+const loadMap = fetcher(async () => {
+  const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.grid}-${seen.beware}`)]);
+  map.update({ map: description, picture });
+});
+const loadCamera = fetcher(async () => {
+  const image = await loadImage(`/api/v1/camera.jpg?overlay=${element("overlay").checked ? "segmentation" : "none"}&v=${seen.picture}`);
+  element("camera").src = image.src;
+  await new Promise((resolve) => setTimeout(resolve, CAMERA_MS));
+});
+
+function loadImage(source) {
+  return new Promise((resolve, reject) => {
+    const image = new Image();
+    image.onload = () => resolve(image);
+    image.onerror = () => reject(new Error("no picture"));
+    image.src = source;
+  });
+}
+
+function follow() {
+  const betterMap = seen.grid !== state.grid_version || seen.beware !== state.beware_version;
+  if (seen.zones !== state.zones_version) { seen.zones = state.zones_version; loadZones(); }
+  if (seen.beware !== state.beware_version) { seen.beware = state.beware_version; loadBeware(); }
+  if (state.picture_serial === null) return;
+  if (betterMap) { seen.grid = state.grid_version; loadMap(); }
+  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (document.body.dataset.view === "map") loadPath(); }
+}
+
+// ------------------------------------------------------------------------------------------------------------- connection
+
+setInterval(() => {
+  const age = performance.now() - arrivedAt;
+  const stale = age > STALE_MS;
+  document.body.dataset.connection = stale ? "stale" : state ? "live" : "waiting";
+  element("connection").lastElementChild.textContent = stale ? "no connection" : state ? "live" : "connecting";
+  element("stale").hidden = !stale;
+  if (stale) element("stale").textContent = `NO CONNECTION for ${(age / 1000).toFixed(0)} s: everything below is old. STOP is still tried; the robot stops by itself when its own link is gone.`;
+}, 200);
+
+connect("/events", { onMessage: showState });
+
+// ---------------------------------------------------------------------------------------------------------------- 3D view
+
+const pageId = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+const link = connect(`/viewer/${pageId}`, {
+  onOpen: () => tellDraft(),
+  onMessage: (message) => {
+    if (message.type === "click") clicked(message.x_m, message.y_m, message.on_map);
+    else if (message.type === "drag") dragged(message.index, message.on_map);
+    else if (message.type === "viewer") document.body.dataset.viewer = message.connected ? "live" : "gone";
+  },
+});
+
+function tellDraft() { link.send({ type: "draft", mode: draft.mode, corners: draft.corners, path: draft.preview.slice(0, 4000) }); }
+onDraft(tellDraft);
+
+element("viewer").addEventListener("load", () => {
+  // Keys pressed while the 3D view has the focus are the console's keys too.
+  element("viewer").contentWindow?.addEventListener("keydown", onKey, true);
+  element("viewer").contentWindow?.addEventListener("keyup", swallowSpace, true);
+  // viser's own panel and notices would cover the scene; everything an operator needs is on this page.
+  const style = element("viewer").contentDocument?.createElement("style");
+  if (style) {
+    style.textContent = ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }";
+    element("viewer").contentDocument.head.append(style);
+  }
+});
+element("viewer").src = `/viewer/${pageId}/`;
+
+function show(view) {
+  document.body.dataset.view = view;
+  for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.setAttribute("aria-selected", String(tab.dataset.view === view));
+  element("panel-3d").hidden = view !== "3d";
+  element("panel-map").hidden = view !== "map";
+  if (view === "map") { loadPath(); map.update({}); }
+}
+
+function tellShow() {
+  const hidden = [...document.querySelectorAll("[data-layer]")].filter((box) => !box.checked).map((box) => box.dataset.layer);
+  link.send({ type: "show", cloud_colour: element("cloud-colour").value, hidden });
+}
+
+// --------------------------------------------------------------------------------------------------------- what is pressed
+
+const pressStop = () => attempt(stop);
+element("stop").onclick = pressStop;
+element("reset").onclick = () => attempt(() => post("/stop/reset"));
+for (const button of document.querySelectorAll("[data-mission]")) button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
+for (const button of document.querySelectorAll("[data-mode]")) button.onclick = () => setMode(button.dataset.mode);
+for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => link.send({ type: "look", at: button.dataset.look });
+for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclick = () => show(tab.dataset.view);
+for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => (button.dataset.zoom === "fit" ? map.fit() : map.zoom(button.dataset.zoom === "in" ? 1.3 : 1 / 1.3));
+for (const box of document.querySelectorAll("[data-layer], #cloud-colour")) box.onchange = tellShow;
+element("overlay").onchange = () => loadCamera();
+element("goal-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const input = event.target.elements.place;
+  attempt(async () => {
+    const [place, ...more] = parseCorners(input.value);
+    if (!place || more.length) throw new Error("write one goal as x, y in metres");
+    await post("/goals", { x_m: place[0], y_m: place[1] });
+    input.value = "";
+  });
+});
+
+const isText = (node) => node?.matches?.("input:not([type=checkbox]), select, textarea") ?? false;
+
+function onKey(event) {
+  if (isText(event.target)) {
+    if (event.key === "Escape") event.target.blur();
+    return;
+  }
+  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop(); return; }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
+  const drawing = draft.mode === "draw" || draft.mode === "edit";
+  const keys = {
+    Escape: () => setMode("navigate"), n: () => setMode("navigate"), g: () => setMode("goal"), z: () => setMode("draw"),
+    Backspace: () => draft.mode === "draw" && undo(),
+    Enter: () => drawing && !event.target?.matches?.("button, summary, a") && finish(),
+  };
+  const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (act && !(drawing && ["g", "z", "n"].includes(event.key.toLowerCase()))) act();
+}
+
+// A focused button is pressed by the space key going up; here that key means stop and nothing else.
+function swallowSpace(event) { if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
+
+window.addEventListener("keydown", onKey, true);
+window.addEventListener("keyup", swallowSpace, true);
+window.addEventListener("unhandledrejection", (event) => say(`The page failed: ${event.reason?.message ?? event.reason}`));
+nameZonesBy(() => zones.length + 1);
+setMode("navigate");
+show("3d");

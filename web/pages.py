@@ -1,0 +1,45 @@
+"""The operator's page and its files, read once at start: no path of a request ever becomes a path of the disk."""
+
+from __future__ import annotations
+
+import hashlib
+import mimetypes
+from pathlib import Path
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+FOLDER = Path(__file__).with_name("page")
+_TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".html": "text/html; charset=utf-8"}
+
+
+def pages_router() -> APIRouter:
+    """`/`, its files, and the description of the API."""
+    router = APIRouter(include_in_schema=False)
+    files = {path.name: path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.suffix in (*_TYPES, ".svg")}
+    tags = {name: f'"{hashlib.sha256(data).hexdigest()[:16]}"' for name, data in files.items()}
+
+    def file(request: Request, name: str) -> Response:
+        if name not in files:
+            raise HTTPException(404, "nothing is here")
+        headers = {"ETag": tags[name], "Cache-Control": "no-cache"}
+        if request.headers.get("if-none-match") == tags[name]:
+            return Response(status_code=304, headers=headers)
+        kind = _TYPES.get(Path(name).suffix) or mimetypes.guess_type(name)[0]
+        return Response(files[name], media_type=kind, headers=headers)
+
+    @router.get("/")
+    async def index(request: Request) -> Response:
+        """The operator's page."""
+        return file(request, "index.html")
+
+    @router.get("/docs")
+    async def docs(request: Request) -> Response:
+        """The API's description, drawn from `/openapi.json` without anything from elsewhere."""
+        return file(request, "docs.html")
+
+    @router.get("/page/{name}")
+    async def static(request: Request, name: str) -> Response:
+        """Scripts and styles."""
+        return file(request, name)
+
+    return router

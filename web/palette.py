@@ -1,0 +1,50 @@
+"""One colour and one pattern per layer, the same on the floor of the 3D view, on the map and in the legend."""
+
+from __future__ import annotations
+
+Rgb = tuple[int, int, int]
+
+UNKNOWN: Rgb = (62, 71, 87)
+"""Never seen; counts as free for the planner. Dotted."""
+UNKNOWN_DOT: Rgb = (126, 138, 158)
+FREE: Rgb = (206, 214, 226)
+"""Seen and empty."""
+INFLATED: Rgb = (120, 134, 158)
+"""The robot's centre may not be here."""
+GEOMETRIC: Rgb = (12, 15, 20)
+"""Something stands there."""
+ZONE: Rgb = (214, 51, 132)
+"""Drawn by the operator."""
+PATH: Rgb = (10, 132, 255)
+DRIVEN: Rgb = (87, 100, 122)
+GOAL: Rgb = (0, 168, 107)
+DRAFT: Rgb = (255, 183, 3)
+
+# Readable beside each other for the common forms of colour blindness (after Okabe and Ito); patterns tell them apart as well.
+_CLASSES: tuple[Rgb, ...] = (
+    (230, 57, 53),
+    (64, 160, 43),
+    (30, 102, 245),
+    (223, 142, 29),
+    (136, 57, 239),
+    (4, 165, 229),
+    (178, 102, 60),
+    (23, 146, 153),
+)
+PATTERNS = ("stripes rising", "dots", "stripes falling", "grid", "bars", "columns")
+"""How cells of a class are textured, by class id."""
+
+
+def class_colour(class_id: int) -> Rgb:
+    """The colour of a class of the beware list; stays with its id."""
+    return _CLASSES[(class_id - 1) % len(_CLASSES)]
+
+
+def class_pattern(class_id: int) -> str:
+    """The texture of a class of the beware list."""
+    return PATTERNS[(class_id - 1) % len(PATTERNS)]
+
+
+def hex_colour(rgb: Rgb) -> str:
+    """`#rrggbb`."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)

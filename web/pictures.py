@@ -1,0 +1,181 @@
+"""Values of the navigation as files: the map as PNG and in Nav2's format, the cloud as PLY, the camera as JPEG."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, TypeVar
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import NOTHING, BewareList
+from web import palette
+from web.port import Cloud, Picture
+
+Image = npt.NDArray[np.uint8]
+Mask = npt.NDArray[np.bool_]
+
+OCCUPIED, FREE, UNKNOWN = 0, 254, 205
+"""Pixel values of Nav2's trinary maps."""
+JPEG_QUALITY = 80
+SCALE = 2
+"""Pixels per cell and side of the painted map, so that a texture is finer than a cell."""
+
+T = TypeVar("T")
+
+
+class Newest(Generic[T]):
+    """The last thing made, kept until its key changes: many clients ask for the same picture."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._held: tuple[Hashable, T] | None = None
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """The held value if it was made for `key`, else a new one."""
+        with self._lock:
+            if self._held is None or self._held[0] != key:
+                self._held = (key, make())
+            return self._held[1]
+
+
+def paint_map(picture: Picture, beware: BewareList) -> Image:
+    """(SCALE · rows, SCALE · cols, 4) RGBA of all layers, row 0 at the top, as pictures have it."""
+    grid = picture.grid
+    canvas = np.empty((*grid.geometric.shape, 4), dtype=np.uint8)
+    canvas[:] = (*palette.UNKNOWN, 255)
+    canvas[picture.seen] = (*palette.FREE, 255)
+    canvas[picture.blocked & picture.seen] = (*palette.INFLATED, 255)
+    canvas[picture.blocked & ~picture.seen] = (*_mixed(palette.INFLATED, palette.UNKNOWN, 0.45), 255)
+    canvas[grid.geometric] = (*palette.GEOMETRIC, 255)
+    canvas = _enlarged(canvas)
+    _dot_unknown(canvas, _enlarged(~picture.seen & ~grid.geometric))
+    _texture(canvas, _zones(picture), palette.ZONE, "stripes falling", period=10)
+    for entry in beware.classes:
+        if (cells := grid.beware.get(entry.class_id)) is not None:
+            _texture(canvas, cells, palette.class_colour(entry.class_id), palette.class_pattern(entry.class_id), period=6)
+    return np.ascontiguousarray(canvas[::-1])
+
+
+def paint_floor(picture: Picture, beware: BewareList) -> Image:
+    """As `paint_map`, but see-through where nothing is known, for the floor of the 3D view."""
+    image = paint_map(picture, beware)
+    known = picture.seen | picture.blocked | picture.grid.occupied()
+    alpha = _enlarged(np.where(known, 235, 110).astype(np.uint8))
+    image[..., 3] = alpha[::-1]
+    return image
+
+
+def map_png(picture: Picture, beware: BewareList) -> bytes:
+    """The painted map as PNG."""
+    return _encoded(".png", cv2.cvtColor(paint_map(picture, beware), cv2.COLOR_RGBA2BGRA), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def map_pgm(picture: Picture) -> bytes:
+    """Nav2's trinary image: row 0 at the top, occupied 0, free 254, unknown 205."""
+    image = np.full(picture.seen.shape, UNKNOWN, dtype=np.uint8)
+    image[picture.seen] = FREE
+    image[picture.grid.occupied()] = OCCUPIED
+    rows, cols = picture.grid.spec.rows, picture.grid.spec.cols
+    return f"P5\n{cols} {rows}\n255\n".encode() + image[::-1].tobytes()
+
+
+def map_yaml(picture: Picture) -> str:
+    """Nav2's description beside `map.pgm`; the origin is the lower-left pixel's lower-left corner."""
+    spec = picture.grid.spec
+    return (
+        f"image: map.pgm\nmode: trinary\nresolution: {spec.resolution_m!r}\n"
+        f"origin: [{spec.origin_x_m!r}, {spec.origin_y_m!r}, 0.0]\n"
+        # Unknown cells, (255 − 205) / 255 = 0.19608, must stay just above the free threshold.
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+
+def cloud_ply(cloud: Cloud) -> bytes:
+    """Binary little-endian PLY: x, y, z in metres of the map frame, colour, class id."""
+    points = np.empty(len(cloud.points_map), dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3), ("class_id", "u1")])
+    points["xyz"], points["rgb"], points["class_id"] = cloud.points_map, cloud.rgb, cloud.class_ids
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    colours = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "class_id"))
+    head = f"ply\nformat binary_little_endian 1.0\ncomment metres of the map frame\nelement vertex {len(points)}\n"
+    return f"{head}{axes}{colours}end_header\n".encode() + points.tobytes()
+
+
+def camera_jpg(picture: Picture, *, overlay: bool) -> bytes:
+    """The camera's picture; with `overlay`, what the segmenter found is tinted and outlined in its class's colour."""
+    image = overlaid(picture) if overlay else picture.rgb
+    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+
+
+def overlaid(picture: Picture) -> Image:
+    """(H, W, 3) the camera's picture with the labels drawn over it."""
+    image = picture.rgb.copy()
+    for class_id in np.unique(picture.labels):
+        if class_id == NOTHING:
+            continue
+        mask, colour = picture.labels == class_id, palette.class_colour(int(class_id))
+        image[mask] = (0.45 * image[mask] + 0.55 * np.array(colour)).astype(np.uint8)
+        outlines, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        cv2.drawContours(image, outlines, -1, colour, 2)
+    return image
+
+
+def class_colours() -> npt.NDArray[np.uint8]:
+    """(256, 3) colour per class id, for the points; 0 is replaced by the caller."""
+    table = np.zeros((256, 3), dtype=np.uint8)
+    table[1:] = [palette.class_colour(class_id) for class_id in range(1, 256)]
+    return table
+
+
+def _enlarged(cells: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """SCALE pixels per cell and side."""
+    return np.repeat(np.repeat(cells, SCALE, axis=0), SCALE, axis=1)
+
+
+def _dot_unknown(canvas: Image, mask: Mask) -> None:
+    """A sparse raster of dots: "not seen" must not be mistaken for "occupied" by anybody who sees no blue."""
+    dots = mask[::8, ::8]
+    canvas[::8, ::8, :3][dots] = palette.UNKNOWN_DOT
+
+
+def _zones(picture: Picture) -> Mask:
+    mask = picture.grid.zones
+    for _, wide in picture.grid.wide_zones:
+        mask = mask | wide
+    return mask
+
+
+def _texture(canvas: Image, cells: Mask, colour: palette.Rgb, pattern: str, *, period: int) -> None:
+    """Paint the cells in a solid light tone and a pattern in the full one: told apart without their colour too."""
+    at = np.nonzero(_enlarged(cells))
+    strong = _pattern(pattern, at[0], at[1], period)
+    light = np.array(_mixed(colour, (255, 255, 255), 0.62), dtype=np.uint8)
+    canvas[at[0], at[1], :3] = np.where(strong[:, None], np.array(colour, dtype=np.uint8), light)
+    canvas[at[0], at[1], 3] = 255
+
+
+def _pattern(name: str, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], period: int) -> Mask:
+    half = period // 2
+    patterns: dict[str, Callable[[], Mask]] = {
+        "stripes rising": lambda: (i - j) % period < half,
+        "stripes falling": lambda: (i + j) % period < half,
+        "dots": lambda: (i % period < half) & (j % period < half),
+        "grid": lambda: (i % period < half - 1) | (j % period < half - 1),
+        "bars": lambda: i % period < half,
+        "columns": lambda: j % period < half,
+    }
+    return patterns[name]()
+
+
+def _mixed(colour: palette.Rgb, other: palette.Rgb, share: float) -> palette.Rgb:
+    r, g, b = (round(share * a + (1 - share) * c) for a, c in zip(colour, other, strict=True))
+    return r, g, b
+
+
+def _encoded(suffix: str, image: npt.NDArray[np.integer | np.floating], options: list[int]) -> bytes:
+    ok, data = cv2.imencode(suffix, image, options)
+    if not ok:
+        raise RuntimeError(f"OpenCV could not encode {suffix} of shape {image.shape}")
+    return data.tobytes()

@@ -1,0 +1,111 @@
+"""The 3D viewer behind the one door: HTTP and websocket of viser, relayed below `/viewer`.
+
+The relay keeps no queue: a message is taken from viser when the one before it has left, so a slow client costs no memory and
+gets the newest values when it wakes, as viser itself promises. Deflate is off on both legs; it costs more than a LAN saves.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+import httpx
+import websockets
+from fastapi import APIRouter, HTTPException, Response, WebSocket
+from starlette.websockets import WebSocketState
+from websockets.asyncio.client import ClientConnection
+from websockets.typing import Subprotocol
+
+from web.viewer.link import PAGE_ID, PAGE_ID_HEADER
+from web.viewer.viewer import Viewer
+
+log = logging.getLogger(__name__)
+
+TIMEOUT_S = 5.0
+MAX_FROM_VIEWER = 256 * 1024 * 1024
+"""Bytes of one message of viser; a scene that a new client gets at once is large."""
+_KEPT = ("content-type", "content-encoding", "content-length")
+GOING_AWAY, TRY_AGAIN = 1001, 1013
+
+
+def viewer_router(viewer: Viewer | None) -> APIRouter:
+    """`/viewer/…`, with or without the id of the page that embeds it."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/viewer")
+    @router.get("/viewer/")
+    async def page() -> Response:
+        """viser's page."""
+        return await _fetch(viewer)
+
+    @router.get("/viewer/{page_id}")
+    @router.get("/viewer/{page_id}/")
+    async def page_of(page_id: str) -> Response:
+        """viser's page for one console page: its clicks go to that page."""
+        if PAGE_ID.fullmatch(page_id) is None:
+            raise HTTPException(404, "nothing is here")
+        return await _fetch(viewer)
+
+    # viser's page opens its websocket at its own address without the trailing slash.
+    @router.websocket("/viewer")
+    @router.websocket("/viewer/{page_id}")
+    async def relay(socket: WebSocket, page_id: str = "") -> None:
+        """viser's websocket."""
+        offered = socket.scope.get("subprotocols", [])
+        if viewer is None or viewer.subprotocol not in offered or (page_id and PAGE_ID.fullmatch(page_id) is None):
+            await socket.close(TRY_AGAIN)
+            return
+        await _relay(socket, viewer, page_id)
+
+    return router
+
+
+async def _fetch(viewer: Viewer | None) -> Response:
+    if viewer is None:
+        raise HTTPException(404, "the 3D view is not running; the map and every control work without it")
+    # The body is handed on as it came, compressed, hence the raw stream.
+    async with (
+        httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client,
+        client.stream("GET", f"{viewer.http_url}/", headers={"Accept-Encoding": "gzip"}) as upstream,
+    ):
+        body = b"".join([chunk async for chunk in upstream.aiter_raw()])
+    headers = {name: upstream.headers[name] for name in _KEPT if name in upstream.headers}
+    return Response(body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"})
+
+
+async def _relay(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
+    connecting = websockets.connect(
+        viewer.websocket_url,
+        subprotocols=[Subprotocol(viewer.subprotocol)],
+        additional_headers={PAGE_ID_HEADER: page_id} if page_id else None,
+        compression=None,
+        max_size=MAX_FROM_VIEWER,
+        max_queue=1,
+        proxy=None,
+    )
+    async with connecting as upstream:
+        await socket.accept(subprotocol=viewer.subprotocol)
+        ways = [asyncio.create_task(_down(upstream, socket)), asyncio.create_task(_up(socket, upstream))]
+        try:
+            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for way in ways:
+                way.cancel()
+            await asyncio.gather(*ways, return_exceptions=True)
+    if socket.client_state is WebSocketState.CONNECTED and socket.application_state is WebSocketState.CONNECTED:
+        await socket.close(GOING_AWAY)
+
+
+async def _down(upstream: ClientConnection, socket: WebSocket) -> None:
+    async for message in upstream:
+        if isinstance(message, bytes):
+            await socket.send_bytes(message)
+
+
+async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] != "websocket.receive" or message.get("bytes") is None:
+            # viser speaks binary only; anything else ends this connection and no other.
+            return
+        await upstream.send(message["bytes"])

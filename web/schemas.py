@@ -1,0 +1,340 @@
+"""What may come in by HTTP and what goes out: pydantic models, strict about types, keys and finite numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
+
+from navcore.beware import LARGEST_CLASS_ID, MAX_MARGIN_M
+from navcore.zones import MAX_CORNERS
+from web.port import ZoneDraft
+
+MAX_NAME = 80
+MAX_CLASSES = LARGEST_CLASS_ID
+FAR_M = 1e6
+"""No map is larger; keeps arithmetic on what a client sends far away from overflow."""
+
+
+def _printable(text: str) -> str:
+    """Control characters and lone surrogates would break logs, labels and every later answer that shows the name."""
+    if not text.isprintable() or not text.strip():
+        raise ValueError("must be printable text and not blank")
+    return text
+
+
+def _finite_or_none(value: Any) -> Any:
+    """JSON knows no NaN; a figure that is none is shown as missing instead of failing the whole answer."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FAR_M, le=FAR_M)]
+Margin = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_MARGIN_M)]
+Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
+Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=360.0)]
+Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
+Figure = Annotated[float | None, BeforeValidator(_finite_or_none)]
+Corner = tuple[Metres, Metres]
+
+
+class _Closed(BaseModel):
+    """A body whose unknown keys are refused by name."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class GoalIn(_Closed):
+    """A place the robot is to drive to."""
+
+    x_m: Metres = Field(description="x in metres of the map frame")
+    y_m: Metres = Field(description="y in metres of the map frame")
+
+
+class PolygonIn(_Closed):
+    """GeoJSON Polygon with one ring, in metres of the map frame; the first corner may be repeated at the end."""
+
+    type: Literal["Polygon"]
+    coordinates: Annotated[list[Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)]], Field(min_length=1, max_length=1)]
+
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """The ring as given."""
+        return tuple(self.coordinates[0])
+
+
+class ZonePropertiesIn(_Closed):
+    """Everything of a zone but its outline."""
+
+    name: Name = Field(description="what the operator calls it")
+    enabled: StrictBool = Field(True, description="whether it binds the robot")
+    margin_m: Margin = Field(0.0, description="room kept around it beyond the robot's own margin")
+    version: int | None = Field(None, description="ignored; `If-Match` guards against lost edits")
+    frame: Literal["map"] | None = Field(None, description="named local frame of the coordinates")
+
+
+class ZoneFeatureIn(_Closed):
+    """A zone as a GeoJSON Feature."""
+
+    type: Literal["Feature"]
+    id: StrictStr | int | None = Field(None, description="ignored: the path names the zone")
+    geometry: PolygonIn
+    properties: ZonePropertiesIn
+
+    def draft(self) -> ZoneDraft:
+        """What the system stores."""
+        p = self.properties
+        return ZoneDraft(name=p.name, polygon=self.geometry.corners(), enabled=p.enabled, margin_m=p.margin_m)
+
+
+class PlainZoneIn(_Closed):
+    """A zone as a bare geometry with a name."""
+
+    name: Name
+    geometry: PolygonIn
+    enabled: StrictBool = True
+    margin_m: Margin = 0.0
+
+    def draft(self) -> ZoneDraft:
+        """What the system stores."""
+        return ZoneDraft(name=self.name, polygon=self.geometry.corners(), enabled=self.enabled, margin_m=self.margin_m)
+
+
+def _zone_form(value: Any) -> str:
+    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return "Feature" if kind is not None else "plain"
+
+
+ZoneIn = Annotated[
+    Annotated[ZoneFeatureIn, Tag("Feature")] | Annotated[PlainZoneIn, Tag("plain")],
+    Discriminator(_zone_form),
+]
+
+
+class ColourRuleIn(_Closed):
+    """Pixels of a colour, in HSV."""
+
+    hue_deg: tuple[Degrees, Degrees] = Field(description="first and last hue, going up; may wrap around red")
+    min_saturation: Share = 0.5
+    min_value: Share = 0.2
+    max_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=3.0)] = 0.05
+
+
+class BewareClassIn(_Closed):
+    """One thing to beware of."""
+
+    name: Name
+    class_id: Annotated[int, Field(strict=True, ge=1, le=LARGEST_CLASS_ID)]
+    enabled: StrictBool = True
+    margin_m: Margin = 0.0
+    min_confidence: Share = 0.5
+    colour: ColourRuleIn | None = None
+    display: StrictStr | None = Field(None, description="ignored: the console's own colour")
+
+
+class BewareListIn(_Closed):
+    """A whole list, in the operator's order."""
+
+    classes: Annotated[list[BewareClassIn], Field(max_length=MAX_CLASSES)]
+    version: int | None = Field(None, description="ignored; `If-Match` guards against lost edits")
+
+
+class BewarePatchIn(_Closed):
+    """The fields of one class that change; `colour: null` takes its colour rule away."""
+
+    enabled: StrictBool | None = None
+    margin_m: Margin | None = None
+    min_confidence: Share | None = None
+    colour: ColourRuleIn | None = None
+
+
+class PreviewIn(_Closed):
+    """A draft: a goal, a zone, or both."""
+
+    goal: GoalIn | None = Field(None, description="default: the present goal")
+    polygon: Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)] | None = Field(None, description="corners of a zone")
+
+
+# ---------------------------------------------------------------------------------------------------------------- out
+
+
+class PoseOut(BaseModel):
+    """Where the robot stands, by odometry."""
+
+    x_m: Figure
+    y_m: Figure
+    yaw_rad: Figure
+
+
+class TwistOut(BaseModel):
+    """A velocity."""
+
+    v_mps: Figure
+    w_radps: Figure
+
+
+class GoalOut(BaseModel):
+    """A goal of the mission."""
+
+    id: int
+    x_m: float
+    y_m: float
+
+
+class ReasonOut(BaseModel):
+    """Why the robot does not move."""
+
+    code: str
+    text: str
+
+
+class StateOut(BaseModel):
+    """Everything small that is shown: one consistent snapshot."""
+
+    type: Literal["state"] = "state"
+    stamp_s: Figure
+    scenario: str
+    robot: str
+    phase: str
+    moving: bool
+    summary: str
+    stop_latched: bool
+    reasons: list[ReasonOut]
+    pose: PoseOut
+    twist: TwistOut
+    command: TwistOut
+    queue: list[GoalOut]
+    reached: list[GoalOut]
+    distance_to_goal_m: Figure
+    travelled_m: Figure
+    explored_m2: Figure
+    replans: int
+    tick_ms: Figure
+    frame_age_s: Figure
+    zones_version: int
+    beware_version: int
+    picture_serial: int | None = Field(description="grows with every tick; `path` and `camera.jpg` follow it")
+    grid_version: int | None = Field(description="changes whenever the map does; `map.png` follows it")
+
+
+class MissionOut(BaseModel):
+    """The goals and what was asked for."""
+
+    phase: str
+    queue: list[GoalOut]
+    reached: list[GoalOut]
+
+
+class PolygonOut(BaseModel):
+    """GeoJSON Polygon, ring closed, metres of the map frame."""
+
+    type: Literal["Polygon"] = "Polygon"
+    coordinates: list[list[tuple[float, float]]]
+
+
+class ZonePropertiesOut(BaseModel):
+    """Everything of a stored zone but its outline."""
+
+    name: str
+    enabled: bool
+    margin_m: float
+    version: int
+    frame: Literal["map"] = "map"
+
+
+class ZoneOut(BaseModel):
+    """A stored zone as a GeoJSON Feature; its version is the ETag."""
+
+    type: Literal["Feature"] = "Feature"
+    id: str
+    geometry: PolygonOut
+    properties: ZonePropertiesOut
+
+
+class ZonesOut(BaseModel):
+    """All stored zones."""
+
+    type: Literal["FeatureCollection"] = "FeatureCollection"
+    features: list[ZoneOut]
+
+
+class ColourRuleOut(BaseModel):
+    """Pixels of a colour, in HSV."""
+
+    hue_deg: tuple[float, float]
+    min_saturation: float
+    min_value: float
+    max_height_m: float
+
+
+class BewareClassOut(BaseModel):
+    """One thing to beware of, and the colour the console draws it in."""
+
+    name: str
+    class_id: int
+    enabled: bool
+    margin_m: float
+    min_confidence: float
+    colour: ColourRuleOut | None
+    display: str
+
+
+class BewareOut(BaseModel):
+    """The list in force; its version is the ETag."""
+
+    version: int
+    classes: list[BewareClassOut]
+
+
+class MapOut(BaseModel):
+    """Where the map lies and how large the robot is."""
+
+    frame: Literal["map"] = "map"
+    version: int
+    resolution_m: float
+    rows: int
+    cols: int
+    origin_x_m: float = Field(description="x of the lower-left corner")
+    origin_y_m: float = Field(description="y of the lower-left corner")
+    robot_length_m: float
+    robot_width_m: float
+
+
+class PathOut(BaseModel):
+    """The planned path, its corners and the way driven, in metres of the map frame."""
+
+    serial: int
+    path: list[tuple[float, float]]
+    waypoints: list[tuple[float, float]]
+    driven: list[tuple[float, float]]
+
+
+class PreviewOut(BaseModel):
+    """What a draft would lead to."""
+
+    found: bool
+    reason: str | None = Field(description="why there would be no path")
+    length_m: Figure
+    path: list[tuple[float, float]]
+
+
+class HealthOut(BaseModel):
+    """That the console answers, and how old the robot's newest picture is."""
+
+    status: Literal["ok"] = "ok"
+    scenario: str
+    robot: str
+    frame_age_s: Figure
+
+
+class ProblemBody(BaseModel):
+    """What is wrong, in one word for programs and one sentence for people, and where."""
+
+    code: str
+    message: str
+    where: str | None
+
+
+class Problem(BaseModel):
+    """Every refusal has this shape."""
+
+    error: ProblemBody

@@ -1,0 +1,197 @@
+"""The console's web application and the server that runs it in a thread of its own, with its own loop."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+from collections.abc import Sequence
+from urllib.parse import quote
+
+import uvicorn
+from fastapi import FastAPI
+
+from web import problems
+from web.api.beware import beware_router
+from web.api.events import events_router
+from web.api.health import health_router
+from web.api.maps import maps_router
+from web.api.mission import mission_router
+from web.api.viewer_link import viewer_link_router
+from web.api.zones import zones_router
+from web.guard import Guard
+from web.pages import pages_router
+from web.port import Operations
+from web.problems import JsonResponse
+from web.proxy import viewer_router
+from web.viewer.viewer import Viewer
+
+log = logging.getLogger(__name__)
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+MAX_MESSAGE_BYTES = 2_000_000
+"""Of one websocket message from a browser; what the 3D view sends to browsers is not bound by it."""
+START_S, STOP_S = 10.0, 5.0
+_ABOUT = """Operate the robot: goals, mission, beware zones, beware list, stop; read its map, path, camera and state.
+
+Lengths are metres of the map frame, angles radians.
+Every refusal is `{"error": {"code", "message", "where"}}` and changes nothing.
+The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
+
+
+class PortInUse(OSError):  # noqa: N818 - named after what is wrong, as in navcore
+    """Another program listens where the console should; the text says what to do."""
+
+
+def create_app(
+    operations: Operations, *, allowed_hosts: Sequence[str], token: str | None = None, viewer: Viewer | None = None
+) -> FastAPI:
+    """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or without a port."""
+    app = FastAPI(
+        title="Operator console",
+        version="1",
+        description=_ABOUT,
+        docs_url=None,
+        redoc_url=None,
+        default_response_class=JsonResponse,
+    )
+    for router in (mission_router, zones_router, beware_router, maps_router, events_router):
+        app.include_router(router(operations), prefix="/api/v1")
+    app.include_router(viewer_link_router(viewer), prefix="/api/v1")
+    app.include_router(health_router(operations))
+    app.include_router(pages_router())
+    app.include_router(viewer_router(viewer))
+    problems.install(app)
+    app.add_middleware(Guard, allowed_hosts=allowed_hosts, token=token)
+    return app
+
+
+class ConsoleServer:
+    """The console on one port: `start`, `url`, `stop`."""
+
+    def __init__(
+        self,
+        operations: Operations,
+        host: str = "127.0.0.1",
+        port: int = 8000,
+        *,
+        listener: socket.socket | None = None,
+        allowed_hosts: Sequence[str] = (),
+        token: str | None = None,
+    ) -> None:
+        """`listener` comes from `reserve`; without it, `start` takes the port itself."""
+        self._operations, self._host, self._port, self._token = operations, host, port, token
+        self._listener = listener
+        self._allowed = (*LOOPBACK, *_names_of(host), *allowed_hosts)
+        self._viewer: Viewer | None = None
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+
+    @staticmethod
+    def reserve(host: str, port: int) -> socket.socket:
+        """The console's port, bound and listening, before anything slow is started; close it, or use it as a context.
+
+        Raises `PortInUse`, which names the port and the remedy.
+        """
+        return _listener(host, port)
+
+    @property
+    def url(self) -> str:
+        """Where the operator's browser goes."""
+        name = _names_of(self._host)[0]
+        return f"http://{name}:{self._port}"
+
+    @property
+    def login_url(self) -> str:
+        """As `url`, with the token that logs a browser in, where there is one."""
+        return self.url if self._token is None else f"{self.url}/?token={quote(self._token, safe='')}"
+
+    def start(self) -> None:
+        """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is taken."""
+        listener = self._listener or _listener(self._host, self._port)
+        self._port = listener.getsockname()[1]
+        self._viewer = Viewer(self._operations)
+        app = create_app(self._operations, allowed_hosts=self._allowed, token=self._token, viewer=self._viewer)
+        self._server = _Server(_config(app))
+        self._thread = threading.Thread(target=self._server.run, args=([listener],), name="console", daemon=True)
+        self._thread.start()
+        if not self._server.up.wait(START_S):
+            self.stop()
+            raise RuntimeError(f"the console did not come up within {START_S:g} s")
+
+    def stop(self) -> None:
+        """Serve no more; open connections are closed."""
+        if self._server is not None:
+            self._server.should_exit = True
+        if self._viewer is not None:
+            # First viser: its relays end by themselves then, and nothing is left to wait for.
+            self._viewer.close()
+        if self._thread is not None:
+            self._thread.join(STOP_S)
+        self._server = self._viewer = self._thread = None
+
+
+class _Server(uvicorn.Server):
+    """uvicorn in a thread: signals belong to whoever composes the program."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.up = threading.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's, and say so."""
+        await super().startup(sockets)
+        self.up.set()
+
+
+def _config(app: FastAPI) -> uvicorn.Config:
+    return uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        lifespan="off",
+        ws="websockets-sansio",
+        ws_per_message_deflate=False,
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_ping_interval=5.0,
+        ws_ping_timeout=10.0,
+        timeout_graceful_shutdown=1,
+        server_header=False,
+        proxy_headers=False,
+    )
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    """A bound socket. Bound here, so that a taken port is known before anything has started."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise PortInUse(
+            f"the console cannot listen on {host}:{port}: {error.strerror}; end the program that uses the port, or choose "
+            "another one with --port"
+        ) from None
+    listener.set_inheritable(False)
+    return listener
+
+
+def _names_of(host: str) -> tuple[str, ...]:
+    """What this machine is called in the address of a browser, when it listens on `host`; the best one first."""
+    if host not in ("0.0.0.0", "::"):
+        return (f"[{host}]" if ":" in host else host,)
+    name = socket.gethostname()
+    return (_address_on_the_network(), name, f"{name}.local")
+
+
+def _address_on_the_network() -> str:
+    # Connecting a datagram socket sends nothing; it only asks which of this machine's addresses would be used.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            return "127.0.0.1"
+        return str(probe.getsockname()[0])

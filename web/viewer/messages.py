@@ -1,0 +1,45 @@
+"""What a console page tells its 3D view: the mode, the draft it is working on, where to look, what to show."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from navcore.zones import MAX_CORNERS
+from web.schemas import Corner
+
+LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones")
+Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones"]
+Mode = Literal["navigate", "goal", "draw", "edit"]
+
+
+class _Closed(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Draft(_Closed):
+    """What this operator is drawing; it lives in the page, the 3D view only shows it."""
+
+    type: Literal["draft"] = "draft"
+    mode: Mode = "navigate"
+    corners: Annotated[list[Corner], Field(max_length=MAX_CORNERS)] = []
+    path: Annotated[list[Corner], Field(max_length=4000)] = []
+
+
+class Look(_Closed):
+    """Where this operator's camera goes."""
+
+    type: Literal["look"]
+    at: Literal["overview", "top", "robot"]
+
+
+class Show(_Closed):
+    """How the scene is shown; the same for every operator."""
+
+    type: Literal["show"]
+    cloud_colour: Literal["camera", "class"]
+    hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
+
+
+PageMessage: TypeAdapter[Draft | Look | Show] = TypeAdapter(Annotated[Draft | Look | Show, Field(discriminator="type")])

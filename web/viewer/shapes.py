@@ -1,0 +1,51 @@
+"""Small meshes and lines of the scene."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mapbox_earcut
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Faces = npt.NDArray[np.uint32]
+
+
+def triangulated(corners: Floats, z: float) -> tuple[Floats, Faces]:
+    """Vertices (N, 3) and faces (M, 3) of a simple polygon given by its corners (N, 2)."""
+    ends = np.array([len(corners)], dtype=np.uint32)
+    faces = mapbox_earcut.triangulate_float64(np.ascontiguousarray(corners, dtype=np.float64), ends)
+    return np.column_stack([corners, np.full(len(corners), z)]), np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
+
+
+def closed(corners: Floats) -> Floats:
+    """The ring with its first corner again at the end."""
+    return np.vstack([corners, corners[:1]])
+
+
+def ribbon(points: Floats, z: float) -> npt.NDArray[np.float32]:
+    """(N − 1, 2, 3) segments of a polyline (N, 2) at one height."""
+    lifted = np.column_stack([points, np.full(len(points), z)]).astype(np.float32)
+    return np.stack([lifted[:-1], lifted[1:]], axis=1)
+
+
+@cache
+def flag() -> tuple[Floats, Faces]:
+    """A pole of 1 m with a pennant and a foot, standing on the origin."""
+    pole = [(-0.02, 0.0, 0.0), (0.02, 0.0, 0.0), (0.02, 0.0, 1.0), (-0.02, 0.0, 1.0)]
+    cross = [(0.0, -0.02, 0.0), (0.0, 0.02, 0.0), (0.0, 0.02, 1.0), (0.0, -0.02, 1.0)]
+    pennant = [(0.02, 0.0, 1.0), (0.02, 0.0, 0.66), (0.5, 0.0, 0.83)]
+    foot = [(0.22 * np.cos(a), 0.22 * np.sin(a), 0.06) for a in np.linspace(0, 2 * np.pi, 12, endpoint=False)]
+    vertices = np.array([*pole, *cross, *pennant, *foot])
+    disc = [(11, 11 + i, 12 + i) for i in range(1, 11)]
+    faces = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7), (8, 9, 10), *disc]
+    return vertices, np.array(faces, dtype=np.uint32)
+
+
+@cache
+def knob() -> tuple[Floats, Faces]:
+    """An octahedron, the handle of a corner."""
+    vertices = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
+    faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
+    return vertices, np.array(faces, dtype=np.uint32)
