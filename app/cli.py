@@ -73,12 +73,12 @@ def drive(
     episode = Episode(load_scenario(scenario), seed=seed, beware=_beware(beware), goals=goals, max_time_s=max_time)
     try:
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
-            task = bar.add_task("starting", total=None)
-            result = episode.run(lambda progress: bar.update(task, **progress.as_bar()))
+            task = bar.add_task("starting", total=1.0)
+            result = episode.run(lambda progress: bar.update(task, description=progress.text(), completed=progress.share))
+        if plots is not None:
+            plot_episode(result, episode, plots)
     finally:
         episode.close()
-    if plots is not None:
-        plot_episode(result, episode.map_picture(), plots)
     if report is not None:
         _write(report, json.dumps(result, indent=1))
     typer.echo(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import secrets
 import signal
+import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +23,11 @@ from app.storage import Store
 from app.threads import Loop
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
+from navcore.errors import BadConfiguration
+from navcore.grid import GridSpec
 from navcore.mission import Mission
-from navcore.navigator import Decision, Navigator
+from navcore.navigator import Navigator
 from navcore.robot import HUSKY
-from navcore.safety import Verdict
 from navcore.segment import ColourSegmenter
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
@@ -47,24 +49,50 @@ class RunningConsole:
 
 @contextmanager
 def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> Iterator[RunningConsole]:
-    """Start simulator, loop and server; stop them in the reverse order, the wheels first of all."""
+    """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     world = load_scenario(scenario)
-    store = Store(data)
-    token = None if host in LOOPBACK else secrets.token_urlsafe(16)
-    try:
-        with ConsoleServer.reserve(host, port) as place:
-            warm_up()
-            robot = SimulatorProcess(scenario, seed=seed, profile=HUSKY)
-            try:
-                pilot = _pilot(store, map_of(world))
-                recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
-                operations = LiveOperations(
-                    robot=robot, pilot=pilot, store=store, recorder=recorder, world=world.name, robot_urdf=husky_urdf()
-                )
-    finally:
-        store.close()
+    _check_port(host, port)
+    with ExitStack() as stack:
+        store = Store(data)
+        stack.callback(store.close)
+        warm_up()
+        robot = SimulatorProcess(scenario, seed=seed, profile=HUSKY)
+        stack.callback(robot.close)
+        pilot = _pilot(store, map_of(world))
+        recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
+        recorder.watch_zones(pilot.intent.zones)
+        operations = LiveOperations(
+            robot=robot, pilot=pilot, store=store, recorder=recorder, world=world.name, robot_urdf=husky_urdf()
+        )
+        loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
+        loop.start()
+        stack.callback(loop.stop)
+        token = None if host in LOOPBACK else secrets.token_urlsafe(16)
+        server = ConsoleServer(operations, host, port, token=token)
+        server.start()
+        stack.callback(server.stop)
+        yield RunningConsole(url=server.url if token is None else f"{server.url}/?token={token}", operations=operations)
+
+
+def _check_port(host: str, port: int) -> None:
+    """Refuse a taken port before anything is built; the server itself would find out only after the simulator is up."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise BadConfiguration(
+                f"cannot listen on {host}:{port}: {error.strerror}; end what uses the port, or choose another with --port"
+            ) from None
+
+
+def _pilot(store: Store, spec: GridSpec) -> Pilot:
+    """A pilot that remembers the zones and the beware list of the last session, and stands."""
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
+    return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 
 
 def run_console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> None:

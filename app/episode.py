@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from app.pilot import Intent, Pilot
@@ -12,10 +14,12 @@ from app.timing import Stopwatch
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
+from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Navigator
 from navcore.segment import ColourSegmenter
+from navcore.transform import Pose2
 from navcore.warmup import warm_up
 from sim.scenario import Scenario
 from sim.simulator import Simulator
@@ -40,6 +44,8 @@ class Progress:
     """Straight distance to the present goal."""
     sim_time_s: float
     """Simulated time."""
+    share: float
+    """How much of the mission is done, 0 to 1, by straight distances."""
 
     def text(self) -> str:
         """One line for the bar."""
@@ -82,7 +88,7 @@ class Episode:
         self._arrived: dict[int, float] = {}
         self._explored: list[tuple[float, float, float]] = []
         self.driven: list[tuple[float, float]] = []
-        """Where the robot truly was, once a command."""
+        """(x, y) where the robot truly was, once a command."""
 
     def run(self, on_progress: Callable[[Progress], None] = lambda progress: None) -> dict[str, Any]:
         """Drive until every goal is reached or the time is up; the report of the contract."""
@@ -120,7 +126,7 @@ class Episode:
         while self.simulator.newest_frame() is None:
             self.simulator.step()
 
-    def _think(self, frame: Any) -> None:
+    def _think(self, frame: Frame) -> None:
         goal = self.pilot.intent.mission.goal
         self.pilot.think(frame, clock=self.simulator.now_ns)
         if goal is not None and goal in self.pilot.intent.mission.reached:
@@ -146,7 +152,15 @@ class Episode:
             goals=len(self._goals),
             distance_m=pose.distance_to(goal.x_m, goal.y_m) if goal else 0.0,
             sim_time_s=self._now_s,
+            share=self._share(pose),
         )
+
+    def _share(self, pose: Pose2) -> float:
+        places = [(self.scenario.start[0], self.scenario.start[1]), *((goal.x_m, goal.y_m) for goal in self._goals)]
+        legs = [math.dist(here, there) for here, there in pairwise(places)]
+        done = len(self.pilot.intent.mission.reached)
+        left = pose.distance_to(*places[done + 1]) if done < len(legs) else 0.0
+        return min(max(1.0 - (left + sum(legs[done + 1 :])) / max(sum(legs), 1e-9), 0.0), 1.0)
 
     def _report(self, wall_time_s: float) -> dict[str, Any]:
         referee, watch = self.simulator.referee, self.stopwatch

@@ -99,8 +99,10 @@ def _read(path: Path, scenario: str) -> Iterator[dict[str, Any]]:
 
 
 def _print(reports: list[dict[str, Any]], summary: dict[str, Any]) -> None:
-    columns = ("seed", "success", "goals_reached", "collisions", "beware_intrusions", "zone_intrusions", "min_clearance_m")
-    columns += ("distance_m", "spl", "sim_time_s", "wall_time_s", "replans")
+    columns = (
+        *("seed", "success", "goals_reached", "collisions", "beware_intrusions", "zone_intrusions", "min_clearance_m"),
+        *("distance_m", "spl", "sim_time_s", "wall_time_s", "replans"),
+    )
     table = Table(*columns, title=summary["scenario"])
     for report in reports:
         table.add_row(*(f"{report[column]}" for column in columns))

@@ -56,6 +56,7 @@ class LiveOperations:
     def note_verdict(self, verdict: Verdict) -> None:
         """Called by the command thread each time it has sent."""
         self._verdict = verdict
+        self._recorder.note_verdict(verdict)
 
     # What is shown
 

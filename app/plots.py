@@ -12,16 +12,17 @@ import numpy.typing as npt
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from app.episode import Episode
 from navcore.grid import GridSpec, OccupancyGrid
 from navcore.local_planner import Points
 
 
-def plot_episode(
-    report: dict[str, Any], grid: OccupancyGrid, seen: npt.NDArray[np.bool_], driven: Points, folder: Path
-) -> None:
+def plot_episode(report: dict[str, Any], episode: Episode, folder: Path) -> None:
     """Write `map.png` and `progress.png` into a folder."""
+    decision, world = episode.pilot.thought.decision, episode.pilot.navigator.map
     folder.mkdir(parents=True, exist_ok=True)
-    _plot_map(report, grid, seen, driven, folder / "map.png")
+    if decision is not None:
+        _plot_map(report, decision.occupancy.grid, world.seen, np.array(episode.driven), folder / "map.png")
     _plot_progress(report, folder / "progress.png")
 
 

@@ -15,6 +15,7 @@ import pybullet_data
 
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.transform import Pose2
+from sim.tyres import grip
 
 WHEELS = (2, 3, 4, 5)
 """Joints of the wheels: front left, front right, rear left, rear right."""
@@ -22,16 +23,8 @@ WHEEL_RADIUS_M = 0.17775
 TRACK_M = 0.5708
 WHEEL_TORQUE_NM = 60.0
 """Enough to reach 3 m/s² and to drag the wheels sideways in a turn."""
-SIDEWAYS_FRICTION = 0.05
-"""Of the wheels, as a share of the friction along them: what makes turning on the spot hard. With equal friction a
-skid-steered model hardly turns."""
-SIDE_STIFFNESS_NSPM = 3000.0
-"""Force per sideways speed that the tyres hold the robot with. The engine's dry friction alone lets a turning robot drift
-outwards at any sideways force, however small; rubber does not."""
-GRIP_N = 300.0
-"""Largest such force: a harder push does move the robot sideways."""
 GRIP_HEIGHT_M = 0.2
-"""Where it acts: near the centre of mass, so that it does not roll the body."""
+"""Where the tyres' forces act: near the centre of mass, so that they do not rock the body."""
 YAW_GAIN = 1.0
 """Wheel yaw rate added per missing yaw rate."""
 YAW_GAIN_INTEGRAL_PER_S = 8.0
@@ -111,16 +104,11 @@ class Husky:
         turn = pybullet.getQuaternionFromEuler([0.0, 0.0, start.yaw_rad])
         self.body: int = pybullet.loadURDF(str(husky_urdf()), [start.x_m, start.y_m, 0.0], turn, physicsClientId=client)
         for wheel in WHEELS:
-            pybullet.changeDynamics(
-                self.body,
-                wheel,
-                lateralFriction=1.0,
-                anisotropicFriction=[1.0, SIDEWAYS_FRICTION, 1.0],
-                physicsClientId=client,
-            )
+            # The tyre model is what holds the wheels to the floor, see `sim.tyres`.
+            pybullet.changeDynamics(self.body, wheel, lateralFriction=0.0, physicsClientId=client)
 
     def drive(self, left_radps: float, right_radps: float) -> None:
-        """Set the motors for the next physics step."""
+        """Set the motors, and let the tyres grip, for the next physics step."""
         pybullet.setJointMotorControlArray(
             self.body,
             WHEELS,
@@ -129,25 +117,14 @@ class Husky:
             forces=[WHEEL_TORQUE_NM] * 4,
             physicsClientId=self._client,
         )
-
-    def hold_sideways(self, pose: Pose2) -> None:
-        """Let the tyres' grip act during the next physics step."""
-        (vx, vy, _), _ = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
-        left_x, left_y = -math.sin(pose.yaw_rad), math.cos(pose.yaw_rad)
-        force = -_clip(SIDE_STIFFNESS_NSPM * (vx * left_x + vy * left_y), GRIP_N)
-        pybullet.applyExternalForce(
-            self.body,
-            -1,
-            [force * left_x, force * left_y, 0.0],
-            [pose.x_m, pose.y_m, GRIP_HEIGHT_M],
-            pybullet.WORLD_FRAME,
-            physicsClientId=self._client,
-        )
+        pose, speeds = self.pose(), self._wheels(1)
+        motion = self._motion(pose)
+        for side, force in zip((1, -1), grip(motion, *speeds, TRACK_M), strict=True):
+            self._push(pose, force, side * TRACK_M / 2)
 
     def rolled_m(self) -> tuple[float, float]:
         """(left, right) way that the wheels of each side have rolled since ever."""
-        angles = [state[0] for state in pybullet.getJointStates(self.body, WHEELS, physicsClientId=self._client)]
-        return ((angles[0] + angles[2]) / 2 * WHEEL_RADIUS_M, (angles[1] + angles[3]) / 2 * WHEEL_RADIUS_M)
+        return self._wheels(0)
 
     def pose(self) -> Pose2:
         """T_map_base, true."""
@@ -156,8 +133,36 @@ class Husky:
 
     def velocity(self, pose: Pose2) -> Twist:
         """True velocity along the robot's heading, and about z."""
+        along, _, yaw_rate = self._motion(pose)
+        return Twist(v_mps=along, w_radps=yaw_rate)
+
+    def rolling(self) -> Twist:
+        """Velocity that the wheels roll with: none while they are held, even if somebody pushes the robot."""
+        left, right = self._wheels(1)
+        return Twist(v_mps=(left + right) / 2, w_radps=(right - left) / TRACK_M)
+
+    def _motion(self, pose: Pose2) -> tuple[float, float, float]:
+        """Speed forward, speed to the left, yaw rate."""
         (vx, vy, _), (_, _, yaw_rate) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
-        return Twist(v_mps=vx * math.cos(pose.yaw_rad) + vy * math.sin(pose.yaw_rad), w_radps=yaw_rate)
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        return (vx * cos + vy * sin, vy * cos - vx * sin, yaw_rate)
+
+    def _wheels(self, which: int) -> tuple[float, float]:
+        """(left, right) mean angle (`which` 0) or rate (1) of the wheels of each side, as way along their rim."""
+        values = [state[which] for state in pybullet.getJointStates(self.body, WHEELS, physicsClientId=self._client)]
+        return ((values[0] + values[2]) / 2 * WHEEL_RADIUS_M, (values[1] + values[3]) / 2 * WHEEL_RADIUS_M)
+
+    def _push(self, pose: Pose2, force: tuple[float, float], left_m: float) -> None:
+        """Apply a force (forward, left) of the tyres at `left_m` from the middle."""
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        pybullet.applyExternalForce(
+            self.body,
+            -1,
+            [cos * force[0] - sin * force[1], sin * force[0] + cos * force[1], 0.0],
+            [pose.x_m - sin * left_m, pose.y_m + cos * left_m, GRIP_HEIGHT_M],
+            pybullet.WORLD_FRAME,
+            physicsClientId=self._client,
+        )
 
 
 def _clip(value: float, limit: float) -> float:

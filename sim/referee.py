@@ -23,7 +23,7 @@ from sim.true_map import blocked_grid, shortest_way_m
 CONTACT_M = 0.005
 """The model's body is 4 mm longer than the footprint, and the engine keeps a margin: nearer than this is contact."""
 STANDING_MPS = 0.02
-"""No corner of a standing robot is faster than this."""
+"""The wheels of a standing robot move no corner of it faster than this."""
 CARRIED_ON_M = 0.1
 """A robot that was struck while standing and then moves so far without coming free collides after all."""
 SERIES_PERIOD_S = 1.0
@@ -52,7 +52,7 @@ class Referee:
         self._excused = np.zeros(0, dtype=np.bool_)
         self._series: tuple[list[float], list[float]] = ([], [])
         self.collisions = 0
-        """Contacts that began, or went on, while the robot moved."""
+        """Contacts that began, or went on, while the robot drove."""
         self.struck_while_standing = 0
         """Times that somebody walked into the standing robot."""
         self.min_clearance_m = math.inf
@@ -68,16 +68,19 @@ class Referee:
         self.distance_m = 0.0
         """Way of the robot's middle."""
 
-    def observe(self, *, t_s: float, pose: Pose2, twist: Twist, people: Sequence[Pose2], period_s: float) -> None:
-        """Judge one physics step from the true pose, velocity and people, `t_s` on the simulator's clock."""
+    def observe(self, *, t_s: float, pose: Pose2, rolling: Twist, people: Sequence[Pose2], period_s: float) -> None:
+        """Judge one physics step from the true pose, what its wheels do, and the people; `t_s` on the simulator's clock.
+
+        By its wheels, because a standing robot that somebody pushes does not drive.
+        """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
         if self._here is not None:
             self.distance_m += self._here.distance_to(pose.x_m, pose.y_m)
         self._here = pose
         body = placed(self._footprint, pose)
-        moves = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m > STANDING_MPS
-        self._judge_contacts(body, people, moves)
+        drives = abs(rolling.v_mps) + abs(rolling.w_radps) * HUSKY.circumscribed_radius_m > STANDING_MPS
+        self._judge_contacts(body, people, drives)
         self._judge_areas(body, period_s)
         self._sample()
 
@@ -145,7 +148,7 @@ class Referee:
         x_m, y_m, _ = self._scenario.start
         return shortest_way_m(self.true_blocked(spec, inflation_m), spec, (x_m, y_m), goals)
 
-    def _judge_contacts(self, body: Polygon, people: Sequence[Pose2], moves: bool) -> None:
+    def _judge_contacts(self, body: Polygon, people: Sequence[Pose2], drives: bool) -> None:
         touched, self.min_clearance_m = self._fixed.near(body, CONTACT_M, self.min_clearance_m)
         now = {int(k) for k in np.flatnonzero(touched)} if touched.any() else set()
         for i, person in enumerate(people):
@@ -153,17 +156,17 @@ class Referee:
             hit, self.min_clearance_m = crowd.near(body, CONTACT_M, self.min_clearance_m)
             if hit[0]:
                 now.add(self._fixed.count + i)
-        self._count_contacts(now, moves)
+        self._count_contacts(now, drives)
 
-    def _count_contacts(self, now: set[int], moves: bool) -> None:
+    def _count_contacts(self, now: set[int], drives: bool) -> None:
         """Each contact counts once: as a collision, or as a blow that the standing robot took."""
         for thing in now:
             new = thing not in self._contacts
             if new:
                 self._contacts[thing] = self.distance_m
-                self.struck_while_standing += not moves and thing >= self._fixed.count
+                self.struck_while_standing += not drives and thing >= self._fixed.count
             carried = self.distance_m - self._contacts[thing] > CARRIED_ON_M
-            if thing not in self._collided and moves and (new or carried):
+            if thing not in self._collided and drives and (new or carried):
                 self._collided.add(thing)
                 self.collisions += 1
         self._contacts = {thing: since for thing, since in self._contacts.items() if thing in now}

@@ -64,6 +64,7 @@ class Simulator:
             for _ in range(2):  # EGL talks during its first pictures
                 self._camera.render(self.true_pose())
         self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
+        self._yaw_rate_radps = 0.0
         self._frame: Frame | None = None
         self.referee = Referee(self.scenario)
         """The ground truth's verdict."""
@@ -81,16 +82,16 @@ class Simulator:
         """Let 1/240 s pass; takes a picture when one is due."""
         before = self.true_pose()
         self._husky.drive(*self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps))
-        self._husky.hold_sideways(before)
         self._crowd.step(before)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._steps += 1
         pose = self.true_pose()
-        twist = self._husky.velocity(pose)
-        self._yaw_rate_radps = self._gyro.measure(twist.w_radps)
+        self._yaw_rate_radps = self._gyro.measure(self._husky.velocity(pose).w_radps)
         self._odometry.update(*self._husky.rolled_m(), self._yaw_rate_radps)
         people = [walker.pose for walker in self._crowd.walkers]
-        self.referee.observe(t_s=self._steps * PERIOD_S, pose=pose, twist=twist, people=people, period_s=PERIOD_S)
+        self.referee.observe(
+            t_s=self._steps * PERIOD_S, pose=pose, rolling=self._husky.rolling(), people=people, period_s=PERIOD_S
+        )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
             self._pictures += 1
             self._frame = self.capture()
@@ -163,5 +164,4 @@ class Simulator:
             pybullet.stepSimulation(physicsClientId=self._client)
         self._driver = Driver(PERIOD_S)
         self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
-        self._yaw_rate_radps = 0.0
-        self._odometry = Odometry(self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S)
+        self._odometry: Odometry = Odometry(self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S)

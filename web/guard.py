@@ -83,8 +83,8 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
-        host = _only(headers.getlist("host"))
-        if host is None or not self._is_allowed(host):
+        host = (_only(headers.getlist("host")) or "").lower()
+        if not host or not self._is_allowed(host):
             return problem(421, "foreign_host", "this console does not answer under that name", "header Host")
         if not _is_own_origin(headers, host) or _is_foreign_fetch(headers, scope):
             return problem(403, "foreign_origin", "requests from other web pages are refused", "header Origin")

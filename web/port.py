@@ -209,7 +209,7 @@ class Operations(Protocol):
         """The list in force."""
 
     def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
-        """Change fields (`enabled`, `margin_m`, `min_confidence`, `colour`) of one class."""
+        """Change fields of one class: `enabled`, `margin_m`, `min_confidence`, `colour` (a table; None takes the rule away)."""
 
     def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
         """Put another list in force; it gets the next version."""

@@ -112,18 +112,21 @@ def _invalid(errors: Sequence[Any]) -> JsonResponse:
 
 
 def _reason(error: Mapping[str, Any]) -> str:
-    kind, place = error.get("type"), tuple(error.get("loc", ()))
+    kind, place = error.get("type"), _parts(error.get("loc", ()))
     if kind == "extra_forbidden":
         return "unknown key"
-    if place == ("body",) and kind != "missing":
+    if place == ["body"] and kind != "missing":
         return "must be a JSON object of text that is Unicode, sent as Content-Type: application/json"
     return _clean(str(error.get("msg", "")), 200)
 
 
 def _where(location: Sequence[Any]) -> str:
+    return _clean(".".join(_parts(location)), MAX_WHERE)
+
+
+def _parts(location: Sequence[Any]) -> list[str]:
     # The tags of the zone's two forms are no part of what the client sent.
-    parts = [part for i, part in enumerate(location) if not (i == 1 and part in ("Feature", "plain"))]
-    return _clean(".".join(str(part) for part in parts), MAX_WHERE)
+    return [str(part) for i, part in enumerate(location) if not (i == 1 and part in ("Feature", "plain"))]
 
 
 def _clean(text: str, limit: int) -> str:

@@ -241,15 +241,16 @@ def test_an_unchanged_map_is_not_sent_twice(client: httpx.Client) -> None:
 def test_the_cloud_is_a_ply_file_other_programs_read(client: httpx.Client, operations: FakeOperations) -> None:
     cloud = operations.cloud()
     assert cloud is not None
-    read = trimesh.load(io.BytesIO(client.get("/api/v1/cloud.ply").content), file_type="ply")
+    read: Any = trimesh.load(io.BytesIO(client.get("/api/v1/cloud.ply").content), file_type="ply")
     assert np.allclose(read.vertices, cloud.points_map) and (read.colors[:, :3] == cloud.rgb).all()
 
 
 def test_the_camera_shows_what_was_recognised_only_when_asked(client: httpx.Client) -> None:
     plain, labelled = (client.get(f"/api/v1/camera.jpg{query}") for query in ("", "?overlay=segmentation"))
     assert plain.headers["content-type"] == labelled.headers["content-type"] == "image/jpeg"
-    pictures = [cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR) for answer in (plain, labelled)]
-    difference = np.abs(pictures[0].astype(int) - pictures[1].astype(int)).max(axis=2)
+    answers = [np.frombuffer(answer.content, np.uint8) for answer in (plain, labelled)]
+    first, second = (np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=int) for data in answers)
+    difference = np.abs(first - second).max(axis=2)
     assert difference[115:145, 130:210].mean() > 8 and difference[:80].max() < 8
     wrong(client.get("/api/v1/camera.jpg?overlay=everything"), 422)
 

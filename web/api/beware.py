@@ -45,9 +45,10 @@ def beware_router(operations: Operations) -> APIRouter:
         class_name: Annotated[str, Path(max_length=MAX_NAME)], changes: BewarePatchIn, response: Response
     ) -> BewareOut:
         """Change fields of one class, e.g. `{"enabled": false}`; the map follows within a tick."""
-        if class_name not in {entry.name for entry in operations.beware().classes}:
+        entry = next((entry for entry in operations.beware().classes if entry.name == class_name), None)
+        if entry is None:
             raise HTTPException(404, "no class of the beware list has this name")
-        return answer(operations.edit_beware(class_name, _changes(changes)), response)
+        return answer(operations.edit_beware(class_name, _changes(changes, entry)), response)
 
     return router
 
@@ -63,11 +64,15 @@ def _entry(entry: BewareClassIn) -> BewareClass:
     )
 
 
-def _changes(patch: BewarePatchIn) -> dict[str, object]:
-    # A missing field is unchanged; null means something for the colour rule only.
+def _changes(patch: BewarePatchIn, entry: BewareClass) -> dict[str, object]:
+    # A missing field is unchanged; null means something for a colour rule that is there, and for nothing else.
     given = {name: getattr(patch, name) for name in patch.model_fields_set}
     changes = {name: value for name, value in given.items() if value is not None and name != "colour"}
-    return {**changes, "colour": _rule(patch.colour)} if "colour" in given else changes
+    if patch.colour is not None:
+        changes["colour"] = patch.colour.model_dump()
+    elif "colour" in given and entry.colour is not None:
+        changes["colour"] = None
+    return changes
 
 
 def _rule(rule: ColourRuleIn | None) -> ColourRule | None:

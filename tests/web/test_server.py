@@ -1,0 +1,242 @@
+"""Start, stop, the port, and the 3D viewer behind the console's one door."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from pathlib import Path
+from typing import Any
+
+import httpx
+import msgspec
+import numpy as np
+import pytest
+import zstandard
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+from websockets.typing import Subprotocol
+
+from tests.web.fake_operations import FakeOperations
+from web.server import ConsoleServer, PortInUse
+from web.viewer.viewer import Viewer
+
+VISER = Subprotocol("viser-v1.1.1")
+PAGE = "0123456789abcdef"
+
+
+def viewer_of(server: ConsoleServer, path: str = "/viewer", **options: Any) -> Connection:
+    """A viser client at the console's door."""
+    return connect(server.url.replace("http", "ws") + path, subprotocols=[VISER], proxy=None, max_size=None, **options)
+
+
+def camera() -> bytes:
+    """The first message of a viser client; with it, it counts as connected."""
+    place = {
+        "wxyz": [0.0, 1.0, 0.0, 0.0],
+        "position": [0.0, 0.0, 10.0],
+        "look_at": [0.0, 0.0, 0.0],
+        "up_direction": [0.0, 0.0, 1.0],
+    }
+    lens = {"fov": 1.3, "near": 0.01, "far": 1000.0, "image_height": 600, "image_width": 800}
+    return bytes(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **place, **lens}))
+
+
+def names_in(frame: bytes) -> set[str]:
+    """Names of the scene nodes that a frame of viser speaks of."""
+    size = int.from_bytes(frame[8:16], "little")
+    messages = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
+    return {str(message["name"]) for message in messages if "name" in message}
+
+
+def scene(connection: Connection, wanted: set[str]) -> set[str]:
+    """Read frames until all wanted nodes were seen."""
+    seen: set[str] = set()
+    while not wanted <= seen:
+        frame = connection.recv(timeout=10)
+        assert isinstance(frame, bytes)
+        seen |= names_in(frame)
+    return seen
+
+
+def test_a_busy_port_is_refused_with_the_port_and_the_remedy(operations: FakeOperations) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PortInUse, match=rf"127\.0\.0\.1:{port}.*--port"):
+            ConsoleServer(operations, port=port).start()
+        with pytest.raises(PortInUse):
+            ConsoleServer.reserve("127.0.0.1", port)
+
+
+def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -> None:
+    with ConsoleServer.reserve("127.0.0.1", 0) as place:
+        console = ConsoleServer(operations, listener=place)
+        console.start()
+        assert console.url.endswith(f":{place.getsockname()[1]}")
+        assert httpx.get(f"{console.url}/healthz", trust_env=False).status_code == 200
+        console.stop()
+
+
+def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connected(operations: FakeOperations) -> None:
+    before = set(threading.enumerate())
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    port = int(console.url.rsplit(":", 1)[1])
+    with viewer_of(console) as viewer, connect(console.url.replace("http", "ws") + "/api/v1/events", proxy=None) as events:
+        viewer.send(camera())
+        scene(viewer, {"/floor/grid"})
+        events.recv(timeout=5)
+        console.stop()
+    left = {thread for thread in set(threading.enumerate()) - before if thread.is_alive() and "recv_events" not in thread.name}
+    assert left == set()
+    with socket.socket() as again:
+        again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        again.bind(("127.0.0.1", port))
+
+
+def test_the_page_of_the_viewer_comes_through_the_door(client: httpx.Client) -> None:
+    for path in ("/viewer/", "/viewer", f"/viewer/{PAGE}/"):
+        answer = client.get(path)
+        assert answer.status_code == 200 and "text/html" in answer.headers["content-type"] and len(answer.text) > 100_000
+
+
+def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scene(server: ConsoleServer) -> None:
+    with viewer_of(server) as viewer:
+        assert viewer.subprotocol == VISER
+        viewer.send(camera())
+        expected = {"/floor/grid", "/robot/base", "/robot/base/body", "/camera/frustum", "/cloud/-1_-1"}
+        assert expected <= scene(viewer, expected)
+
+
+def test_goals_path_and_zones_appear_in_the_scene_and_go_again(
+    server: ConsoleServer, client: httpx.Client, operations: FakeOperations
+) -> None:
+    client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0})
+    ring = [[4, -1], [5, -1], [5, 1]]
+    client.post("/api/v1/zones", json={"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}})
+    with viewer_of(server) as viewer:
+        viewer.send(camera())
+        scene(viewer, {"/goals/waiting-1", "/path/planned", "/path/waypoints", "/zones/z1", "/zones/z1/outline"})
+        client.delete("/api/v1/zones/z1")
+        assert "/zones/z1" in scene(viewer, {"/zones/z1"})
+
+
+@pytest.mark.parametrize("headers", [{"Origin": "http://evil.example"}, {"Origin": "null"}])
+def test_an_upgrade_from_another_page_is_refused(server: ConsoleServer, headers: dict[str, str]) -> None:
+    for path in ("/viewer", f"/viewer/{PAGE}", "/api/v1/events", f"/api/v1/viewer/{PAGE}"):
+        with pytest.raises(InvalidStatus) as refused, viewer_of(server, path, additional_headers=headers):
+            pass
+        assert refused.value.response.status_code == 403
+
+
+def test_a_viewer_of_another_version_is_refused(server: ConsoleServer) -> None:
+    address = server.url.replace("http", "ws") + "/viewer"
+    with pytest.raises(InvalidStatus), connect(address, subprotocols=[Subprotocol("viser-v0.0.1")], proxy=None):
+        pass
+
+
+def test_a_viewer_that_sends_nonsense_is_cut_off_and_the_others_go_on(server: ConsoleServer) -> None:
+    nonsense: list[bytes | str] = [
+        b"",
+        b"\xff" * 64,
+        "text",
+        msgspec.msgpack.encode({"type": "NoSuchMessage"}),
+        b"\x93\x01\x02",
+    ]
+    with viewer_of(server) as good:
+        good.send(camera())
+        for message in nonsense:
+            with viewer_of(server) as bad:
+                bad.send(message)
+                with pytest.raises(ConnectionClosed):
+                    for _ in range(10_000):
+                        bad.recv(timeout=5)
+        scene(good, {"/floor/grid"})
+
+
+def test_a_viewer_cannot_open_the_public_tunnel_nor_upload(operations: FakeOperations) -> None:
+    viewer = Viewer(operations)
+    heard = {kind.__name__ for kind in viewer._server._websock_server._incoming_handlers}
+    viewer.close()
+    assert heard <= {"ScenePointerMessage", "SceneNodeClickMessage", "SceneNodeDragMessage"}
+
+
+def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(server: ConsoleServer) -> None:
+    links = server.url.replace("http", "ws") + "/api/v1/viewer/"
+    with (
+        connect(links + PAGE, proxy=None) as page,
+        connect(links + "f" * 16, proxy=None) as other,
+        viewer_of(server, f"/viewer/{PAGE}") as viewer,
+    ):
+        viewer.send(camera())
+        assert json.loads(page.recv(timeout=10)) == {"type": "viewer", "connected": True}
+        click = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
+        for direction in ([0.0, 0.0, 1.0], [float("nan")] * 3, [1.0, 0.0, 0.0], [0.1, 0.2, -1.0]):
+            ray = {"ray_origin": [1.0, 1.0, 10.0], "ray_direction": direction}
+            viewer.send(msgspec.msgpack.encode({**click, **ray}))
+        point = json.loads(page.recv(timeout=10))
+        assert point["type"] == "click" and np.allclose([point["x_m"], point["y_m"]], [2.0, 3.0])
+        with pytest.raises(TimeoutError):
+            other.recv(timeout=0.2)
+
+
+def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: ConsoleServer) -> None:
+    draft = {"type": "draft", "mode": "edit", "corners": [[0, 0], [1, 0], [1, 1]], "path": [[0, 0], [2, 2]]}
+    with viewer_of(server, f"/viewer/{PAGE}") as mine:
+        mine.send(camera())
+        with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
+            page.send(json.dumps(draft))
+            scene(mine, {"/draft/outline", "/draft/corners", "/draft/path"})
+        with viewer_of(server) as other:
+            other.send(camera())
+            assert not any(name.startswith("/draft") for name in scene(other, {"/floor/grid", "/cloud/-1_-1"}))
+
+
+@pytest.mark.parametrize(
+    "message", ["", "[]", "[" * 50_000, '{"type":"draft","corners":[[NaN,0]]}', '{"type":"look","at":"moon"}']
+)
+def test_a_page_that_sends_nonsense_is_cut_off(server: ConsoleServer, message: str) -> None:
+    with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
+        page.send(message)
+        with pytest.raises(ConnectionClosed):
+            page.recv(timeout=5)
+
+
+def test_a_client_that_does_not_read_gets_the_newest_state_when_it_wakes(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
+    with connect(server.url.replace("http", "ws") + "/api/v1/events", proxy=None, max_queue=1) as lazy:
+        lazy.recv(timeout=5)
+        operations.add_goal(3, 0)
+        operations.stop("test")
+        latest = json.loads(lazy.recv(timeout=5))
+        while not latest["stop_latched"]:
+            latest = json.loads(lazy.recv(timeout=5))
+        assert latest["queue"]
+
+
+URDF = """<robot name="r"><link name="base"><visual><geometry><box size="1 0.7 0.3"/></geometry></visual></link></robot>"""
+
+
+def test_a_robot_with_a_urdf_is_drawn_from_it_and_a_broken_one_as_a_box(tmp_path: Path) -> None:
+    good, broken = tmp_path / "good.urdf", tmp_path / "broken.urdf"
+    good.write_text(URDF)
+    broken.write_text("<robot")
+    for path, wanted in ((good, "visual"), (broken, "body")):
+        console = ConsoleServer(FakeOperations(robot_urdf=path), port=0)
+        console.start()
+        with viewer_of(console) as viewer:
+            viewer.send(camera())
+            assert any(wanted in name for name in scene(viewer, {"/robot/base/state", "/floor/grid"}))
+        console.stop()
+
+
+def test_viser_is_not_announced_on_the_terminal(operations: FakeOperations, capsys: pytest.CaptureFixture[str]) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    console.stop()
+    said = capsys.readouterr()
+    assert said.out == said.err == ""
