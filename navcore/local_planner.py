@@ -169,11 +169,11 @@ def _follow(near: _Surroundings, path: Points) -> Motion | None:
     goal_m = float(np.hypot(*path[-1]))
     if not np.isfinite(gain[arc, step]) or progress[arc, step] < min(0.05, 0.5 * goal_m):
         return None
-    free_m = ARC_STEP_M * float(free[arc].sum())
+    free_m = float(ALONG_M[free[arc]].max())
     # free_m ends where the padding would be touched; the padding itself is what is left after braking.
     speed = min(
         profile.max_speed_mps,
-        math.sqrt(2 * rules.braking_mps2 * max(free_m - ARC_STEP_M, 0.02)),
+        math.sqrt(2 * rules.braking_mps2 * max(free_m - 0.04, 0.02)),
         math.sqrt(2 * 0.5 * rules.braking_mps2 * goal_m) + 0.02,
         0.3 + 2.0 * float(clear[arc, : step + 1].min()),
         0.9 / max(abs(float(curvatures[arc])), 1e-6),
@@ -214,7 +214,7 @@ def _turn(near: _Surroundings, bearing: float) -> Motion | None:
 def _back_off(near: _Surroundings, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly; nothing behind is seen, so only the map and the recent past vouch for it."""
     curvatures, poses = _arcs()
-    behind = poses[:, : BACK_STEPS + 1] * np.array([-1.0, 1.0, -1.0])
+    behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
     reach = (near.clear(behind) > near.padding_m).sum(axis=1)
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
@@ -222,9 +222,10 @@ def _back_off(near: _Surroundings, began: Pose2) -> Motion:
     return Motion(twist=Twist(v_mps=-0.2, w_radps=-0.2 * float(curvatures[arc])), outcome=Outcome.BACK, began=began)
 
 
-ARC_STEP_M = 0.04
-ARC_STEPS = 40
-BACK_STEPS = 10
+ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
+"""Where along an arc the footprint is looked at: close together at first, because there it may be close to something."""
+BACK_STEPS = 13
+"""Of these, the first 0.4 m, for reversing."""
 
 
 @cache
@@ -232,7 +233,7 @@ def _arcs() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """(A,) curvatures in 1/m and (A, S, 3) poses (x, y, heading) along them in the base frame, from one step on."""
     spread = np.linspace(-1.0, 1.0, 41)
     curvatures = 3.0 * spread * np.abs(spread)
-    along = ARC_STEP_M * np.arange(1, ARC_STEPS + 1)
+    along = ALONG_M
     heading = curvatures[:, None] * along[None, :]
     safe = np.where(curvatures == 0, 1.0, curvatures)[:, None]
     x = np.where(curvatures[:, None] == 0, along[None, :], np.sin(heading) / safe)

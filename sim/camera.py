@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 import pybullet
 
+from navcore.errors import BadConfiguration
 from navcore.frame import Intrinsics
 from navcore.transform import Matrix, Pose2, camera_mount
-from sim.egl import egl_works, load_egl
+from sim.egl import egl_works, load_egl, unload_egl
 from sim.stereo import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
 
 Renderer = Literal["tiny", "egl"]
@@ -25,6 +26,8 @@ T_BASE_CAMERA: Matrix = camera_mount(x_m=0.35, y_m=0.0, z_m=0.65, pitch_down_rad
 """The mount, optical frame."""
 NEAR_M, FAR_M = 0.1, 30.0
 """The renderer's clipping planes."""
+TINY_SHIFT_PX = 0.5
+"""TINY samples at a corner of each pixel, EGL in its middle; measured on the edges of a known box."""
 LIGHT_FROM_M = [400.0, 300.0, 1000.0]
 """So far away that it shines on everything alike."""
 
@@ -43,26 +46,39 @@ def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
     )
 
 
-def choose_renderer(wanted: Literal["auto", "tiny", "egl"]) -> Renderer:
-    """What to render with; "auto" is EGL where it works and PyBullet's own TINY elsewhere."""
-    if wanted != "auto":
-        return wanted
-    return "egl" if egl_works() else "tiny"
+def _start_renderer(client: int, wanted: Literal["auto", "tiny", "egl"]) -> int:
+    """The EGL plugin's handle, negative for PyBullet's own TINY; "auto" is EGL where it works and is free."""
+    if wanted == "tiny" or (wanted == "auto" and not egl_works()):
+        return -1
+    if not egl_works():
+        raise BadConfiguration(
+            "renderer is 'egl', which does not work here; take 'auto', or: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+        )
+    plugin = load_egl(client)
+    if plugin < 0 and wanted == "egl":
+        raise BadConfiguration("renderer is 'egl', which another simulator of this process has; take 'auto', or close that one")
+    return plugin
 
 
 class Camera:
     """Renders what stands in one physics client. Owns the client's renderer."""
 
     def __init__(
-        self, client: int, *, size: tuple[int, int], renderer: Renderer, errors: StereoErrors, rng: np.random.Generator
+        self,
+        client: int,
+        *,
+        size: tuple[int, int],
+        renderer: Literal["auto", "tiny", "egl"],
+        errors: StereoErrors,
+        rng: np.random.Generator,
     ) -> None:
+        """Before anything is built in the client: the renderer learns of bodies as they are made."""
         self.intrinsics = d455_intrinsics(size)
-        self.renderer: Renderer = renderer
         self._client, self._errors, self._rng = client, errors, rng
-        self._plugin = load_egl(client) if renderer == "egl" else -1
-        if self._plugin < 0:
-            self.renderer = "tiny"
-        self._lens = _projection(self.intrinsics)
+        self._plugin = _start_renderer(client, renderer)
+        self.renderer: Renderer = "tiny" if self._plugin < 0 else "egl"
+        """What draws the pictures."""
+        self._lens = _projection(self.intrinsics, shift_px=TINY_SHIFT_PX if self.renderer == "tiny" else 0.0)
 
     def picture(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """(H, W, 3) colours and (H, W) depth in metres, 0 where nothing was measured, from a true pose of the base."""
@@ -94,16 +110,17 @@ class Camera:
     def close(self) -> None:
         """Let the renderer go; before its client disconnects."""
         if self._plugin >= 0:
-            pybullet.unloadPlugin(self._plugin, physicsClientId=self._client)
+            unload_egl(self._client, self._plugin)
+            self._plugin = -1
 
 
-def _projection(lens: Intrinsics) -> list[float]:
-    """OpenGL's projection matrix, column by column."""
+def _projection(lens: Intrinsics, *, shift_px: float) -> list[float]:
+    """OpenGL's projection matrix, column by column; the picture is moved by `shift_px` to the left and downwards."""
     depth = FAR_M - NEAR_M
     columns = (
         (2 * lens.fx / lens.width, 0.0, 0.0, 0.0),
         (0.0, 2 * lens.fy / lens.height, 0.0, 0.0),
-        (0.0, 0.0, -(FAR_M + NEAR_M) / depth, -1.0),
+        (2 * shift_px / lens.width, 2 * shift_px / lens.height, -(FAR_M + NEAR_M) / depth, -1.0),
         (0.0, 0.0, -2 * FAR_M * NEAR_M / depth, 0.0),
     )
     return [value for column in columns for value in column]

@@ -1,5 +1,7 @@
 """PyBullet's EGL renderer: where its plugin lies, and whether it works on this machine.
 
+Its pictures come from whichever GL context was made last in the process, so only one simulator at a time may have it.
+
 The plugin ends the whole process where EGL is missing, so it is tried out in a process of its own first: this file, run as
 a script, renders one picture.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import threading
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +20,8 @@ import pybullet
 SYMBOL = "_eglRendererPlugin"
 PROBE_S = 30.0
 """A renderer that needs longer than this for its first picture is of no use."""
+_taken = threading.Lock()
+"""Held by the one client in this process that renders with EGL: a fact about the process, not about a simulator."""
 _SIDE = 32
 _RED = [1.0, 0.0, 0.0, 1.0]
 
@@ -34,9 +39,20 @@ def egl_works() -> bool:
 
 
 def load_egl(client: int) -> int:
-    """The plugin's handle within a client, negative when it did not load. Only where `egl_works`."""
+    """The plugin's handle within a client; negative when another client has it. Only where `egl_works`."""
     plugin = _plugin()
-    return -1 if plugin is None else int(pybullet.loadPlugin(plugin, SYMBOL, physicsClientId=client))
+    if plugin is None or not _taken.acquire(blocking=False):
+        return -1
+    handle = int(pybullet.loadPlugin(plugin, SYMBOL, physicsClientId=client))
+    if handle < 0:
+        _taken.release()
+    return handle
+
+
+def unload_egl(client: int, handle: int) -> None:
+    """Let the next client have it; before this one disconnects."""
+    pybullet.unloadPlugin(handle, physicsClientId=client)
+    _taken.release()
 
 
 def _plugin() -> str | None:

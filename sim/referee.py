@@ -12,7 +12,7 @@ import numpy.typing as npt
 from navcore.grid import BoolGrid, GridSpec
 from navcore.robot import HUSKY, Twist
 from navcore.transform import Pose2
-from sim.clearance import Outlines
+from sim.clearance import Outlines, distance_m
 from sim.layout import beware_markings, items, obstacles
 from sim.people import BODY_DIAMETER_M
 from sim.scenario import Scenario
@@ -39,6 +39,7 @@ class Referee:
         self._fixed, self._beware, self._zones = Outlines.of(fixed), Outlines.of(off_limits), Outlines.of([])
         self._polygons = [outline for parts in (*fixed, *off_limits) for outline in parts]
         self._person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
+        self._person_reach_m = float(np.hypot(*self._person.T).max())
         self._zone_polygons: tuple[Polygon, ...] = ()
         self._footprint = HUSKY.footprint()
         self._began_s: float | None = None
@@ -152,11 +153,19 @@ class Referee:
         touched, self.min_clearance_m = self._fixed.near(body, CONTACT_M, self.min_clearance_m)
         now = {int(k) for k in np.flatnonzero(touched)} if touched.any() else set()
         for i, person in enumerate(people):
-            crowd = Outlines.of([(placed(self._person, person),)])
-            hit, self.min_clearance_m = crowd.near(body, CONTACT_M, self.min_clearance_m)
-            if hit[0]:
+            gap_m = self._gap_to(person, body)
+            self.min_clearance_m = min(self.min_clearance_m, gap_m)
+            if gap_m <= CONTACT_M:
                 now.add(self._fixed.count + i)
         self._count_contacts(now, drives)
+
+    def _gap_to(self, person: Pose2, body: Polygon) -> float:
+        """Exact where it matters: infinite for somebody who is neither in contact nor nearer than anything before."""
+        assert self._here is not None
+        apart_m = self._here.distance_to(person.x_m, person.y_m) - HUSKY.circumscribed_radius_m - self._person_reach_m
+        if apart_m > CONTACT_M and apart_m >= self.min_clearance_m:
+            return math.inf
+        return distance_m(body, placed(self._person, person))
 
     def _count_contacts(self, now: set[int], drives: bool) -> None:
         """Each contact counts once: as a collision, or as a blow that the standing robot took."""

@@ -14,7 +14,7 @@ from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.robot import HUSKY, RobotProfile, Twist
 from navcore.transform import Pose2
-from sim.camera import T_BASE_CAMERA, Camera, Renderer, choose_renderer
+from sim.camera import T_BASE_CAMERA, Camera, Renderer
 from sim.husky import Driver, Husky
 from sim.odometry import Gyro, Odometry
 from sim.quiet import quiet_stdout
@@ -48,21 +48,20 @@ class Simulator:
         """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err."""
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
+        if seed < 0:
+            raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.scenario = vary(scenario, seed)
         """As it is found in this run."""
-        chosen = choose_renderer(renderer)
         with quiet_stdout():
             self._client: int = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*camera_size))
-            self._camera = Camera(
-                self._client,
-                size=camera_size,
-                renderer=chosen,
-                errors=errors or StereoErrors(),
-                rng=generator(seed, Source.CAMERA),
-            )
-            self._build(seed)
-            for _ in range(2):  # EGL talks during its first pictures
-                self._camera.render(self.true_pose())
+            try:
+                self._camera = self._add_camera(renderer, camera_size, errors or StereoErrors(), seed)
+                self._build(seed)
+                for _ in range(2):  # EGL talks during its first pictures
+                    self._camera.render(self.true_pose())
+            except BaseException:
+                pybullet.disconnect(physicsClientId=self._client)
+                raise
         self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
         self._yaw_rate_radps = 0.0
         self._frame: Frame | None = None
@@ -152,6 +151,12 @@ class Simulator:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    def _add_camera(
+        self, renderer: Literal["auto", "tiny", "egl"], size: tuple[int, int], errors: StereoErrors, seed: int
+    ) -> Camera:
+        rng = generator(seed, Source.CAMERA)
+        return Camera(self._client, size=size, renderer=renderer, errors=errors, rng=rng)
 
     def _build(self, seed: int) -> None:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)

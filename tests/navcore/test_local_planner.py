@@ -38,8 +38,16 @@ TURNING = Motion(twist=STANDSTILL, outcome=Outcome.TURN)
 def decide(
     *, geometric: Points = NONE, ruled: Points = NONE, path: Points = AHEAD, previous: Motion = IDLE, rules: LocalRules = RULES
 ) -> Motion:
+    """A decision at the map's origin, where the base frame is the map frame."""
     return plan_motion(
-        geometric=geometric, ruled=ruled, path_base=path, previous=previous, profile=HUSKY, rules=rules, cell_m=0.1
+        geometric=geometric,
+        ruled=ruled,
+        path_map=path,
+        pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+        previous=previous,
+        profile=HUSKY,
+        rules=rules,
+        cell_m=0.1,
     )
 
 

@@ -119,7 +119,7 @@ def test_a_red_box_is_no_red_floor_above_the_height_of_its_rule_and_stays_an_obs
 def test_a_thing_to_beware_of_above_ten_centimetres_is_geometric_as_well() -> None:
     observation = labelled(picture(dataclasses.replace(TALL, colour=RED)), 9)
     geometric, beware = observation.class_ids == NOTHING, observation.class_ids == 9
-    tall = {tuple(point) for point in observation.points_map[beware & (observation.points_map[:, 2] > 0.11)].tolist()}
+    tall = {tuple(point) for point in observation.points_map[beware & (observation.points_map[:, 2] > 0.13)].tolist()}
     assert len(tall) > 20
     lowest = np.array([0.0, 0.0, LOWEST_M])
     voxels = {tuple(np.floor((point - lowest) / [0.1, 0.1, 0.05])) for point in observation.points_map[geometric]}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
+import cv2
 import numpy as np
 import pytest
 
+from navcore.errors import BadConfiguration
 from navcore.frame import check_frame
 from navcore.points import back_project
 from navcore.transform import Matrix, Pose2, transform_points
@@ -43,10 +46,10 @@ def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> Non
         T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera
         points = transform_points(T_map_camera, back_project(frame.depth_m, frame.intrinsics))
     face = points[(np.abs(points[:, 0] - 2.5) < 0.1) & (points[:, 2] > 0.1)]
-    floor = points[points[:, 2] < 0.1]
+    floor = points[(points[:, 2] < 0.1) & (points[:, 0] < 2.3)]
     assert len(face) > 1000 and len(floor) > 10000
-    assert np.abs(face[:, 0] - 2.5).max() < 0.02
-    assert np.abs(floor[:, 2]).max() < 0.03
+    assert np.abs(face[:, 0] - 2.5).max() < 0.005
+    assert np.abs(floor[:, 2]).max() < 0.002
     # Its edges, to within a pixel: 2.5 m away a pixel is 11 mm wide.
     assert face[:, 1].min() == pytest.approx(0.0, abs=0.02) and face[:, 1].max() == pytest.approx(1.0, abs=0.02)
     assert face[:, 2].max() == pytest.approx(1.0, abs=0.02)
@@ -73,7 +76,7 @@ def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
             rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
             red = (rgb[..., 0] > 120) & (rgb[..., 1] < 60) & (rgb[..., 2] < 60)
             reddish = rgb[..., 0].astype(int) > rgb[..., 1].astype(int) + 30
-            assert red.sum() > 100
+            assert red.sum() > 50
             assert (red == reddish).mean() > 0.999  # nothing flickers between paint and floor
 
 
@@ -136,3 +139,49 @@ def test_the_mount_is_where_the_documentation_says() -> None:
     mount: Matrix = T_BASE_CAMERA
     assert tuple(mount[:3, 3]) == (0.35, 0.0, 0.65)
     assert math.degrees(math.asin(-mount[2, 2])) == pytest.approx(12.0)
+
+
+def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
+        assert simulator.renderer == ("egl" if egl_works() else "tiny")
+    monkeypatch.setattr("sim.camera.egl_works", lambda: False)
+    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
+        assert simulator.renderer == "tiny"
+    with pytest.raises(BadConfiguration, match="apt-get install"):
+        Simulator(open_floor(), seed=0, renderer="egl")
+
+
+def test_a_second_simulator_beside_one_with_egl_spoils_neither_camera() -> None:
+    if not egl_works():
+        pytest.skip("EGL does not work here")
+    scenario = open_floor(furniture=(BOX,))
+    with Simulator(scenario, seed=0, errors=PERFECT) as first:
+        alone = first.capture()
+        with Simulator(scenario, seed=0, errors=PERFECT) as second:
+            assert (first.renderer, second.renderer) == ("egl", "tiny")
+            with pytest.raises(BadConfiguration, match="another simulator"):
+                Simulator(scenario, seed=0, renderer="egl")
+            beside, other = first.capture(), second.capture()
+    assert np.array_equal(alone.depth_m, beside.depth_m) and np.array_equal(alone.rgb, beside.rgb)
+    assert np.median(np.abs(beside.depth_m - other.depth_m)) < 0.002
+    with Simulator(scenario, seed=0) as third:  # and what the first has given back can be had again
+        assert third.renderer == "egl"
+
+
+def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
+    bare = dataclasses.replace(load_scenario("office"), markings=(), items=())
+    with seeing(bare, size=(106, 60)) as simulator:
+        for x_m, y_m in (
+            (-12.5, -6.0),
+            (-8.0, 0.0),
+            (0.0, 0.0),
+            (0.0, 7.0),
+            (2.0, -4.0),
+            (10.0, 5.0),
+            (10.0, -6.0),
+            (-9.0, 3.5),
+        ):
+            for quarter in range(4):
+                rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2))
+                hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
+                assert hsv[..., 1].max() < 0.52 * 255

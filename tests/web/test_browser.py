@@ -117,7 +117,7 @@ def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperation
     assert len(operations.zones()[0].polygon) == 3
     page.keyboard.press("Space")
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
-    assert operations.stops == ["REST"]
+    assert operations.stops == ["console key"]
 
 
 def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: Page, operations: FakeOperations) -> None:
@@ -127,7 +127,7 @@ def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: P
     # The space key stops even while another button has the focus, and does not press that button.
     page.get_by_test_id("pause").focus()
     page.keyboard.press("Space")
-    expect(page.get_by_test_id("reasons")).to_contain_text("emergency stop by REST")
+    expect(page.get_by_test_id("reasons")).to_contain_text("emergency stop by console key")
     assert operations.state().phase is Phase.DRIVING
     page.get_by_test_id("reset").click()
     expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")

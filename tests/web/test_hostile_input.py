@@ -64,7 +64,7 @@ def dumped(value: Any) -> bytes:
     return json.dumps(value, allow_nan=True, ensure_ascii=True).encode("ascii")
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(request=st.sampled_from(WRITES), value=values)
 def test_no_json_value_makes_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], request: tuple[str, str], value: Any
@@ -74,7 +74,7 @@ def test_no_json_value_makes_the_console_fail(
     answer.json()
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(x=numbers, y=numbers)
 def test_no_number_makes_a_goal_that_is_not_on_the_map(
     lasting: tuple[httpx.Client, FakeOperations], x: float, y: float
@@ -85,7 +85,7 @@ def test_no_number_makes_a_goal_that_is_not_on_the_map(
     assert all(abs(goal.x_m) <= 8 and abs(goal.y_m) <= 6 for goal in operations.state().queue)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(ring=st.lists(st.tuples(numbers, numbers), max_size=8), name=words, margin=numbers)
 def test_no_polygon_and_no_name_make_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], ring: list[tuple[float, float]], name: str, margin: float
@@ -101,7 +101,7 @@ def test_no_polygon_and_no_name_make_the_console_fail(
     assert all(entry.name.isprintable() for entry in operations.zones())
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 @given(body=st.binary(max_size=200), request=st.sampled_from(WRITES))
 def test_no_bytes_make_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], body: bytes, request: tuple[str, str]

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Query
 
 from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
-from web.schemas import GoalIn, GoalOut, MissionOut, StateOut
+from web.schemas import MAX_NAME, GoalIn, GoalOut, MissionOut, StateOut
 
 
 def mission_router(operations: Operations) -> APIRouter:
@@ -47,9 +47,9 @@ def mission_router(operations: Operations) -> APIRouter:
         return mission_of(operations.state())
 
     @router.post("/stop", response_model=StateOut)
-    async def stop() -> StateOut:
-        """Emergency stop. It holds until it is reset, whatever else is asked for."""
-        operations.stop("REST")
+    async def stop(by: Annotated[str, Query(max_length=MAX_NAME)] = "REST") -> StateOut:
+        """Emergency stop. It holds until it is reset, whatever else is asked for. `by` says who, for the operators' eyes."""
+        operations.stop(by if by.isprintable() and by.strip() else "REST")
         return state_of(operations)
 
     @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))

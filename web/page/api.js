@@ -31,10 +31,10 @@ export const get = (path) => request("GET", path);
 export const post = (path, body) => request("POST", path, body);
 
 // The stop is sent again until an answer comes: it may be the one request that a bad link swallows.
-export async function stop() {
+export async function stop(by) {
   for (let attempt = 0; attempt < 3; attempt += 1) {
     try {
-      const response = await fetch("/api/v1/stop", { method: "POST", keepalive: true, signal: AbortSignal.timeout(1500) });
+      const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(by)}`, { method: "POST", keepalive: true, signal: AbortSignal.timeout(1500) });
       if (response.ok) return;
     } catch { /* try again */ }
   }

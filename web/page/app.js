@@ -171,8 +171,8 @@ function tellShow() {
 
 // --------------------------------------------------------------------------------------------------------- what is pressed
 
-const pressStop = () => attempt(stop);
-element("stop").onclick = pressStop;
+const pressStop = (by) => attempt(() => stop(by));
+element("stop").onclick = () => pressStop("console button");
 element("reset").onclick = () => attempt(() => post("/stop/reset"));
 for (const button of document.querySelectorAll("[data-mission]")) button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
 for (const button of document.querySelectorAll("[data-mode]")) button.onclick = () => setMode(button.dataset.mode);
@@ -199,7 +199,7 @@ function onKey(event) {
     if (event.key === "Escape") event.target.blur();
     return;
   }
-  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop(); return; }
+  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
   const drawing = draft.mode === "draw" || draft.mode === "edit";

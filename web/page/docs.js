@@ -13,7 +13,7 @@ function resolved(schema, all, depth = 0) {
 function entry(path, method, operation, all) {
   const box = make("details");
   const head = make("summary");
-  head.append(make("b", method.toUpperCase()), make("code", path), make("span", operation.summary ?? ""));
+  head.append(make("b", method.toUpperCase()), make("code", path), make("span", (operation.description ?? "").split(". ")[0]));
   box.append(head, make("p", operation.description ?? ""));
   for (const part of operation.parameters ?? []) box.append(make("p", `${part.name} (${part.in}) ${part.description ?? ""}`));
   const body = operation.requestBody?.content?.["application/json"]?.schema;

@@ -42,7 +42,7 @@ export function showGoals(state) {
   const reached = state.reached.slice(-5).reverse().map((goal) => ({ ...goal, number: 0 }));
   reconcile(element("goals"), [...waiting, ...reached], (goal) => `${goal.number ? "w" : "r"}${goal.id}`, goalItem, (child, goal) => {
     setText(child.children[0], goal.number ? `⚑ ${goal.number}` : "✓");
-    setText(child.children[2], goal.number === 1 && state.phase === "driving" ? "driving here" : goal.number ? "" : "reached");
+    setText(child.children[2], goal.number === 1 ? (state.moving ? "driving here" : "next") : goal.number ? "" : "reached");
   });
   element("no-goals").hidden = waiting.length + reached.length > 0;
   setText(element("goal-count"), `${waiting.length} waiting · ${state.reached.length} reached`);

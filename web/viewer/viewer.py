@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import numpy as np
 import rich
 import viser
 from viser import _messages
@@ -185,7 +186,9 @@ class Viewer:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
         if urdf is not None:
             try:
-                ViserUrdf(self._server, urdf, root_node_name="/robot/base")
+                body = ViserUrdf(self._server, urdf, root_node_name="/robot/base")
+                # Until it is told a configuration, it leaves every link at the origin.
+                body.update_cfg(np.zeros(len(body.get_actuated_joint_names())))
                 return
             except Exception:
                 log.exception("3D view: %s could not be drawn, a box stands for the robot", urdf)
@@ -209,7 +212,8 @@ class Viewer:
         eye, target = _overview(spec) if at == "overview" else _top(spec, client.camera.fov, client.camera.aspect)
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
-            eye, target = (x - 4 * math.cos(yaw), y - 4 * math.sin(yaw), 3.2), (x + math.cos(yaw), y + math.sin(yaw), 0.0)
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            eye, target = (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2), (x + cos, y + sin, 0.0)
         with client.atomic():
             client.camera.position = eye
             client.camera.look_at = target

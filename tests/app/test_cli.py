@@ -1,0 +1,80 @@
+"""The command line: bad input is one clear line and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.run(
+        [sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=240, check=False, env=environment
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("drive", "--scenario", "nowhere"), "nowhere"),
+        (("drive", "--scenario", "empty_room", "--goal", "here"), "--goal 'here'"),
+        (("drive", "--scenario", "empty_room", "--goal", "100,0"), "outside the map"),
+        (("drive", "--scenario", "empty_room", "--goal", "nan,0"), "outside the map"),
+        (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml"), "no such file"),
+        (("evaluate", "nowhere"), "nowhere"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_code_2(arguments: tuple[str, ...], words: str) -> None:
+    answer = bewarenav(*arguments)
+    assert answer.returncode == 2
+    last = answer.stderr.strip().splitlines()[-1]
+    assert last.startswith("bewarenav: ")
+    assert words in last
+    assert "Traceback" not in answer.stderr
+
+
+def test_a_world_with_an_unknown_key_is_refused_by_key(tmp_path: Path) -> None:
+    world = tmp_path / "w.toml"
+    world.write_text('name = "w"\nsize_m = [8.0, 8.0]\nstart = [0.0, 0.0, 0.0]\ncolor = "red"\n')
+    answer = bewarenav("drive", "--scenario", str(world))
+    assert answer.returncode == 2
+    assert "'color'" in answer.stderr
+
+
+def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        answer = bewarenav("console", "--port", str(port), "--data", str(tmp_path))
+    assert answer.returncode == 2
+    assert str(port) in answer.stderr
+    assert "--port" in answer.stderr
+
+
+@pytest.mark.parametrize("command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",)])
+def test_every_level_has_help(command: tuple[str, ...]) -> None:
+    answer = bewarenav(*command, "--help")
+    assert answer.returncode == 0
+    assert "Usage" in answer.stdout
+
+
+def test_a_drive_writes_its_report_and_pictures_and_ends_with_0(tmp_path: Path) -> None:
+    report, plots = tmp_path / "out" / "r.json", tmp_path / "plots"
+    answer = bewarenav("drive", "--scenario", "empty_room", "--seed", "1", "--report", str(report), "--plots", str(plots))
+    assert answer.returncode == 0, answer.stderr
+    assert "1 of 1 goals" in answer.stdout
+    assert json.loads(report.read_text())["success"] is True
+    assert sorted(path.name for path in plots.iterdir()) == ["map.png", "progress.png"]
+
+
+def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:
+    answer = bewarenav("drive", "--scenario", "empty_room", "--max-time", "3")
+    assert answer.returncode == 1
+    assert "FAILED" in answer.stdout

@@ -1,0 +1,120 @@
+"""What is acknowledged is stored; what is refused changes nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.storage import Store
+from navcore.beware import default_beware_list
+from navcore.errors import NotKnown, StorageFailed
+from navcore.zones import Zone
+
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.1 + 0.2, 1 / 3))
+
+
+def zone(number: int, **changes: object) -> Zone:
+    return Zone(**{"id": f"z{number}", "name": f"zone {number}", "polygon": SQUARE, **changes})  # type: ignore[arg-type]
+
+
+def test_zones_come_back_exactly_and_in_order(tmp_path: Path) -> None:
+    stored = (zone(2, enabled=False), zone(1, margin_m=0.25, version=7))
+    store = Store(tmp_path)
+    for one in stored:
+        store.save_zone(one)
+    store.close()
+    store = Store(tmp_path)
+    assert store.zones() == stored
+    store.save_zone(zone(2, name="renamed", version=2))
+    assert [one.name for one in store.zones()] == ["renamed", "zone 1"]
+    store.delete_zone("z2")
+    assert store.zones() == stored[1:]
+    store.close()
+
+
+def test_the_beware_list_comes_back_with_its_version(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert store.beware() is None
+    edited = default_beware_list().edited("cup", enabled=False, margin_m=0.3)
+    store.save_beware(edited)
+    store.close()
+    store = Store(tmp_path)
+    assert store.beware() == edited
+    store.close()
+
+
+def test_runs_are_listed_newest_first_and_an_unknown_one_is_named(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.save_run({"id": "a", "distance_m": 1.5})
+    store.save_run({"id": "b"})
+    assert [run["id"] for run in store.runs()] == ["b", "a"]
+    assert store.run("a")["distance_m"] == 1.5
+    with pytest.raises(NotKnown, match="'c'"):
+        store.run("c")
+    store.close()
+
+
+def test_a_locked_database_refuses_the_save_and_keeps_what_was_stored(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.save_zone(zone(1))
+    other = sqlite3.connect(store.path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(StorageFailed, match="not saved"):
+        store.save_zone(zone(2))
+    assert [one.id for one in store.zones()] == ["z1"]
+    other.execute("ROLLBACK")
+    other.close()
+    store.save_zone(zone(2))
+    assert [one.id for one in store.zones()] == ["z1", "z2"]
+    store.close()
+
+
+def test_a_data_folder_that_is_a_file_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageFailed, match="file"):
+        Store(tmp_path / "file")
+
+
+SAVER = """
+import sys
+from pathlib import Path
+from app.storage import Store
+from navcore.zones import Zone
+store = Store(Path(sys.argv[1]))
+for number in range(100_000):
+    store.save_zone(Zone(id=f"z{number}", name="n", polygon=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))))
+    print(number, flush=True)
+"""
+
+
+def test_no_acknowledged_zone_is_lost_when_the_process_is_killed(tmp_path: Path) -> None:
+    for attempt in range(5):
+        folder = tmp_path / str(attempt)
+        saver = subprocess.Popen([sys.executable, "-c", SAVER, str(folder)], stdout=subprocess.PIPE, text=True)
+        assert saver.stdout is not None
+        acknowledged = [int(saver.stdout.readline()) for _ in range(3 + 7 * attempt)]
+        os.kill(saver.pid, signal.SIGKILL)
+        acknowledged += [int(line) for line in saver.stdout.read().split("\n") if line]
+        saver.wait()
+        saver.stdout.close()
+        store = Store(folder)
+        assert {f"z{number}" for number in acknowledged} <= {one.id for one in store.zones()}
+        store.close()
+
+
+def test_polygons_are_stored_as_plain_json(tmp_path: Path) -> None:
+    """Nothing that is read back could be executed."""
+    store = Store(tmp_path)
+    store.save_zone(zone(1))
+    store.close()
+    database = sqlite3.connect(tmp_path / "console.sqlite")
+    (polygon,) = database.execute("SELECT polygon FROM zones").fetchone()
+    database.close()
+    assert json.loads(polygon) == [list(corner) for corner in SQUARE]

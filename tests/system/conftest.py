@@ -1,0 +1,55 @@
+"""The whole console with the running simulator, as `bewarenav console` starts it, on a free port."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from app.console import RunningConsole, console
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The data folder; it outlives a restart."""
+    return tmp_path_factory.mktemp("data")
+
+
+@pytest.fixture(scope="module")
+def running(data: Path) -> Iterator[RunningConsole]:
+    """A console in the small room."""
+    with console(scenario="empty_room", host="127.0.0.1", port=0, data=data, seed=0) as started:
+        yield started
+
+
+@pytest.fixture
+def client(running: RunningConsole) -> Iterator[httpx.Client]:
+    """A program that talks to it; leaves nothing behind."""
+    with httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program:
+        yield program
+        tidy(program)
+
+
+def tidy(program: httpx.Client) -> None:
+    """No goals, no zones, no stop, every class of the beware list on."""
+    program.post("/api/v1/stop/reset")
+    program.post("/api/v1/mission/cancel")
+    for zone in program.get("/api/v1/zones").json()["features"]:
+        program.delete(f"/api/v1/zones/{zone['id']}")
+    for entry in program.get("/api/v1/beware").json()["classes"]:
+        program.patch(f"/api/v1/beware/{entry['name']}", json={"enabled": True})
+
+
+def state_when(program: httpx.Client, holds: Callable[[dict[str, Any]], bool], patience_s: float = 60.0) -> dict[str, Any]:
+    """The first state for which something holds; fails with the last one seen when none comes in time."""
+    deadline = time.monotonic() + patience_s
+    while True:
+        state: dict[str, Any] = program.get("/api/v1/state").json()
+        if holds(state):
+            return state
+        assert time.monotonic() < deadline, f"it never came about; the last state was {state}"
+        time.sleep(0.05)
