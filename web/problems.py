@@ -18,7 +18,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, Outdated, Refused, StorageFailed
-from web.schemas import Problem
+from web.replies import Problem
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,6 @@ gets the newest values when it wakes, as viser itself promises. Deflate is off o
 
 from __future__ import annotations
 
-import asyncio
 import logging
 
 import httpx
@@ -16,6 +15,7 @@ from starlette.websockets import WebSocketState
 from websockets.asyncio.client import ClientConnection
 from websockets.typing import Subprotocol
 
+from web.sockets import until_one_ends
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER
 from web.viewer.viewer import Viewer
 
@@ -85,13 +85,7 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
     )
     async with connecting as upstream:
         await socket.accept(subprotocol=viewer.subprotocol)
-        ways = [asyncio.create_task(_down(upstream, socket)), asyncio.create_task(_up(socket, upstream))]
-        try:
-            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for way in ways:
-                way.cancel()
-            await asyncio.gather(*ways, return_exceptions=True)
+        await until_one_ends(_down(upstream, socket), _up(socket, upstream))
     if socket.client_state is WebSocketState.CONNECTED and socket.application_state is WebSocketState.CONNECTED:
         await socket.close(GOING_AWAY)
 

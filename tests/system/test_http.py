@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import httpx
 import numpy as np
+import numpy.typing as npt
 import pytest
 from websockets.sync.client import connect
 
@@ -33,7 +34,7 @@ def test_the_robot_drives_to_a_goal_and_then_to_the_next(client: httpx.Client) -
     assert len(done["reached"]) == reached + 2
     assert np.hypot(done["pose"]["x_m"] + 2.5, done["pose"]["y_m"] - 2.2) < 0.3
     assert "goals reached" in done["summary"]
-    run = client.get("/api/v1/runs").json()["runs"][0]
+    run = client.get("/api/v1/runs").json()[0]
     assert (run["goals_reached"], run["collisions"]) == (2, 0)
     assert client.get(f"/api/v1/runs/{run['id']}").json()["series"]["t_s"]
 
@@ -69,7 +70,7 @@ def test_the_path_bends_round_a_zone_and_back_when_it_is_deleted(client: httpx.C
     client.post("/api/v1/mission/start")
     straight = state_when(client, lambda state: state["distance_to_goal_m"] is not None)["distance_to_goal_m"]
     client.post("/api/v1/mission/pause")
-    preview = client.post("/api/v1/preview", json={"zone": square(-2.8, -0.3)["geometry"]})
+    preview = client.post("/api/v1/preview", json={"polygon": square(-2.8, -0.3)["geometry"]["coordinates"][0]})
     assert preview.is_success, preview.text
     created = client.post("/api/v1/zones", json=square(-2.8, -0.3))
     assert created.status_code == 201
@@ -81,15 +82,13 @@ def test_the_path_bends_round_a_zone_and_back_when_it_is_deleted(client: httpx.C
     state_when(client, lambda state: state["distance_to_goal_m"] is None or state["distance_to_goal_m"] < straight + 0.1)
 
 
-def picture(client: httpx.Client) -> Any:
-    answer = client.get("/api/v1/map.png")
-    return cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
+def decoded(client: httpx.Client, name: str) -> npt.NDArray[np.uint8]:
+    answer = client.get(f"/api/v1/{name}")
+    return np.asarray(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
 
 
 def occupied(client: httpx.Client) -> int:
-    answer = client.get("/api/v1/map.pgm")
-    grid = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
-    return int((grid == 0).sum())
+    return int(np.count_nonzero(decoded(client, "map.pgm") == 0))
 
 
 def test_the_map_follows_the_colour_rule_when_it_is_switched_off_and_on(client: httpx.Client) -> None:
@@ -106,6 +105,8 @@ def test_the_map_follows_the_colour_rule_when_it_is_switched_off_and_on(client: 
     state_when(client, lambda _: occupied(client) > without + 50)
 
 
+CROSSED = [[0, 0], [2, 2], [2, 0], [0, 2]]
+FAR = [[0, 0], [99, 0], [0, 2]]
 BAD = [
     ("goals", {"x_m": 100.0, "y_m": 0.0}, 422, "outside the map"),
     ("goals", {"x_m": 1.0}, 422, "y_m"),
@@ -113,13 +114,13 @@ BAD = [
     ("zones", {"name": "a", "geometry": {"type": "Polygon", "coordinates": [[[0, 0]]]}}, 422, "at least 3"),
     (
         "zones",
-        {"name": "a", "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [2, 2], [2, 0], [0, 2]]]}},
+        {"name": "a", "geometry": {"type": "Polygon", "coordinates": [CROSSED]}},
         422,
         "not simple",
     ),
     (
         "zones",
-        {"name": "a", "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [99, 0], [0, 2]]]}},
+        {"name": "a", "geometry": {"type": "Polygon", "coordinates": [FAR]}},
         422,
         "outside the map",
     ),
@@ -161,7 +162,8 @@ def test_the_state_streams_at_five_hertz_or_more(running: RunningConsole) -> Non
 
 
 def test_pictures_cloud_and_metrics_are_served(client: httpx.Client) -> None:
-    assert picture(client).shape[:2] == (180, 180)
+    assert decoded(client, "map.pgm").shape == (180, 180)
+    assert decoded(client, "map.png").ndim == 3
     assert client.get("/api/v1/camera.jpg?overlay=segmentation").content[:2] == b"\xff\xd8"
     assert client.get("/api/v1/cloud.ply").content.startswith(b"ply")
     assert "resolution: 0.05" in client.get("/api/v1/map.yaml").text

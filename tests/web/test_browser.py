@@ -42,7 +42,7 @@ def page(browser: Browser, server: ConsoleServer) -> Iterator[Page]:
     opened.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     strangers: list[str] = []
     opened.on("request", lambda request: strangers.append(request.url) if not is_own(request.url, server) else None)
-    opened.goto(server.url)
+    opened.goto(f"{server.url}/#map")
     expect(opened.get_by_test_id("connection")).to_have_text("live")
     yield opened
     context.close()
@@ -67,9 +67,8 @@ def click_map(page: Page, x: float, y: float) -> None:
     canvas.click(position={"x": at_x, "y": at_y})
 
 
-def open_map(page: Page) -> None:
-    """Show the map, and wait until it has its picture."""
-    page.get_by_test_id("view-map").click()
+def await_map(page: Page) -> None:
+    """Wait until the map has its picture."""
     expect(page.get_by_test_id("map-canvas")).to_have_attribute("data-place", re.compile(r"^(?!40 0 0$)"))
 
 
@@ -81,7 +80,7 @@ def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> 
 
 
 def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(page: Page, operations: FakeOperations) -> None:
-    open_map(page)
+    await_map(page)
     page.get_by_test_id("mode-goal").click()
     click_map(page, 6.0, 0.5)
     expect(page.get_by_test_id("goal")).to_have_count(1)
@@ -104,6 +103,7 @@ def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(page: Page
 
 
 def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperations) -> None:
+    page.get_by_test_id("view-3d").click()
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")
     page.get_by_test_id("mode-draw").click()
     box = page.get_by_test_id("view-3d-frame").bounding_box()
@@ -166,7 +166,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Pa
 
 
 def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, operations: FakeOperations) -> None:
-    open_map(page)
+    await_map(page)
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3; 1, 3; 1, 4; 0, 4")
     page.get_by_test_id("zone-finish").click()
@@ -186,7 +186,7 @@ def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, op
 
 
 def test_a_class_switched_off_and_on_changes_the_map(page: Page, operations: FakeOperations) -> None:
-    open_map(page)
+    await_map(page)
     blocked = operations.picture().blocked.sum()  # type: ignore[union-attr]
     page.get_by_test_id("beware-1").uncheck()
     expect(page.get_by_test_id("beware-class").first).to_have_class(re.compile("off"))
@@ -201,7 +201,7 @@ def test_a_console_that_is_gone_is_said_to_be_gone(browser: Browser, operations:
     console.start()
     context = browser.new_context()
     page = context.new_page()
-    page.goto(console.url)
+    page.goto(f"{console.url}/#map")
     expect(page.get_by_test_id("connection")).to_have_text("live")
     console.stop()
     expect(page.get_by_test_id("stale")).to_contain_text("NO CONNECTION")

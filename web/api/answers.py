@@ -15,7 +15,7 @@ from navcore.mission import Goal
 from navcore.zones import Zone
 from web import palette
 from web.port import Operations, State
-from web.schemas import (
+from web.replies import (
     BewareClassOut,
     BewareOut,
     ColourRuleOut,

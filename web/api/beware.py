@@ -12,7 +12,8 @@ from web.api.answers import beware_of
 from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
-from web.schemas import MAX_NAME, BewareClassIn, BewareListIn, BewareOut, BewarePatchIn, ColourRuleIn
+from web.replies import BewareOut
+from web.schemas import MAX_NAME, BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (412, 422, 503)}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket
 
 from web.api.answers import state_of
 from web.port import Operations, State
+from web.sockets import until_gone, until_one_ends
 
 LOOK_S = 0.025
 """How often a change is looked for; a snapshot is one attribute read."""
@@ -24,16 +25,7 @@ def events_router(operations: Operations) -> APIRouter:
     async def events(socket: WebSocket) -> None:
         """The state, again and again, until the client goes."""
         await socket.accept()
-        sending = asyncio.create_task(_send(socket, operations))
-        try:
-            while True:
-                await socket.receive_text()
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            # Gone, or it sent what is no text: nothing a client says here has a meaning.
-            pass
-        finally:
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
+        await until_one_ends(_send(socket, operations), until_gone(socket))
 
     return router
 

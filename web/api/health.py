@@ -10,7 +10,7 @@ from fastapi import APIRouter, Response
 from navcore.mission import Phase
 from web.port import Operations, State
 from web.problems import JsonResponse
-from web.schemas import HealthOut
+from web.replies import HealthOut
 
 
 def health_router(operations: Operations) -> APIRouter:

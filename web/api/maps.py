@@ -10,7 +10,7 @@ from web.api.answers import finite, track
 from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml
 from web.port import Operations, Picture
 from web.problems import RESPONSES, JsonResponse
-from web.schemas import MapOut, PathOut
+from web.replies import MapOut, PathOut
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"

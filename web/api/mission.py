@@ -13,7 +13,8 @@ from fastapi import APIRouter, Path, Query
 from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
-from web.schemas import MAX_NAME, GoalIn, GoalOut, MissionOut, StateOut
+from web.replies import GoalOut, MissionOut, StateOut
+from web.schemas import MAX_NAME, GoalIn
 
 
 def mission_router(operations: Operations) -> APIRouter:

@@ -10,9 +10,10 @@ import asyncio
 import json
 from typing import Any
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket
 from pydantic import ValidationError
 
+from web.sockets import until_one_ends
 from web.viewer.link import PAGE_ID, PageLink
 from web.viewer.messages import PageMessage
 from web.viewer.viewer import Viewer
@@ -32,14 +33,14 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
         await socket.accept()
         mailbox = PageLink(asyncio.get_running_loop())
         viewer.links.put(page_id, mailbox)
-        telling = asyncio.create_task(_tell(socket, mailbox))
         try:
-            await _listen(socket, viewer, page_id)
+            await until_one_ends(_tell(socket, mailbox), _listen(socket, viewer, page_id))
+        except ValidationError:
+            # Only a page of another version or a stranger says what is not understood.
+            await socket.close(BAD_MESSAGE)
         finally:
-            telling.cancel()
-            await asyncio.gather(telling, return_exceptions=True)
-            viewer.links.drop(page_id, mailbox)
-            viewer.forget(page_id)
+            if viewer.links.drop(page_id, mailbox):
+                viewer.forget(page_id)
 
     return router
 
@@ -51,11 +52,8 @@ async def _tell(socket: WebSocket, mailbox: PageLink) -> None:
 
 
 async def _listen(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
-    try:
-        while True:
-            viewer.receive(page_id, PageMessage.validate_json(await socket.receive_text()))
-    except ValidationError:
-        # Only a page of another version or a stranger says what is not understood.
-        await socket.close(BAD_MESSAGE)
-    except (WebSocketDisconnect, RuntimeError, KeyError):
-        pass
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        viewer.receive(page_id, PageMessage.validate_json(message.get("text") or ""))

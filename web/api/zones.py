@@ -13,7 +13,8 @@ from web.api.answers import track, zone_of
 from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations, PathPreview
 from web.problems import RESPONSES, JsonResponse
-from web.schemas import PreviewIn, PreviewOut, ZoneIn, ZoneOut, ZonesOut
+from web.replies import PreviewOut, ZoneOut, ZonesOut
+from web.schemas import PreviewIn, ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 _EDITS = {**_BY_STATUS[404], **_BY_STATUS[412], **_BY_STATUS[422], **_BY_STATUS[503]}

@@ -154,13 +154,15 @@ element("viewer").addEventListener("load", () => {
     element("viewer").contentDocument.head.append(style);
   }
 });
-element("viewer").src = `/viewer/${pageId}/`;
 
 function show(view) {
   document.body.dataset.view = view;
   for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.setAttribute("aria-selected", String(tab.dataset.view === view));
   element("panel-3d").hidden = view !== "3d";
   element("panel-map").hidden = view !== "map";
+  // Loaded when it is first looked at: `/#map` spares a weak machine the 3D view altogether.
+  if (view === "3d" && !element("viewer").src) element("viewer").src = `/viewer/${pageId}/`;
+  history.replaceState(null, "", view === "map" ? "#map" : location.pathname);
   if (view === "map") { loadPath(); map.update({}); }
 }
 
@@ -220,4 +222,4 @@ window.addEventListener("keyup", swallowSpace, true);
 window.addEventListener("unhandledrejection", (event) => say(`The page failed: ${event.reason?.message ?? event.reason}`));
 nameZonesBy(() => zones.length + 1);
 setMode("navigate");
-show("3d");
+show(location.hash === "#map" ? "map" : "3d");

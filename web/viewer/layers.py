@@ -1,10 +1,9 @@
-"""The scene, one class per layer. A layer looks at the newest snapshot and sends only what has changed since the last."""
+"""What the robot knows and does: floor grid, body, camera, paths."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,44 +11,18 @@ import numpy.typing as npt
 import viser
 import viser.transforms
 
-from navcore.beware import BewareList
-from navcore.mission import Goal
 from navcore.transform import Pose2
-from navcore.zones import Zone
 from web import palette
 from web.pictures import overlaid, paint_floor
-from web.port import Picture, State
-from web.viewer.shapes import closed, flag, ribbon, triangulated
+from web.viewer.layer import Snapshot
+from web.viewer.shapes import ribbon
 
-FLOOR_Z, DRIVEN_Z, ZONE_Z, PATH_Z = 0.0, 0.03, 0.02, 0.05
+FLOOR_Z, DRIVEN_Z, PATH_Z = 0.0, 0.03, 0.05
 FRUSTUM_WIDTH_PX = 320
 FRUSTUM_SCALE = 0.45
 MAX_DRIVEN = 1500
 
 Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
-    """What all layers look at."""
-
-    state: State
-    """Newest state."""
-    picture: Picture
-    """Newest tick's values."""
-    zones: tuple[Zone, ...]
-    """All stored zones."""
-    beware: BewareList
-    """The list in force."""
-
-
-class Layer(Protocol):
-    """A part of the scene below one node, whose name is the layer's."""
-
-    name: str
-
-    def push(self, snapshot: Snapshot) -> None:
-        """Send what has changed."""
 
 
 class FloorLayer:
@@ -94,11 +67,9 @@ class RobotLayer:
 
     name = "robot"
 
-    def __init__(self, server: viser.ViserServer, body: Any) -> None:
+    def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._frame = server.scene.add_frame("/robot/base", show_axes=False)
-        self._body = body
-        self._label: Any = None
         self._text = ""
         self._pose: Pose2 | None = None
 
@@ -201,81 +172,6 @@ class PathLayer:
                 point_shape="diamond",
                 precision="float32",
             )
-
-
-class GoalLayer:
-    """A numbered flag for every goal that waits, a paler one for those reached."""
-
-    name = "goals"
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
-        self._shown: dict[str, object] = {}
-        self._nodes: dict[str, list[Any]] = {}
-
-    def push(self, snapshot: Snapshot) -> None:
-        """Add, number anew, remove."""
-        state = snapshot.state
-        wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
-        for goal in state.reached[-20:]:
-            wanted[f"reached-{goal.id}"] = (goal, "✓ reached", palette.DRIVEN)
-        for number, goal in enumerate(state.queue, 1):
-            wanted[f"waiting-{goal.id}"] = (goal, f"⚑ {number}", palette.GOAL)
-        with self._server.atomic():
-            for key in [key for key in self._shown if wanted.get(key) != self._shown[key]]:
-                for node in self._nodes.pop(key):
-                    node.remove()
-                del self._shown[key]
-            for key, value in wanted.items():
-                if key not in self._shown:
-                    self._nodes[key], self._shown[key] = self._add(key, *value), value
-
-    def _add(self, key: str, goal: Goal, text: str, colour: palette.Rgb) -> list[Any]:
-        scene, at = self._server.scene, (goal.x_m, goal.y_m, 0.0)
-        vertices, faces = flag()
-        mesh = scene.add_mesh_simple(
-            f"/goals/{key}", vertices, faces, color=colour, side="double", flat_shading=True, position=at
-        )
-        label = scene.add_label(f"/goals/{key}/label", text, position=(0.0, 0.0, 1.05), anchor="bottom-center")
-        return [label, mesh]
-
-
-class ZoneLayer:
-    """Every zone: a low see-through prism's floor, its outline and its name."""
-
-    name = "zones"
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
-        self._shown: dict[str, Zone] = {}
-        self._nodes: dict[str, list[Any]] = {}
-
-    def push(self, snapshot: Snapshot) -> None:
-        """Add, replace, remove."""
-        wanted = {zone.id: zone for zone in snapshot.zones}
-        with self._server.atomic():
-            for key in [key for key, zone in self._shown.items() if wanted.get(key) != zone]:
-                for node in self._nodes.pop(key):
-                    node.remove()
-                del self._shown[key]
-            for key, zone in wanted.items():
-                if key not in self._shown:
-                    self._shown[key] = zone
-                    self._nodes[key] = self._add(zone)
-
-    def _add(self, zone: Zone) -> list[Any]:
-        scene, colour = self._server.scene, palette.ZONE if zone.enabled else palette.DRIVEN
-        corners = np.array(zone.polygon)
-        vertices, faces = triangulated(corners, ZONE_Z)
-        base = f"/zones/{zone.id}"
-        text = zone.name if zone.enabled else f"{zone.name} (off)"
-        return [
-            scene.add_label(f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"),
-            scene.add_line_segments(f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06),
-            scene.add_mesh_simple(
-                base, vertices, faces, color=colour, opacity=0.35 if zone.enabled else 0.12, side="double", cast_shadow=False
-            ),
-        ]
 
 
 class _Line:

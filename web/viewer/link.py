@@ -52,11 +52,13 @@ class Links:
         with self._lock:
             self._links[page_id] = link
 
-    def drop(self, page_id: str, link: PageLink) -> None:
-        """A page has gone."""
+    def drop(self, page_id: str, link: PageLink) -> bool:
+        """A page has gone; False when it has come back on another connection meanwhile."""
         with self._lock:
-            if self._links.get(page_id) is link:
+            present = self._links.get(page_id) is link
+            if present:
                 del self._links[page_id]
+            return present
 
     def post(self, page_id: str, message: dict[str, Any]) -> None:
         """To the page, if it listens."""

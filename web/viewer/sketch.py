@@ -33,7 +33,8 @@ class Sketch:
         self._draggable = False
         self._nodes: dict[str, Any] = {}
         # Taken all the time, not only while picking: to ask the browser for them would cost the first click of a mode.
-        client.scene.on_click()(self._clicked)
+        # A coroutine, so that quick clicks keep their order; viser awaits it, though its signature does not say so.
+        client.scene.on_click()(self._clicked)  # type: ignore[arg-type]
 
     def show(self, draft: Draft) -> None:
         """Draw the draft; its corners can be dragged while it is edited."""
@@ -70,7 +71,7 @@ class Sketch:
             if draggable:
                 self._handles.on_drag(self._dragged)
 
-    def _clicked(self, event: Any) -> None:
+    async def _clicked(self, event: Any) -> None:
         self._report({"type": "click"}, floor_point(event.ray_origin, event.ray_direction))
 
     async def _dragged(self, event: Any) -> None:

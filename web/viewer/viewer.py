@@ -18,8 +18,10 @@ from navcore.grid import GridSpec
 from web import palette
 from web.port import Operations
 from web.viewer.cloud import CloudLayer
-from web.viewer.layers import CameraLayer, FloorLayer, GoalLayer, Layer, PathLayer, RobotLayer, Snapshot, ZoneLayer
+from web.viewer.layer import Layer, Snapshot
+from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
+from web.viewer.marks import GoalLayer, ZoneLayer
 from web.viewer.messages import LAYERS, Draft, Look, Show
 from web.viewer.sketch import Sketch
 
@@ -177,7 +179,7 @@ class Viewer:
             self._failed.add(name)
 
     def _built_layers(self) -> tuple[Layer, ...]:
-        robot = RobotLayer(self._server, None)
+        robot = RobotLayer(self._server)
         self._guarded("robot body", self._add_body)
         server = self._server
         return (FloorLayer(server), robot, CameraLayer(server), PathLayer(server), GoalLayer(server), ZoneLayer(server))

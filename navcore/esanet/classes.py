@@ -1,0 +1,17 @@
+"""What the classes of the public data sets are called, in the order of the network's outputs."""
+
+from __future__ import annotations
+
+SUNRGBD_CLASSES = (
+    *("wall", "floor", "cabinet", "bed", "chair", "sofa", "table", "door", "window", "bookshelf", "picture", "counter"),
+    *("blinds", "desk", "shelves", "curtain", "dresser", "pillow", "mirror", "floor mat", "clothes", "ceiling", "books"),
+    *("fridge", "tv", "paper", "towel", "shower curtain", "box", "whiteboard", "person", "night stand", "toilet", "sink"),
+    *("lamp", "bathtub", "bag"),
+)
+"""The 37 of SUN RGB-D (Song et al. 2015)."""
+
+NYUV2_CLASSES = (
+    *("refrigerator" if name == "fridge" else "television" if name == "tv" else name for name in SUNRGBD_CLASSES),
+    *("other structure", "other furniture", "other prop"),
+)
+"""The 40 of NYUv2 (Gupta et al. 2013): SUN RGB-D took over the first 37 and shortened two names."""

@@ -1,0 +1,1 @@
+"""How the segmentation is taught and how well it learned."""

@@ -1,0 +1,54 @@
+"""What the network is taught by: class-weighted cross entropy at four scales (Seichter et al. 2021, section IV)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from navcore.errors import BadFrame
+
+VOID = 0
+"""Label of pixels nobody named; class c of the network is label c + 1."""
+_IGNORED = -1
+
+
+def pyramid_losses(logits: Sequence[Tensor], labels: Tensor, class_weights: Tensor) -> tuple[Tensor, ...]:
+    """One loss per scale; the training loss is their plain sum.
+
+    `logits`: (B, C, h, w) each, the first at the size of `labels`. `labels`: (B, H, W) integers, 0 = void, else class + 1.
+    `class_weights`: (C,). Coarser scales learn from the labels resized by nearest.
+    """
+    targets = _targets(labels, logits[0])
+    return tuple(weighted_cross_entropy(at_scale, _resized(targets, at_scale), class_weights) for at_scale in logits)
+
+
+def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tensor) -> Tensor:
+    """L = Σ w(t)·CE / Σ w(t) over the labelled pixels; 0 where no pixel is labelled.
+
+    `logits` (B, C, h, w), `targets` (B, h, w) int64 with −1 = void, `class_weights` (C,).
+    """
+    weights = class_weights.to(logits)
+    total = functional.cross_entropy(logits, targets, weights, ignore_index=_IGNORED, reduction="sum")
+    labelled = targets != _IGNORED
+    weight = weights[targets.clamp(min=0)][labelled].sum()
+    # A picture without labels would be 0 / 0, and one NaN would end the training.
+    return total / weight.clamp(min=torch.finfo(weight.dtype).tiny)
+
+
+def _targets(labels: Tensor, logits: Tensor) -> Tensor:
+    """(B, H, W) int64 classes of the network, −1 for void; raises `BadFrame` for labels that do not fit the logits."""
+    if labels.shape != (logits.shape[0], *logits.shape[2:]):
+        raise BadFrame(f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: batch, height, width differ")
+    targets = labels.long() - 1
+    if targets.numel() and not -1 <= int(targets.min()) <= int(targets.max()) < logits.shape[1]:
+        raise BadFrame(f"labels reach from {int(labels.min())} to {int(labels.max())}, expected 0 (void) to {logits.shape[1]}")
+    return targets
+
+
+def _resized(targets: Tensor, logits: Tensor) -> Tensor:
+    """The targets at the size of `logits`, by nearest; floats hold class numbers exactly."""
+    small = functional.interpolate(targets[:, None].float(), size=logits.shape[2:], mode="nearest")
+    return small[:, 0].long()

@@ -1,0 +1,199 @@
+"""What goes out by HTTP: pydantic models, so that the OpenAPI document says what is sent."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, Field
+
+
+def _finite_or_none(value: Any) -> Any:
+    """JSON knows no NaN; a figure that is none is shown as missing instead of failing the whole answer."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Figure = Annotated[float | None, BeforeValidator(_finite_or_none)]
+
+
+class PoseOut(BaseModel):
+    """Where the robot stands, by odometry."""
+
+    x_m: Figure
+    y_m: Figure
+    yaw_rad: Figure
+
+
+class TwistOut(BaseModel):
+    """A velocity."""
+
+    v_mps: Figure
+    w_radps: Figure
+
+
+class GoalOut(BaseModel):
+    """A goal of the mission."""
+
+    id: int
+    x_m: float
+    y_m: float
+
+
+class ReasonOut(BaseModel):
+    """Why the robot does not move."""
+
+    code: str
+    text: str
+
+
+class StateOut(BaseModel):
+    """Everything small that is shown: one consistent snapshot."""
+
+    type: Literal["state"] = "state"
+    stamp_s: Figure
+    scenario: str
+    robot: str
+    phase: str
+    moving: bool
+    summary: str
+    stop_latched: bool
+    reasons: list[ReasonOut]
+    pose: PoseOut
+    twist: TwistOut
+    command: TwistOut
+    queue: list[GoalOut]
+    reached: list[GoalOut]
+    distance_to_goal_m: Figure
+    travelled_m: Figure
+    explored_m2: Figure
+    replans: int
+    tick_ms: Figure
+    frame_age_s: Figure
+    zones_version: int
+    beware_version: int
+    picture_serial: int | None = Field(description="grows with every tick; `path` and `camera.jpg` follow it")
+    grid_version: int | None = Field(description="changes whenever the map does; `map.png` follows it")
+
+
+class MissionOut(BaseModel):
+    """The goals and what was asked for."""
+
+    phase: str
+    queue: list[GoalOut]
+    reached: list[GoalOut]
+
+
+class PolygonOut(BaseModel):
+    """GeoJSON Polygon, ring closed, metres of the map frame."""
+
+    type: Literal["Polygon"] = "Polygon"
+    coordinates: list[list[tuple[float, float]]]
+
+
+class ZonePropertiesOut(BaseModel):
+    """Everything of a stored zone but its outline."""
+
+    name: str
+    enabled: bool
+    margin_m: float
+    version: int
+    frame: Literal["map"] = "map"
+
+
+class ZoneOut(BaseModel):
+    """A stored zone as a GeoJSON Feature; its version is the ETag."""
+
+    type: Literal["Feature"] = "Feature"
+    id: str
+    geometry: PolygonOut
+    properties: ZonePropertiesOut
+
+
+class ZonesOut(BaseModel):
+    """All stored zones."""
+
+    type: Literal["FeatureCollection"] = "FeatureCollection"
+    features: list[ZoneOut]
+
+
+class ColourRuleOut(BaseModel):
+    """Pixels of a colour, in HSV."""
+
+    hue_deg: tuple[float, float]
+    min_saturation: float
+    min_value: float
+    max_height_m: float
+
+
+class BewareClassOut(BaseModel):
+    """One thing to beware of, and the colour the console draws it in."""
+
+    name: str
+    class_id: int
+    enabled: bool
+    margin_m: float
+    min_confidence: float
+    colour: ColourRuleOut | None
+    display: str
+
+
+class BewareOut(BaseModel):
+    """The list in force; its version is the ETag."""
+
+    version: int
+    classes: list[BewareClassOut]
+
+
+class MapOut(BaseModel):
+    """Where the map lies and how large the robot is."""
+
+    frame: Literal["map"] = "map"
+    version: int
+    resolution_m: float
+    rows: int
+    cols: int
+    origin_x_m: float = Field(description="x of the lower-left corner")
+    origin_y_m: float = Field(description="y of the lower-left corner")
+    robot_length_m: float
+    robot_width_m: float
+
+
+class PathOut(BaseModel):
+    """The planned path, its corners and the way driven, in metres of the map frame."""
+
+    serial: int
+    path: list[tuple[float, float]]
+    waypoints: list[tuple[float, float]]
+    driven: list[tuple[float, float]]
+
+
+class PreviewOut(BaseModel):
+    """What a draft would lead to."""
+
+    found: bool
+    reason: str | None = Field(description="why there would be no path")
+    length_m: Figure
+    path: list[tuple[float, float]]
+
+
+class HealthOut(BaseModel):
+    """That the console answers, and how old the robot's newest picture is."""
+
+    status: Literal["ok"] = "ok"
+    scenario: str
+    robot: str
+    frame_age_s: Figure
+
+
+class ProblemBody(BaseModel):
+    """What is wrong, in one word for programs and one sentence for people, and where."""
+
+    code: str
+    message: str
+    where: str | None
+
+
+class Problem(BaseModel):
+    """Every refusal has this shape."""
+
+    error: ProblemBody

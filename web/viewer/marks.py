@@ -1,0 +1,91 @@
+"""What the operator has put into the world: goals and zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from navcore.mission import Goal
+from navcore.zones import Zone
+from web import palette
+from web.viewer.layer import Snapshot
+from web.viewer.shapes import closed, flag, ribbon, triangulated
+
+ZONE_Z = 0.02
+
+
+class GoalLayer:
+    """A numbered flag for every goal that waits, a paler one for those reached."""
+
+    name = "goals"
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: dict[str, object] = {}
+        self._nodes: dict[str, list[Any]] = {}
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Add, number anew, remove."""
+        state = snapshot.state
+        wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
+        for goal in state.reached[-20:]:
+            wanted[f"reached-{goal.id}"] = (goal, "✓ reached", palette.DRIVEN)
+        for number, goal in enumerate(state.queue, 1):
+            wanted[f"waiting-{goal.id}"] = (goal, f"⚑ {number}", palette.GOAL)
+        with self._server.atomic():
+            for key in [key for key in self._shown if wanted.get(key) != self._shown[key]]:
+                for node in self._nodes.pop(key):
+                    node.remove()
+                del self._shown[key]
+            for key, value in wanted.items():
+                if key not in self._shown:
+                    self._nodes[key], self._shown[key] = self._add(key, *value), value
+
+    def _add(self, key: str, goal: Goal, text: str, colour: palette.Rgb) -> list[Any]:
+        scene, at = self._server.scene, (goal.x_m, goal.y_m, 0.0)
+        vertices, faces = flag()
+        mesh = scene.add_mesh_simple(
+            f"/goals/{key}", vertices, faces, color=colour, side="double", flat_shading=True, position=at
+        )
+        label = scene.add_label(f"/goals/{key}/label", text, position=(0.0, 0.0, 1.05), anchor="bottom-center")
+        return [label, mesh]
+
+
+class ZoneLayer:
+    """Every zone: a low see-through prism's floor, its outline and its name."""
+
+    name = "zones"
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: dict[str, Zone] = {}
+        self._nodes: dict[str, list[Any]] = {}
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Add, replace, remove."""
+        wanted = {zone.id: zone for zone in snapshot.zones}
+        with self._server.atomic():
+            for key in [key for key, zone in self._shown.items() if wanted.get(key) != zone]:
+                for node in self._nodes.pop(key):
+                    node.remove()
+                del self._shown[key]
+            for key, zone in wanted.items():
+                if key not in self._shown:
+                    self._shown[key] = zone
+                    self._nodes[key] = self._add(zone)
+
+    def _add(self, zone: Zone) -> list[Any]:
+        scene, colour = self._server.scene, palette.ZONE if zone.enabled else palette.DRIVEN
+        corners = np.array(zone.polygon)
+        vertices, faces = triangulated(corners, ZONE_Z)
+        base = f"/zones/{zone.id}"
+        text = zone.name if zone.enabled else f"{zone.name} (off)"
+        return [
+            scene.add_label(f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"),
+            scene.add_line_segments(f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06),
+            scene.add_mesh_simple(
+                base, vertices, faces, color=colour, opacity=0.35 if zone.enabled else 0.12, side="double", cast_shadow=False
+            ),
+        ]
