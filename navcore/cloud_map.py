@@ -25,6 +25,7 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareList
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.map_points import MapPoints, PointTable
 from navcore.points import BIN_M, LOWEST_M, Observation
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
@@ -47,31 +48,13 @@ class MapRules:
     """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MapPoints:
-    """The points of the map at one moment."""
-
-    points_map: npt.NDArray[np.float32]
-    """(N, 3) metres of the map frame."""
-    rgb: npt.NDArray[np.uint8]
-    """(N, 3) colour."""
-    class_ids: npt.NDArray[np.uint8]
-    """(N,) class of the beware list; `NOTHING` for geometric points."""
-    confidence: npt.NDArray[np.float32]
-    """(N,) of the segmenter."""
-    range_m: npt.NDArray[np.float32]
-    """(N,) depth at which each was measured."""
-    pose_ids: npt.NDArray[np.int32]
-    """(N,) pose that each belongs to."""
-
-
 class CloudMap:
     """Points by pose ID, and the layers of occupied cells they make."""
 
     def __init__(self, spec: GridSpec, rules: MapRules) -> None:
         self.spec = spec
         self._rules = rules
-        self._points = _Points()
+        self._points = PointTable()
         self._bits: dict[int, Bits] = {}
         self._seen: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
         self._seen_volume: Bits = np.zeros((-(-spec.rows // 4), -(-spec.cols // 4)), dtype=np.uint64)
@@ -179,11 +162,12 @@ class CloudMap:
         unsure = np.nonzero(self._points.of_class(class_id) & (self._points.confidence[: self._points.count] < 1.0))[0]
         if len(unsure) == 0 or len(cells) == 0:
             return False
-        own_cells, own_bits = self._places(self._points.xyz[unsure])
-        best = {(int(cell), int(bit)): 0.0 for cell, bit in zip(own_cells, own_bits, strict=True)}
-        for cell, bit, value in zip(cells, bits, confidence, strict=True):
-            best[int(cell), int(bit)] = max(best.get((int(cell), int(bit)), 0.0), float(value))
-        seen = np.array([best[int(cell), int(bit)] for cell, bit in zip(own_cells, own_bits, strict=True)], dtype=np.float32)
+        measured, stored = _voxel_keys(cells, bits), _voxel_keys(*self._places(self._points.xyz[unsure]))
+        keys, index = np.unique(measured, return_inverse=True)
+        best = np.zeros(len(keys), dtype=np.float32)
+        np.maximum.at(best, index, confidence)
+        at = np.minimum(np.searchsorted(keys, stored), len(keys) - 1)
+        seen = np.where(keys[at] == stored, best[at], np.float32(0))
         surer = seen > self._points.confidence[unsure]
         self._points.confidence[unsure[surer]] = seen[surer]
         return bool(surer.any())
@@ -216,50 +200,9 @@ class CloudMap:
         np.bitwise_or.at(self._seen_volume, (rows // 4, cols // 4), bits)
 
 
-class _Points:
-    """Parallel arrays that grow by doubling."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.xyz = np.empty((0, 3), dtype=np.float32)
-        self.rgb = np.empty((0, 3), dtype=np.uint8)
-        self.class_ids = np.empty(0, dtype=np.uint8)
-        self.confidence = np.empty(0, dtype=np.float32)
-        self.range_m = np.empty(0, dtype=np.float32)
-        self.pose_ids = np.empty(0, dtype=np.int32)
-
-    _columns = ("xyz", "rgb", "class_ids", "confidence", "range_m", "pose_ids")
-
-    def append(self, observation: Observation, chosen: npt.NDArray[np.int64], pose_id: int) -> None:
-        start, self.count = self.count, self.count + len(chosen)
-        if self.count > len(self.xyz):
-            for name in self._columns:
-                column = getattr(self, name)
-                grown = np.empty((max(2 * self.count, 4096), *column.shape[1:]), dtype=column.dtype)
-                grown[:start] = column[:start]
-                setattr(self, name, grown)
-        place = slice(start, self.count)
-        self.xyz[place], self.rgb[place] = observation.points_map[chosen], observation.rgb[chosen]
-        self.class_ids[place], self.confidence[place] = observation.class_ids[chosen], observation.confidence[chosen]
-        self.range_m[place], self.pose_ids[place] = observation.range_m[chosen], pose_id
-
-    def remove(self, indices: npt.NDArray[np.int64]) -> None:
-        if len(indices) == 0:
-            return
-        keep = np.ones(self.count, dtype=np.bool_)
-        keep[indices] = False
-        kept = int(keep.sum())
-        for name in self._columns:
-            column = getattr(self, name)
-            column[:kept] = column[: self.count][keep]
-        self.count = kept
-
-    def of_class(self, class_id: int) -> npt.NDArray[np.bool_]:
-        return np.equal(self.class_ids[: self.count], class_id)
-
-    def copied(self) -> MapPoints:
-        xyz, *others = (getattr(self, name)[: self.count].copy() for name in self._columns)
-        return MapPoints(points_map=xyz, **dict(zip(self._columns[1:], others, strict=True)))
+def _voxel_keys(cells: npt.NDArray[np.int64], bits: Bits) -> npt.NDArray[np.int64]:
+    """One number for each voxel: cell · 64 + height bin."""
+    return np.asarray(cells * 64 + np.bitwise_count(bits - np.uint64(1)), dtype=np.int64)
 
 
 def _union(zones: list[Zone], spec: GridSpec) -> BoolGrid:

@@ -41,7 +41,9 @@ def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tenso
 def _targets(labels: Tensor, logits: Tensor) -> Tensor:
     """(B, H, W) int64 classes of the network, −1 for void; raises `BadFrame` for labels that do not fit the logits."""
     if labels.shape != (logits.shape[0], *logits.shape[2:]):
-        raise BadFrame(f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: batch, height, width differ")
+        raise BadFrame(
+            f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: batch, height, width differ"
+        )
     targets = labels.long() - 1
     if targets.numel() and not -1 <= int(targets.min()) <= int(targets.max()) < logits.shape[1]:
         raise BadFrame(f"labels reach from {int(labels.min())} to {int(labels.max())}, expected 0 (void) to {logits.shape[1]}")

@@ -33,7 +33,9 @@ def ious(confusion: IntArray) -> FloatArray:
     hits = np.diag(confusion).astype(np.float64)
     truth = confusion.sum(axis=1)
     union = truth + confusion.sum(axis=0) - hits
-    return np.divide(hits, union, out=np.full(len(hits), np.nan), where=truth > 0)
+    values = np.full(len(hits), np.nan)
+    np.divide(hits, union, out=values, where=truth > 0)
+    return values
 
 
 def mean_iou(confusion: IntArray) -> float:

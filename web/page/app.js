@@ -8,8 +8,9 @@ import { attempt, say } from "./toasts.js";
 
 const STALE_MS = 1000;
 const CAMERA_MS = 250;
+const MAP_MS = 300;
 const element = (id) => document.getElementById(id);
-const seen = { zones: null, beware: null, grid: null, picture: null };
+const seen = { zones: null, beware: null, map: null, picture: null };
 let arrivedAt = performance.now();
 let state = null;
 let zones = [];
@@ -40,8 +41,9 @@ function showState(next) {
 function showReasons() {
   const box = element("reasons");
   box.dataset.kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : "clear";
-  text("reasons-head", state.reasons.length ? "Why it stands:" : "✓ Nothing holds the robot.");
-  const wanted = state.reasons.map((reason) => reason.text);
+  // The stop is latched before the command thread has said so in its reasons.
+  const wanted = state.reasons.length || !state.stop_latched ? state.reasons.map((reason) => reason.text) : ["emergency stop"];
+  text("reasons-head", wanted.length ? "Why it stands:" : "✓ Nothing holds the robot.");
   const list = element("reasons-list");
   if ([...list.children].map((child) => child.textContent).join("\n") === wanted.join("\n")) return;
   list.replaceChildren(...wanted.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
@@ -88,14 +90,17 @@ const loadZones = fetcher(async () => { zones = (await get("/zones")).features; 
 const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); });
 const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); });
 const loadMap = fetcher(async () => {
-  const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.grid}-${seen.beware}`)]);
+  const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.map}`)]);
   map.update({ map: description, picture });
+  await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
   const image = await loadImage(`/api/v1/camera.jpg?overlay=${element("overlay").checked ? "segmentation" : "none"}&v=${seen.picture}`);
   element("camera").src = image.src;
-  await new Promise((resolve) => setTimeout(resolve, CAMERA_MS));
+  await pause(CAMERA_MS);
 });
+
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 function loadImage(source) {
   return new Promise((resolve, reject) => {
@@ -107,12 +112,13 @@ function loadImage(source) {
 }
 
 function follow() {
-  const betterMap = seen.grid !== state.grid_version || seen.beware !== state.beware_version;
   if (seen.zones !== state.zones_version) { seen.zones = state.zones_version; loadZones(); }
   if (seen.beware !== state.beware_version) { seen.beware = state.beware_version; loadBeware(); }
   if (state.picture_serial === null) return;
-  if (betterMap) { seen.grid = state.grid_version; loadMap(); }
-  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (document.body.dataset.view === "map") loadPath(); }
+  const onMap = document.body.dataset.view === "map";
+  const version = `${state.grid_version}-${state.beware_version}`;
+  if (onMap && seen.map !== version) { seen.map = version; loadMap(); }
+  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (onMap) loadPath(); }
 }
 
 // ------------------------------------------------------------------------------------------------------------- connection
@@ -163,7 +169,7 @@ function show(view) {
   // Loaded when it is first looked at: `/#map` spares a weak machine the 3D view altogether.
   if (view === "3d" && !element("viewer").src) element("viewer").src = `/viewer/${pageId}/`;
   history.replaceState(null, "", view === "map" ? "#map" : location.pathname);
-  if (view === "map") { loadPath(); map.update({}); }
+  if (view === "map" && state) { follow(); loadPath(); map.update({}); }
 }
 
 function tellShow() {

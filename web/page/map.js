@@ -80,6 +80,7 @@ function drawPicture() {
   const { cols, rows, resolution_m: r, origin_x_m: x, origin_y_m: y } = world.map;
   const [left, top] = toPage([x, y + rows * r]);
   pen.imageSmoothingEnabled = view.scale * r < 2;
+  pen.imageSmoothingQuality = "high";
   pen.drawImage(world.picture, left, top, cols * r * view.scale, rows * r * view.scale);
 }
 

@@ -28,6 +28,8 @@ class Layer(Protocol):
     """A part of the scene below one node, whose name is the layer's."""
 
     name: str
+    period_s: float
+    """Shortest time between two looks: what costs much to draw is drawn less often."""
 
     def push(self, snapshot: Snapshot) -> None:
         """Send what has changed."""

@@ -29,6 +29,7 @@ class FloorLayer:
     """The occupancy grid as a picture on the floor."""
 
     name = "floor"
+    period_s = 0.35
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -66,6 +67,7 @@ class RobotLayer:
     """The robot's body where odometry says it stands, with its state in words above it."""
 
     name = "robot"
+    period_s = 0.0
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -95,6 +97,7 @@ class CameraLayer:
     """The camera's frustum with its picture, classes tinted, where the camera was when it took it."""
 
     name = "camera"
+    period_s = 0.25
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -137,6 +140,7 @@ class PathLayer:
     """Planned path with its waypoints, and the way driven."""
 
     name = "path"
+    period_s = 0.15
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server

@@ -20,6 +20,7 @@ class GoalLayer:
     """A numbered flag for every goal that waits, a paler one for those reached."""
 
     name = "goals"
+    period_s = 0.0
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -31,7 +32,7 @@ class GoalLayer:
         state = snapshot.state
         wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
         for goal in state.reached[-20:]:
-            wanted[f"reached-{goal.id}"] = (goal, "✓ reached", palette.DRIVEN)
+            wanted[f"reached-{goal.id}"] = (goal, "✓", palette.DRIVEN)
         for number, goal in enumerate(state.queue, 1):
             wanted[f"waiting-{goal.id}"] = (goal, f"⚑ {number}", palette.GOAL)
         with self._server.atomic():
@@ -57,6 +58,7 @@ class ZoneLayer:
     """Every zone: a low see-through prism's floor, its outline and its name."""
 
     name = "zones"
+    period_s = 0.0
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server

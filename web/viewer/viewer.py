@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 import threading
+import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from viser.extras import ViserUrdf
 
 from navcore.grid import GridSpec
 from web import palette
-from web.port import Operations
+from web.port import Operations, Picture
 from web.viewer.cloud import CloudLayer
 from web.viewer.layer import Layer, Snapshot
 from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
@@ -51,6 +53,7 @@ class Viewer:
         self._show = Show(type="show", cloud_colour="camera", hidden=[])
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
+        self._due: dict[str, float] = {}
         self._placed = False
         with _Quiet():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -155,18 +158,21 @@ class Viewer:
         if picture is None:
             return
         if not self._placed:
-            self._place_camera(picture.grid.spec)
+            self._place_camera(picture)
         if not self._clients:
             # Nobody looks: the machine's time belongs to the navigation.
             return
         snapshot = Snapshot(
             state=self._operations.state(), picture=picture, zones=self._operations.zones(), beware=self._operations.beware()
         )
+        now = time.monotonic()
         for layer in self._layers:
-            self._guarded(layer.name, lambda layer=layer: layer.push(snapshot))  # type: ignore[misc]
+            if now >= self._due.get(layer.name, 0.0):
+                self._due[layer.name] = now + layer.period_s
+                self._guarded(layer.name, partial(layer.push, snapshot))
         cloud = self._operations.cloud()
         if cloud is not None:
-            self._guarded("cloud", lambda: self._cloud.push(cloud, self._show.cloud_colour))
+            self._guarded("cloud", partial(self._cloud.push, cloud, self._show.cloud_colour))
 
     def _guarded(self, name: str, act: Callable[[], None]) -> None:
         """A layer that fails is said once and tried again; the others go on."""
@@ -201,17 +207,18 @@ class Viewer:
 
     # ------------------------------------------------------------------------------------------------------- camera
 
-    def _place_camera(self, spec: GridSpec) -> None:
+    def _place_camera(self, picture: Picture) -> None:
         self._placed = True
-        eye, target = _overview(spec)
+        eye, target = _overview(picture)
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target
 
     def _look(self, client: viser.ClientHandle, at: str) -> None:
-        spec, state = self._spec(), self._operations.state()
-        if spec is None:
+        picture, state = self._operations.picture(), self._operations.state()
+        if picture is None:
             return
-        eye, target = _overview(spec) if at == "overview" else _top(spec, client.camera.fov, client.camera.aspect)
+        spec, lens = picture.grid.spec, client.camera
+        eye, target = _overview(picture) if at == "overview" else _top(spec, lens.fov, lens.aspect)
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
             cos, sin = math.cos(yaw), math.sin(yaw)
@@ -224,9 +231,15 @@ class Viewer:
 Place = tuple[float, float, float]
 
 
-def _overview(spec: GridSpec) -> tuple[Place, Place]:
+def _overview(picture: Picture) -> tuple[Place, Place]:
+    """From the south, on what has been seen so far."""
+    spec = picture.grid.spec
+    seen = np.argwhere(picture.seen)
     x, y, width, height = _extent(spec)
-    away = min(max(width, height), 40.0)
+    if len(seen):
+        (low, left), (high, right) = spec.centres(seen).min(axis=0)[::-1], spec.centres(seen).max(axis=0)[::-1]
+        x, y, width, height = (left + right) / 2, (low + high) / 2, right - left, high - low
+    away = min(max(width, 1.3 * height, 9.0), 40.0)
     return (x - 0.1 * away, y - 0.6 * away, 0.58 * away), (x, y - 0.1 * away, 0.0)
 
 

@@ -1,0 +1,168 @@
+"""The console's threads on a bench: whatever hangs or breaks above it, the command thread goes on and sends zero."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from app.pilot import Intent, Pilot
+from app.threads import Loop
+from navcore.beware import default_beware_list
+from navcore.config import NavigatorConfig
+from navcore.frame import Frame
+from navcore.grid import GridSpec
+from navcore.mission import Mission
+from navcore.navigator import Navigator
+from navcore.robot import HUSKY, STANDSTILL, Twist
+from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
+from navcore.segment import ColourSegmenter, Labels
+from navcore.warmup import warm_up
+from tests.navcore.scene import Box, picture
+
+SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
+FRAME_S = 0.05
+
+
+class HangingSegmenter(ColourSegmenter):
+    """Labels by colour, until it is told to hang or to break."""
+
+    def __init__(self) -> None:
+        self.go_on = threading.Event()
+        self.go_on.set()
+        self.broken = False
+
+    def segment(self, frame: Frame, beware: Any) -> Labels:
+        """As the colour rules say."""
+        self.go_on.wait(20.0)
+        if self.broken:
+            raise RuntimeError("the network is gone")
+        return super().segment(frame, beware)
+
+
+@dataclass
+class Bench:
+    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall."""
+
+    sent: list[tuple[int, Twist]] = field(default_factory=list)
+    wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
+    covered: bool = False
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+    def newest_frame(self) -> Frame | None:
+        return None if self.covered else dataclasses.replace(self.wall, stamp_ns=self.now_ns())
+
+    def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
+        time.sleep(timeout_s if self.covered else FRAME_S)
+        return self.newest_frame()
+
+    def send(self, twist: Twist) -> None:
+        self.sent.append((self.now_ns(), twist))
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass
+class Rig:
+    robot: Bench
+    pilot: Pilot
+    segmenter: HangingSegmenter
+    verdicts: list[Verdict]
+
+    def reasons(self) -> set[Cause]:
+        return {reason.cause for reason in self.verdicts[-1].reasons}
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    """A loop that drives towards a goal ahead."""
+    warm_up()
+    segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[Verdict]()
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
+    mission = Mission().add(2.5, 0.0, SPEC).start()
+    pilot = Pilot(navigator=navigator, profile=HUSKY, intent=Intent(mission=mission, beware=default_beware_list()))
+    loop = Loop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
+    loop.start()
+    yield Rig(robot=robot, pilot=pilot, segmenter=segmenter, verdicts=verdicts)
+    segmenter.go_on.set()
+    loop.stop()
+    assert robot.sent[-1][1] == STANDSTILL
+
+
+def until(holds: Any, patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not holds():
+        assert time.monotonic() < deadline, "it never came about"
+        time.sleep(0.01)
+
+
+def moving(rig: Rig) -> bool:
+    return bool(rig.robot.sent) and rig.robot.sent[-1][1].v_mps > 0.1
+
+
+def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_on_afterwards(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.segmenter.go_on.clear()
+    until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
+    assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
+    command = rig.pilot.thought.command
+    assert command is not None
+    late = [twist for stamp_ns, twist in rig.robot.sent if stamp_ns > command.stamp_ns + COMMAND_LIFE_NS + 50_000_000]
+    until(lambda: len(rig.robot.sent) > 5)
+    assert all(twist == STANDSTILL for twist in late)
+    rig.segmenter.go_on.set()
+    until(lambda: moving(rig))
+
+
+def test_a_tick_that_breaks_is_told_and_tried_again(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.segmenter.broken = True
+    until(lambda: Cause.PLANNER_FAILED in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    assert any("the network is gone" in reason.text for reason in rig.verdicts[-1].reasons)
+    rig.segmenter.broken = False
+    until(lambda: moving(rig))
+
+
+def test_a_camera_that_falls_silent_stops_the_robot_and_is_named(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.covered = True
+    until(lambda: Cause.STALE_FRAME in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    rig.robot.covered = False
+    until(lambda: moving(rig))
+
+
+def test_the_stop_outlives_everything_but_its_reset(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+    until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
+    rig.segmenter.go_on.clear()
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.verdicts[-1].reasons[0].cause is Cause.EMERGENCY_STOP
+    rig.segmenter.go_on.set()
+    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+    until(lambda: moving(rig))
+
+
+def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    good = rig.robot.wall
+    rig.robot.wall = dataclasses.replace(good, depth_m=good.depth_m * float("nan"))
+    until(lambda: Cause.BAD_FRAME in rig.reasons())
+    version = rig.pilot.navigator.map.version
+    until(lambda: Cause.STALE_FRAME in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    assert rig.pilot.navigator.map.version == version
+    rig.robot.wall = good
+    until(lambda: moving(rig))
