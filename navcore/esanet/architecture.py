@@ -67,7 +67,7 @@ def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: st
     # Only now: a hostile tensor of few bytes can claim a shape that fills the memory when it is looked through.
     _refuse(where, architecture, [f"{key} holds non-finite values" for key in expected if not _is_finite(tensors[key])])
     network.load_state_dict(dict(tensors), assign=True)
-    return network.eval().requires_grad_(False)
+    return network.eval()
 
 
 def _refuse(where: str, architecture: Architecture, wrong: list[str]) -> None:
