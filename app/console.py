@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import secrets
 import signal
-import socket
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -32,7 +31,7 @@ from navcore.segment import ColourSegmenter
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
 from sim.scenario import load_scenario
-from web.server import ConsoleServer
+from web.server import ConsoleServer, PortInUse
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -53,8 +52,11 @@ def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> It
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     world = load_scenario(scenario)
-    _check_port(host, port)
     with ExitStack() as stack:
+        try:
+            listener = stack.enter_context(ConsoleServer.reserve(host, port))
+        except PortInUse as error:
+            raise BadConfiguration(str(error)) from None
         store = Store(data)
         stack.callback(store.close)
         warm_up()
@@ -70,22 +72,10 @@ def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> It
         loop.start()
         stack.callback(loop.stop)
         token = None if host in LOOPBACK else secrets.token_urlsafe(16)
-        server = ConsoleServer(operations, host, port, token=token)
+        server = ConsoleServer(operations, host, port, listener=listener, token=token)
         server.start()
         stack.callback(server.stop)
-        yield RunningConsole(url=server.url if token is None else f"{server.url}/?token={token}", operations=operations)
-
-
-def _check_port(host: str, port: int) -> None:
-    """Refuse a taken port before anything is built; the server itself would find out only after the simulator is up."""
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise BadConfiguration(
-                f"cannot listen on {host}:{port}: {error.strerror}; end what uses the port, or choose another with --port"
-            ) from None
+        yield RunningConsole(url=server.login_url, operations=operations)
 
 
 def _pilot(store: Store, spec: GridSpec) -> Pilot:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import statistics
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -106,6 +107,6 @@ def _print(reports: list[dict[str, Any]], summary: dict[str, Any]) -> None:
     table = Table(*columns, title=summary["scenario"])
     for report in reports:
         table.add_row(*(f"{report[column]}" for column in columns))
-    terminal = Terminal()
+    terminal = Terminal(width=None if sys.stdout.isatty() else 160)
     terminal.print(table)
     terminal.print_json(data=summary)

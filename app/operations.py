@@ -65,7 +65,7 @@ class LiveOperations:
         intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
         decision, now_ns = thought.decision, self._robot.now_ns()
         ticks = self._stopwatch.ms["tick"]
-        reasons = tuple(StopReason(code=reason.cause, text=reason.text) for reason in verdict.reasons)
+        reasons = tuple(StopReason(code=reason.cause, text=reason.text) for reason in self._pilot.reasons(now_ns))
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
             stamp_s=now_ns / 1e9,

@@ -117,6 +117,15 @@ class Pilot:
 
     def command(self, now_ns: int, period_s: float) -> Verdict:
         """What to send now, `period_s` after the last time. A mission that does not drive never moves the robot."""
+        verdict = self._verdict(now_ns, period_s)
+        self._sent = verdict.twist
+        return verdict
+
+    def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
+        """Why the robot stands although it was told to drive, as of now; the most severe first."""
+        return self._verdict(now_ns, 0.0).reasons
+
+    def _verdict(self, now_ns: int, period_s: float) -> Verdict:
         intent, thought = self._intent, self._thought
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
         driving = intent.mission.phase is Phase.DRIVING and thought.order == _order(intent)
@@ -127,7 +136,6 @@ class Pilot:
             command=thought.command if driving else None,
         )
         verdict = guard(facts, sent=self._sent, period_s=period_s, profile=self.profile)
-        self._sent = verdict.twist
         return Verdict(twist=verdict.twist, reasons=ranked([*verdict.reasons, *self._obstacles(intent, thought)]))
 
     def _obstacles(self, intent: Intent, thought: Thought) -> list[StopReason]:

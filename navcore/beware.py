@@ -86,8 +86,8 @@ class BewareList:
         if "class_id" in changes:
             raise BadConfiguration(f"beware list: {name}: class_id stays with the name for ever")
         table = {**as_table(self.named(name)), **changes}
-        if changes.get("colour", ...) is None:
-            del table["colour"]
+        if table.get("colour") is None:
+            table.pop("colour", None)
         checked = from_table(BewareClass, table, f"beware list: {name}")
         return self.replaced(checked if other.name == name else other for other in self.classes)
 

@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import cv2
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +58,7 @@ class CloudMap:
         self._points = PointTable()
         self._bits: dict[int, Bits] = {}
         self._seen: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        self._trodden: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
         self._seen_volume: Bits = np.zeros((-(-spec.rows // 4), -(-spec.cols // 4)), dtype=np.uint64)
         self._pose_id = -1
         self._keyframe: Pose2 | None = None
@@ -100,6 +102,18 @@ class CloudMap:
     def seen(self) -> BoolGrid:
         """(rows, cols) copy: cells in which the camera has measured anything, the floor included."""
         return self._seen.copy()
+
+    def known(self) -> BoolGrid:
+        """(rows, cols) cells that the camera has seen or the robot has stood on: nothing unseen can hide there."""
+        # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place: single cells are closed.
+        known = (self._seen | self._trodden).view(np.uint8)
+        return cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
+
+    def tread(self, outline: npt.NDArray[np.float64]) -> None:
+        """Note that the robot stands on, or is known to stand clear within, a convex outline (N, 2) of the map frame."""
+        origin = np.array([self.spec.origin_x_m, self.spec.origin_y_m])
+        corners = np.round(((outline - origin) / self.spec.resolution_m - 0.5) * 256).astype(np.int32)
+        cv2.fillConvexPoly(self._trodden.view(np.uint8), corners, 1, shift=8)
 
     @property
     def explored_m2(self) -> float:

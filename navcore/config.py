@@ -21,6 +21,8 @@ class NavigatorConfig:
     """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper."""
     start_relief_m: float = between(0.0, 2.0, default=0.6)
     """A robot that stands inside the inflation plans from the nearest free cell within this distance."""
+    start_clear_m: float = between(0.0, 5.0, default=1.2)
+    """Within this distance of where it is put down the robot has room; the camera cannot look there."""
     points: PointRules = field(default_factory=PointRules)
     """Which measurements count."""
     map: MapRules = field(default_factory=MapRules)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 
+import cv2
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -101,10 +102,17 @@ def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_
     return np.ascontiguousarray(centres @ np.array([[cos, -sin], [sin, cos]]))
 
 
+def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """(rows, cols) the unseen cells beside a known one."""
+    beside = cv2.dilate(known.view(np.uint8), np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
+    return np.asarray(beside & ~known)
+
+
 def plan_motion(
     *,
     geometric: Points,
     ruled: Points,
+    unseen: Points,
     path_map: Points,
     pose: Pose2,
     previous: Motion,
@@ -114,8 +122,10 @@ def plan_motion(
 ) -> Motion:
     """The motion that follows the path best without touching anything.
 
-    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `path_map` is the (N, 2) path in the map
-    frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches as far as its cell's corners.
+    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `unseen` the rim of what the camera has
+    not seen yet: the planner of paths counts it as free, but no part of the body is swept over it before it was looked at.
+    `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
+    as far as its cell's corners.
     """
     path = path_from(path_map, pose)
     if float(np.hypot(*path[-1])) <= rules.arrival_m:
@@ -124,7 +134,13 @@ def plan_motion(
     geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
     if not _outside(ruled, profile, -cell_m / 2).all():
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
-    near = _Surroundings(obstacles=np.vstack([geometric, ruled]), reach_m=cell_m * math.sqrt(0.5), profile=profile, rules=rules)
+    near = _Surroundings(
+        obstacles=np.vstack([geometric, ruled]),
+        unseen=unseen[_outside(unseen, profile, 0.0)],
+        reach_m=cell_m * math.sqrt(0.5),
+        profile=profile,
+        rules=rules,
+    )
     if previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
         motion = _back_off(near, previous.began)
         if motion.outcome is Outcome.BACK:
@@ -142,9 +158,9 @@ def plan_motion(
 class _Surroundings:
     """What stands near, and how much room the footprint keeps to it along a motion."""
 
-    def __init__(self, *, obstacles: Points, reach_m: float, profile: RobotProfile, rules: LocalRules) -> None:
+    def __init__(self, *, obstacles: Points, unseen: Points, reach_m: float, profile: RobotProfile, rules: LocalRules) -> None:
         self.profile, self.rules = profile, rules
-        self._obstacles, self._reach_m = obstacles, reach_m
+        self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
         here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
         # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
         # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
@@ -155,13 +171,18 @@ class _Surroundings:
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
         return np.asarray(_clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
 
+    def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
+        half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
+        return np.asarray(_clearances(self._unseen, poses, half_length, half_width) > 0)
+
 
 def _follow(near: _Surroundings, path: Points) -> Motion | None:
     """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once."""
     rules, profile = near.rules, near.profile
     curvatures, poses = _arcs()
     clear = near.clear(poses)
-    free = clear > near.padding_m
+    free = (clear > near.padding_m) & near.looked_at(poses)
     progress, aside, askew = _along(path, poses, rules.lookahead_m)
     gain = progress - aside - 0.15 * askew - 0.6 * np.maximum(0.0, 0.25 - clear) - 0.02 * np.abs(curvatures)[:, None]
     gain = np.where(free, gain, -np.inf)
@@ -205,17 +226,17 @@ def _turn(near: _Surroundings, bearing: float) -> Motion | None:
         poses = np.zeros((1, len(headings), 3))
         poses[0, :, 2] = headings
         # Turning sweeps the corners past what stands beside the robot; half the padding is enough where it barely moves.
-        if (near.clear(poses) > near.padding_m / 2).all():
+        if (near.clear(poses) > near.padding_m / 2).all() and near.looked_at(poses).all():
             rate = min(near.rules.turn_rate_radps, 0.15 + 1.5 * abs(angle))
             return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rate, angle)), outcome=Outcome.TURN)
     return None
 
 
 def _back_off(near: _Surroundings, began: Pose2) -> Motion:
-    """Reverse along the clearest arc, slowly; nothing behind is seen, so only the map and the recent past vouch for it."""
+    """Reverse along the clearest arc, slowly, over ground that was seen or driven before."""
     curvatures, poses = _arcs()
     behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
-    reach = (near.clear(behind) > near.padding_m).sum(axis=1)
+    reach = ((near.clear(behind) > near.padding_m) & near.looked_at(behind)).sum(axis=1)
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
         return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)

@@ -13,7 +13,7 @@ from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
 from navcore.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import IDLE, Motion, Points, hard_cells, nearby, plan_motion
+from navcore.local_planner import IDLE, Motion, Points, hard_cells, nearby, plan_motion, rim_of_unseen
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.points import observe
 from navcore.robot import RobotProfile
@@ -92,6 +92,7 @@ class Navigator:
         self._occupancy: tuple[tuple[object, ...], Occupancy] | None = None
         self._route: tuple[tuple[object, ...], Route] | None = None
         self._motion = IDLE
+        self._placed = False
 
     def tick(self, frame: Frame, order: Order) -> Decision:
         """From a frame to a motion. Raises `BadFrame`, and then has changed nothing."""
@@ -108,7 +109,8 @@ class Navigator:
         return self._segmenter.segment(frame, order.beware)
 
     def remember(self, frame: Frame, labels: Labels, order: Order) -> None:
-        """Put the frame's points on the map, under its pose ID."""
+        """Put the frame's points on the map, under its pose ID, and note the ground the robot stands on."""
+        self._tread(frame.pose)
         self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame)
 
     def occupancy(self, order: Order) -> Occupancy:
@@ -152,6 +154,7 @@ class Navigator:
         self._motion = plan_motion(
             geometric=nearby(occupancy.geometric, occupancy.grid, pose, reach),
             ruled=nearby(occupancy.ruled, occupancy.grid, pose, reach),
+            unseen=nearby(rim_of_unseen(self.map.known()), occupancy.grid, pose, reach),
             path_map=route.points,
             pose=pose,
             previous=self._motion,
@@ -160,6 +163,16 @@ class Navigator:
             cell_m=occupancy.grid.spec.resolution_m,
         )
         return self._motion
+
+    def _tread(self, pose: Pose2) -> None:
+        outline = self._profile.footprint()
+        if not self._placed:
+            # Where it is put down it has been given room; the camera cannot see the floor at its own feet.
+            angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+            outline = self._config.start_clear_m * np.column_stack([np.cos(angles), np.sin(angles)])
+            self._placed = True
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        self.map.tread(outline @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
 
     def blocked(self, grid: OccupancyGrid) -> BoolGrid:
         """(rows, cols) where this robot's centre may not be on the given grid."""

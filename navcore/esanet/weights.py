@@ -91,6 +91,7 @@ def convert(
     """
     checkpoint = read_checkpoint(source)
     architecture = infer(checkpoint.tensors, str(source))
+    network = fitting(architecture, checkpoint.tensors, str(source))
     known_names, known_depth = _DATA_SETS.get(architecture.num_classes, (None, None))
     names, statistics = class_names or known_names, depth or known_depth
     if names is None or statistics is None:
@@ -98,7 +99,6 @@ def convert(
             f"{source}: {architecture.num_classes} classes are those of no public data set (40: NYUv2, 37: SUN RGB-D); "
             "say class_names and depth"
         )
-    network = fitting(architecture, checkpoint.tensors, str(source))
     card = WeightsCard(
         variant=architecture.variant,
         num_classes=architecture.num_classes,

@@ -36,12 +36,19 @@ TURNING = Motion(twist=STANDSTILL, outcome=Outcome.TURN)
 
 
 def decide(
-    *, geometric: Points = NONE, ruled: Points = NONE, path: Points = AHEAD, previous: Motion = IDLE, rules: LocalRules = RULES
+    *,
+    geometric: Points = NONE,
+    ruled: Points = NONE,
+    unseen: Points = NONE,
+    path: Points = AHEAD,
+    previous: Motion = IDLE,
+    rules: LocalRules = RULES,
 ) -> Motion:
     """A decision at the map's origin, where the base frame is the map frame."""
     return plan_motion(
         geometric=geometric,
         ruled=ruled,
+        unseen=unseen,
         path_map=path,
         pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
         previous=previous,
@@ -221,6 +228,15 @@ def test_a_rule_within_the_body_stops_the_robot_and_geometric_noise_within_it_do
     within = np.array([[0.2, 0.1]])
     assert stands(decide(ruled=within), Outcome.IN_ZONE)
     assert decide(geometric=within).outcome is Outcome.FOLLOW
+
+
+def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
+    beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
+    assert decide(path=-AHEAD).outcome is Outcome.TURN
+    assert decide(path=-AHEAD, unseen=beside).outcome is not Outcome.TURN
+    wall = np.array([[1.2, y] for y in np.arange(-1.5, 1.51, 0.05)])
+    assert 0.0 < decide(unseen=wall).twist.v_mps < decide().twist.v_mps
+    assert stands(decide(unseen=ring(0.51, 0.36)), Outcome.BOXED_IN)
 
 
 @pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])

@@ -103,8 +103,9 @@ def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
 
 
 def test_what_is_too_near_or_too_far_is_a_hole() -> None:
-    assert (at(0.39, PERFECT) == 0).all() and (at(6.01, PERFECT) == 0).all()
-    assert (at(0.41, PERFECT) > 0).all() and (at(5.99, PERFECT) > 0).all()
+    nearest = 223.4 * 0.095 / 126
+    assert (at(0.99 * nearest, PERFECT) == 0).all() and (at(6.01, PERFECT) == 0).all()
+    assert (at(1.01 * nearest, PERFECT) > 0).all() and (at(5.99, PERFECT) > 0).all()
 
 
 def test_speckle_makes_the_share_of_holes_it_says() -> None:

@@ -1,0 +1,209 @@
+"""The free cells as the search wants them: packed both ways, with marks where a straight walk must stop, kept up to date.
+
+Two stacks of planes (`navcore.search.bits`): `across` has one line per row, `along` one line per column, so that a walk east or
+west reads words of `across` and one south or north words of `along`. Each stack holds, in this order,
+
+* FREE: the cell is free;
+* AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
+* BACK: the same for a walk towards lower cells.
+
+A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
+where an optimal path may turn (Harabor & Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011, and
+"Improving Jump Point Search", ICAPS 2014, which packs the rows into words).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid import BoolGrid, Cell
+from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, lowest, pack, transpose, unpack
+
+Planes = npt.NDArray[np.uint64]
+
+FREE, AHEAD, BACK = 0, 1, 2
+FREED_LOG = 4096
+
+
+class FreeSpace:
+    """Which cells the robot's centre may be in. It also notes what a standing path has to know of later changes:
+
+    whether a cell of `tripwire` was blocked, and which cells were freed.
+    """
+
+    def __init__(self, rows: int, cols: int) -> None:
+        self.rows, self.cols = rows, cols
+        self.across: Planes = np.zeros((3, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
+        self.along: Planes = np.zeros((3, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
+        self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
+        self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
+        """Cells freed since the notes were cleared, as (row << 32 | col)."""
+        self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
+        """How many cells were freed, however many of them fit into `freed`; how many words of the tripwire were hit."""
+
+    @staticmethod
+    def of(blocked: BoolGrid) -> FreeSpace:
+        """Pack a bool (rows, cols) grid that is True where the robot's centre may not be."""
+        space = FreeSpace(*blocked.shape)
+        pack(blocked, space.across[FREE])
+        complement(space.across[FREE], space.rows, space.cols)
+        space.rebuild()
+        return space
+
+    def rebuild(self) -> None:
+        """Make everything that follows from the free cells of the rows; the notes then say that anything may have changed."""
+        _rebuild(self.across, self.along)
+        self.notes[:] = FREED_LOG + 1, 1
+
+    def update(self, blocked: BoolGrid) -> None:
+        """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what the change costs."""
+        plane = np.zeros_like(self.across[FREE])
+        pack(blocked, plane)
+        complement(plane, self.rows, self.cols)
+        _replace(self.across, self.along, self.tripwire, self.freed, self.notes, plane)
+
+    def set_cells(self, cells: npt.NDArray[np.int64], blocked: bool) -> None:
+        """Block or free the (N, 2) cells (row, col), all of them on the grid."""
+        _set_cells(self.across, self.along, self.tripwire, self.freed, self.notes, cells, blocked)
+
+    def contains(self, cell: Cell) -> bool:
+        """Whether this is a cell of the grid."""
+        return 0 <= cell[0] < self.rows and 0 <= cell[1] < self.cols
+
+    def is_free(self, cell: Cell) -> bool:
+        """Whether the robot's centre may be in this cell of the grid."""
+        return bool(int(self.across[FREE, cell[0] + PAD, (cell[1] + PAD) >> 6]) >> (cell[1] & 63) & 1)
+
+    def blocked(self) -> BoolGrid:
+        """Bool (rows, cols), True where the robot's centre may not be."""
+        return ~unpack(self.across[FREE], self.rows, self.cols)
+
+
+@numba.njit(cache=True, nogil=True)
+def complement(plane: Plane, rows: int, cols: int) -> None:
+    """Exchange free and blocked cells of a plane; the padding stays 0."""
+    whole = cols >> 6
+    for line in range(PAD, PAD + rows):
+        for word in range(1, whole + 1):
+            plane[line, word] = ~plane[line, word]
+        if cols & 63:
+            plane[line, whole + 1] ^= (ONE << np.uint64(cols & 63)) - ONE
+
+
+@numba.njit(cache=True, nogil=True)
+def _rebuild(across: Planes, along: Planes) -> None:
+    transpose(across[FREE], along[FREE])
+    for planes in (across, along):
+        last = planes.shape[1] - PAD
+        mark_stops(planes, PAD, last, 0, planes.shape[2])
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1."""
+    free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
+    one, rest = np.uint64(1), np.uint64(63)
+    low, high = max(left, 1), min(right, planes.shape[2] - 1)
+    for line in range(first, last):
+        above, below = np.uint64(line - 1), np.uint64(line + 1)
+        here = np.uint64(line)
+        for number in range(low, high):
+            word = np.uint64(number)
+            before, after = np.uint64(number - 1), np.uint64(number + 1)
+            up, down, walls = free[above, word], free[below, word], ~free[here, word]
+            opens = up & ~(up << one | free[above, before] >> rest) | down & ~(down << one | free[below, before] >> rest)
+            closes = up & ~(up >> one | free[above, after] << rest) | down & ~(down >> one | free[below, after] << rest)
+            ahead[here, word], back[here, word] = opens | walls, closes | walls
+        if left == 0:
+            ahead[line, 0] = back[line, 0] = ALL
+        if right == planes.shape[2]:
+            ahead[line, right - 1] = back[line, right - 1] = ALL
+
+
+@numba.njit(cache=True, nogil=True)
+def write_word(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    line: int,
+    word: int,
+    value: np.uint64,
+) -> bool:
+    """Set one word of free cells, in the rows and in the columns; says whether it differs. The stops are not yet made anew."""
+    changed = across[FREE, line, word] ^ value
+    if changed == 0:
+        return False
+    across[FREE, line, word] = value
+    notes[1] += (changed & ~value & tripwire[line, word]) != 0
+    bit = ONE << np.uint64(line & 63)
+    while changed != 0:
+        offset = lowest(changed)
+        along[FREE, 64 * word + offset, line >> 6] ^= bit
+        if value >> np.uint64(offset) & ONE:
+            if notes[0] < len(freed):
+                freed[notes[0]] = (line - PAD) << 32 | (64 * word + offset - PAD)
+            notes[0] += 1
+        changed &= changed - ONE
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make the stops anew around free cells that were written in lines first … last-1 and words left … right-1 of the rows."""
+    lines, words = across.shape[1], across.shape[2]
+    mark_stops(across, max(first - 1, PAD), min(last + 1, lines - PAD), max(left - 1, 0), min(right + 1, words))
+    left, right = max(64 * left - 1, PAD), min(64 * right + 1, along.shape[1] - PAD)
+    first, last = max((first - 1) >> 6, 0), min(((last + 64) >> 6), along.shape[2])
+    mark_stops(along, left, right, first, last)
+
+
+@numba.njit(cache=True, nogil=True)
+def _replace(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    plane: Plane,
+) -> None:
+    for line in range(PAD, across.shape[1] - PAD):
+        left, right = plane.shape[1], 0
+        for word in range(1, plane.shape[1] - 1):
+            if plane[line, word] == across[FREE, line, word]:
+                continue
+            write_word(across, along, tripwire, freed, notes, line, word, plane[line, word])
+            left, right = min(left, word), word + 1
+        if right > 0:
+            refresh(across, along, line, line + 1, left, right)
+
+
+@numba.njit(cache=True, nogil=True)
+def _set_cells(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    cells: npt.NDArray[np.int64],
+    blocked: bool,
+) -> None:
+    for index in range(len(cells)):
+        line, col = cells[index, 0] + PAD, cells[index, 1] + PAD
+        word, bit = col >> 6, ONE << np.uint64(col & 63)
+        value = across[FREE, line, word]
+        value = value & ~bit if blocked else value | bit
+        if write_word(across, along, tripwire, freed, notes, line, word, value):
+            refresh_cell(across, along, line, col)
+
+
+@numba.njit(cache=True, nogil=True)
+def refresh_cell(across: Planes, along: Planes, line: int, col: int) -> None:
+    """Make the stops anew around one cell."""
+    mark_stops(across, max(line - 1, PAD), min(line + 2, across.shape[1] - PAD), (col - 1) >> 6, ((col + 1) >> 6) + 1)
+    mark_stops(along, max(col - 1, PAD), min(col + 2, along.shape[1] - PAD), (line - 1) >> 6, ((line + 1) >> 6) + 1)
+
+
