@@ -15,6 +15,7 @@ import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from app.weights_cli import weights_cli
 from navcore.beware import BewareList, default_beware_list, load_beware_list
 from navcore.errors import BadConfiguration, BewareNavError
 
@@ -24,6 +25,7 @@ cli = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+cli.add_typer(weights_cli, name="weights")
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same run.")]
 BewareOption = Annotated[Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")]

@@ -39,17 +39,18 @@ FOUND, UNREACHABLE, TIMEOUT, FULL = 0, 1, 2, 3
 # Columns of the table: one row for every cell the search has reached.
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
 # The search's few counters.
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST = 0, 1, 2, 3, 4, 5, 6, 7
+PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LAST, LACKING = range(11)
+FINE = int(__import__("os").environ.get("FINE", "3"))
 
 
 class Arena:
     """The memory of a search, kept from one to the next; it grows when a search needs more."""
 
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:
-        ring = 1 << int(4 * (space.rows + space.cols + 4)).bit_length()
+        ring = 1 << int(3 * (space.rows + space.cols + 4) << FINE).bit_length()
         self.heads: Queue = np.full(ring, -1, dtype=np.int32)
         """The newest entry of each bucket; -1 in all of them between searches."""
-        self.counters: npt.NDArray[np.int64] = np.zeros(8, dtype=np.int64)
+        self.counters: npt.NDArray[np.int64] = np.zeros(11, dtype=np.int64)
         self.table: Table = np.zeros((cells, 4), dtype=np.int64)
         """Hash table: (stamp, cell), length from the start, parent's cell, and bits: walks wanted (0 to 7) and done (8 to 15)."""
         self.queue: Queue = np.empty((2 * cells, 2), dtype=np.int32)
@@ -104,7 +105,8 @@ def search(
     reach(heads, counters, table, queue, start, start, 0, ANYWHERE)
     status = run(across, along, heads, counters, table, queue, budget)
     unmark_goal(across, along, goal, saved)
-    heads[:] = -1
+    for bucket in range(counters[BUCKET], counters[LAST] + 1):
+        heads[bucket & (len(heads) - 1)] = -1
     if status == FOUND:
         return FOUND, trace(across[FREE], table, counters, start, goal)
     return status, np.empty((0, 2), dtype=np.int64)
@@ -186,6 +188,9 @@ def reach(
     key = counters[STAMP] << 32 | cell
     slot = slot_of(table, key)
     if table[slot, KEY] != key:
+        if counters[REACHED] >= len(table) // 2:
+            counters[LACKING] = 1
+            return
         counters[REACHED] += 1
         table[slot, KEY], table[slot, LENGTH], table[slot, WALKS] = key, FAR, 0
     if length > table[slot, LENGTH]:
@@ -196,13 +201,23 @@ def reach(
         counters[BEST] = length
         return
     if walks & ~table[slot, WALKS] & 0xFF:
+        if counters[PUSHED] >= len(queue):
+            counters[LACKING] = 1
+            return
         table[slot, WALKS] |= walks
-        bucket = ((estimate - counters[LEAST]) >> SHIFT) & (len(heads) - 1)
-        entry = counters[PUSHED]
-        queue[entry, 0], queue[entry, 1] = heads[bucket], slot
-        heads[bucket] = entry
-        counters[PUSHED] += 1
-        counters[WAITING] += 1
+        push(heads, counters, queue, (estimate - counters[LEAST]) >> (SHIFT - FINE), slot)
+
+
+@numba.njit(cache=True, nogil=True, forceinline=True)
+def push(heads: Queue, counters: npt.NDArray[np.int64], queue: Queue, bucket: int, slot: int) -> None:
+    """Put a row of the table into a bucket."""
+    entry = counters[PUSHED]
+    counters[PUSHED] += 1
+    counters[WAITING] += 1
+    counters[LAST] = max(counters[LAST], bucket)
+    bucket &= len(heads) - 1
+    queue[entry, 0], queue[entry, 1] = heads[bucket], slot
+    heads[bucket] = entry
 
 
 @numba.njit(cache=True, nogil=True)
@@ -217,15 +232,12 @@ def run(
 ) -> int:
     """Open bucket after bucket until none can hold a shorter path."""
     ring = len(heads) - 1
-    # One opened cell reaches at most as many others as a diagonal has sides, so this much room is asked for beforehand.
-    most = 16 * (across.shape[2] + along.shape[2]) * 64 // 4
-    bucket = 0
-    while counters[WAITING] > 0 and bucket <= (counters[BEST] - counters[LEAST]) >> SHIFT:
-        entry = heads[bucket & ring]
+    while counters[WAITING] > 0 and counters[BUCKET] <= (counters[BEST] - counters[LEAST]) >> (SHIFT - FINE):
+        entry = heads[counters[BUCKET] & ring]
         if entry < 0:
-            bucket += 1
+            counters[BUCKET] += 1
             continue
-        heads[bucket & ring] = queue[entry, 0]
+        heads[counters[BUCKET] & ring] = queue[entry, 0]
         counters[WAITING] -= 1
         slot = queue[entry, 1]
         walks = table[slot, WALKS]
@@ -233,9 +245,9 @@ def run(
         if todo == 0:
             continue
         table[slot, WALKS] = walks | todo << 8
-        if counters[PUSHED] + most > len(queue) or counters[REACHED] + most > len(table) // 2:
-            return FULL
         budget -= open_cell(across, along, heads, counters, table, queue, slot, todo)
+        if counters[LACKING]:
+            return FULL
         if budget < 0:
             return TIMEOUT
     return FOUND if counters[BEST] < FAR else UNREACHABLE

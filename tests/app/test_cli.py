@@ -10,6 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
+
+from navcore.esanet import build
 
 
 def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -58,7 +61,7 @@ def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
     assert "--port" in answer.stderr
 
 
-@pytest.mark.parametrize("command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",)])
+@pytest.mark.parametrize("command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",), ("weights",)])
 def test_every_level_has_help(command: tuple[str, ...]) -> None:
     answer = bewarenav(*command, "--help")
     assert answer.returncode == 0
@@ -72,6 +75,19 @@ def test_a_drive_writes_its_report_and_pictures_and_ends_with_0(tmp_path: Path) 
     assert "1 of 1 goals" in answer.stdout
     assert json.loads(report.read_text())["success"] is True
     assert sorted(path.name for path in plots.iterdir()) == ["map.png", "progress.png"]
+
+
+def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    source, target = tmp_path / "official.pth", tmp_path / "converted.safetensors"
+    torch.save({"state_dict": build("r18", 40, width=0.125).state_dict()}, source)
+    assert "r18, width 0.125, 40 classes" in bewarenav("weights", "convert", str(source), str(target)).stdout
+    assert "40 classes" in bewarenav("weights", "info", str(target)).stdout
+    content = bytearray(target.read_bytes())
+    content[-1] ^= 1
+    target.write_bytes(content)
+    answer = bewarenav("weights", "info", str(target))
+    assert answer.returncode == 2
+    assert "damaged" in answer.stderr
 
 
 def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:

@@ -234,7 +234,7 @@ def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
     beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
     assert decide(path=-AHEAD).outcome is Outcome.TURN
     assert decide(path=-AHEAD, unseen=beside).outcome is not Outcome.TURN
-    wall = np.array([[1.2, y] for y in np.arange(-1.5, 1.51, 0.05)])
+    wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
     assert 0.0 < decide(unseen=wall).twist.v_mps < decide().twist.v_mps
     assert stands(decide(unseen=ring(0.51, 0.36)), Outcome.BOXED_IN)
 

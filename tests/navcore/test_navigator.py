@@ -1,0 +1,122 @@
+"""The loop as a whole: from a picture to a path and a motion that follow the map, the list and the zones at once."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from navcore.config import NavigatorConfig
+from navcore.errors import BadFrame
+from navcore.grid import GridSpec
+from navcore.local_planner import Outcome
+from navcore.navigator import Decision, Navigator, Order, nearest_free
+from navcore.path import NoPath, Path, Reason
+from navcore.robot import HUSKY, STANDSTILL
+from navcore.segment import ColourSegmenter
+from navcore.transform import Pose2
+from navcore.zones import Zone
+from tests.navcore.scene import RED_LIST, Box, Paint, picture
+
+SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
+GOAL = (4.0, 0.0)
+WALL = Box(x=(2.5, 2.7), y=(-0.8, 0.8), z=(0.0, 1.0))
+CARPET = Paint(x=(1.8, 2.6), y=(-0.5, 0.5))
+ORDER = Order(goal=GOAL, beware=RED_LIST, zones=())
+RED_OFF = RED_LIST.edited("red floor", enabled=False)
+ZONE = Zone(id="z", name="z", polygon=((1.5, -0.6), (2.5, -0.6), (2.5, 0.6), (1.5, 0.6)))
+
+
+@pytest.fixture
+def navigator() -> Navigator:
+    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+
+
+def length_m(decision: Decision) -> float:
+    assert decision.route is not None
+    assert isinstance(decision.route.outcome, Path)
+    return decision.route.outcome.length * SPEC.resolution_m
+
+
+def test_unknown_counts_as_free_and_the_path_is_straight(navigator: Navigator) -> None:
+    assert length_m(navigator.tick(picture(), ORDER)) == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_path_that_crosses_a_newly_seen_obstacle_is_planned_anew_at_that_frame(navigator: Navigator) -> None:
+    straight = length_m(navigator.tick(picture(), ORDER))
+    decision = navigator.tick(picture(WALL, stamp_ns=1), ORDER)
+    assert length_m(decision) > straight + 0.2
+    assert decision.route is not None
+    cells = [SPEC.cell(x, y) for x, y in decision.route.points[:-1]]
+    assert not any(decision.occupancy.blocked[cell] for cell in cells)
+
+
+def test_a_flat_marking_is_an_obstacle_until_its_class_is_switched_off_and_again_when_it_is_on(navigator: Navigator) -> None:
+    around = length_m(navigator.tick(picture(CARPET), ORDER))
+    across = length_m(navigator.tick(picture(CARPET, stamp_ns=1), dataclasses.replace(ORDER, beware=RED_OFF)))
+    again = length_m(navigator.tick(picture(stamp_ns=2, pose=Pose2(x_m=0, y_m=0, yaw_rad=3.1)), ORDER))
+    assert across < around - 0.2
+    assert again == pytest.approx(around, abs=0.05)
+
+
+def test_a_zone_bends_the_path_at_the_next_tick_and_its_deletion_straightens_it(navigator: Navigator) -> None:
+    straight = length_m(navigator.tick(picture(), ORDER))
+    bent = length_m(navigator.tick(picture(stamp_ns=1), dataclasses.replace(ORDER, zones=(ZONE,))))
+    off = dataclasses.replace(ZONE, enabled=False)
+    assert bent > straight + 0.2
+    assert length_m(navigator.tick(picture(stamp_ns=2), dataclasses.replace(ORDER, zones=(off,)))) == straight
+    assert length_m(navigator.tick(picture(stamp_ns=3), ORDER)) == straight
+
+
+def test_a_zone_drawn_under_the_robot_stops_it_and_says_so(navigator: Navigator) -> None:
+    under = Zone(id="u", name="u", polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+    decision = navigator.tick(picture(), dataclasses.replace(ORDER, zones=(under,)))
+    assert decision.motion.twist == STANDSTILL
+    blocked = decision.route is not None and decision.route.outcome == NoPath(reason=Reason.START_BLOCKED)
+    assert blocked or decision.motion.outcome is Outcome.IN_ZONE
+
+
+def test_without_a_goal_the_robot_looks_and_stands(navigator: Navigator) -> None:
+    decision = navigator.tick(picture(WALL), dataclasses.replace(ORDER, goal=None))
+    assert decision.route is None
+    assert decision.motion.twist == STANDSTILL
+    assert decision.occupancy.grid.geometric.any()
+
+
+def test_a_bad_frame_is_refused_and_changes_nothing(navigator: Navigator) -> None:
+    before = navigator.tick(picture(WALL), ORDER)
+    bad = picture(stamp_ns=1)
+    with pytest.raises(BadFrame):
+        navigator.tick(dataclasses.replace(bad, depth_m=np.full_like(bad.depth_m, np.nan)), ORDER)
+    assert navigator.map.version == before.occupancy.version or len(navigator.map.points.points_map) > 0
+    np.testing.assert_array_equal(navigator.occupancy(ORDER).blocked, before.occupancy.blocked)
+
+
+def test_a_goal_inside_an_obstacle_or_outside_the_map_is_no_path_and_no_motion(navigator: Navigator) -> None:
+    for goal, reason in (((2.55, 0.0), Reason.GOAL_BLOCKED), ((99.0, 0.0), Reason.OUTSIDE)):
+        decision = navigator.tick(picture(WALL), dataclasses.replace(ORDER, goal=goal))
+        assert decision.route is not None
+        assert decision.route.outcome == NoPath(reason=reason)
+        assert decision.motion.twist == STANDSTILL
+
+
+def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(navigator: Navigator) -> None:
+    route = navigator.tick(picture(WALL), ORDER).route
+    assert route is not None
+    assert tuple(route.waypoints[-1]) == GOAL
+    assert 1 < len(route.waypoints) < len(route.points) / 3
+
+
+def test_the_nearest_free_cell_is_the_nearest_by_brute_force() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        blocked = rng.random((20, 20)) < 0.9
+        cell = (int(rng.integers(20)), int(rng.integers(20)))
+        found = nearest_free(blocked, cell, 6.0)
+        free = np.argwhere(~blocked)
+        least = np.hypot(*(free - cell).T).min(initial=np.inf)
+        assert (found is None) == (least > 6.0)
+        if found is not None:
+            assert not blocked[found]
+            assert np.hypot(found[0] - cell[0], found[1] - cell[1]) == pytest.approx(least)
