@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -143,35 +144,57 @@ def _voxelise(
     height, width = depth_m.shape
     table, counts, pixels = _empty_table(1 << 15)
     entries = 0
-    t = T_map_camera
     for i in range(height):
-        b = (i - lens[3]) / lens[1]
-        for j in range(width):
-            depth = depth_m[i, j]
-            if depth <= 0.0 or depth > limits[2]:
-                continue
-            a = (j - lens[2]) / lens[0]
-            x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
-            y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
-            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
-            row, col = int(np.floor((y - place[1]) / place[2])), int(np.floor((x - place[0]) / place[2]))
-            level = int(np.floor((z - LOWEST_M) / BIN_M))
-            if row < 0 or row >= rows or col < 0 or col >= cols or level < 0 or level >= HEIGHT_BINS:
-                continue
-            voxel = ((row * cols + col) * HEIGHT_BINS + level) << 6
-            pixel = i * width + j
-            entries += _count(table, counts, pixels, voxel | _SEEN, pixel, 1)
-            if limits[0] < z < limits[1]:
-                entries += _count(table, counts, pixels, voxel | NOTHING, pixel, 1)
-            kind = class_ids[i, j]
-            if kind != NOTHING and z <= max_heights[kind]:
-                entries += _count(table, counts, pixels, voxel | kind, pixel, 1)
-            if 2 * entries > len(table):
-                table, counts, pixels = _doubled(table, counts, pixels)
+        # A pixel makes at most three entries; the table stays at most half full.
+        while 2 * (entries + 3 * width) > len(table):
+            table, counts, pixels = _doubled(table, counts, pixels)
+        entries += _count_row(
+            i, depth_m, class_ids, max_heights, T_map_camera, lens, place, rows, cols, limits, table, counts, pixels
+        )
     slots = np.nonzero((counts >= min_support) | ((counts > 0) & ((table & 63) == _SEEN)))[0]
-    # The table's order depends on its size and the hash; sorted, it depends on nothing but the voxels.
-    slots = slots[np.argsort(table[slots])]
     return table[slots], pixels[slots].astype(np.int64)
+
+
+@numba.njit(cache=True, nogil=True)
+def _count_row(
+    i: int,
+    depth_m: npt.NDArray[np.float32],
+    class_ids: npt.NDArray[np.uint8],
+    max_heights: npt.NDArray[np.float64],
+    T_map_camera: npt.NDArray[np.float64],
+    lens: npt.NDArray[np.float64],
+    place: npt.NDArray[np.float64],
+    rows: int,
+    cols: int,
+    limits: npt.NDArray[np.float64],
+    table: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.int32],
+    pixels: npt.NDArray[np.int32],
+) -> int:
+    """Count the pixels of one row; returns how many keys were new."""
+    width, new = depth_m.shape[1], 0
+    t, per_metre, b = T_map_camera, 1.0 / place[2], (i - lens[3]) / lens[1]
+    for j in range(width):
+        depth = depth_m[i, j]
+        if depth <= 0.0 or depth > limits[2]:
+            continue
+        a = (j - lens[2]) / lens[0]
+        x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
+        y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
+        z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
+        row, col = math.floor((y - place[1]) * per_metre), math.floor((x - place[0]) * per_metre)
+        level = math.floor((z - LOWEST_M) * (1.0 / BIN_M))
+        if row < 0 or row >= rows or col < 0 or col >= cols or level < 0 or level >= HEIGHT_BINS:
+            continue
+        voxel = ((row * cols + col) * HEIGHT_BINS + level) << 6
+        pixel = i * width + j
+        new += _count(table, counts, pixels, voxel | _SEEN, pixel)
+        if limits[0] < z < limits[1]:
+            new += _count(table, counts, pixels, voxel | NOTHING, pixel)
+        kind = class_ids[i, j]
+        if kind != NOTHING and z <= max_heights[kind]:
+            new += _count(table, counts, pixels, voxel | kind, pixel)
+    return new
 
 
 @numba.njit(cache=True, nogil=True)
@@ -186,28 +209,30 @@ def _doubled(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     larger, larger_counts, larger_pixels = _empty_table(2 * len(table))
     for slot in range(len(table)):
-        if table[slot] != -1:
-            _count(larger, larger_counts, larger_pixels, table[slot], pixels[slot], counts[slot])
+        if counts[slot] > 0:
+            place = _slot(larger, table[slot])
+            larger[place], larger_counts[place], larger_pixels[place] = table[slot], counts[slot], pixels[slot]
     return larger, larger_counts, larger_pixels
 
 
 @numba.njit(cache=True, nogil=True)
-def _count(
-    table: npt.NDArray[np.int64],
-    counts: npt.NDArray[np.int32],
-    pixels: npt.NDArray[np.int32],
-    key: int,
-    pixel: int,
-    times: int,
-) -> int:
-    """Count a key `times` more; returns 1 if it is new, and then `pixel` stands for it, else 0."""
+def _slot(table: npt.NDArray[np.int64], key: int) -> int:
+    """Where a key is in the table, or the empty place where it belongs."""
     mask = len(table) - 1
     slot = ((key * 0x2545F4914F6CDD1D) >> 20) & mask
-    new = 0
-    while table[slot] != key:
-        if table[slot] == -1:
-            table[slot], pixels[slot], new = key, pixel, 1
-            break
+    while table[slot] != key and table[slot] != -1:
         slot = (slot + 1) & mask
-    counts[slot] += times
-    return new
+    return slot
+
+
+@numba.njit(cache=True, nogil=True)
+def _count(
+    table: npt.NDArray[np.int64], counts: npt.NDArray[np.int32], pixels: npt.NDArray[np.int32], key: int, pixel: int
+) -> int:
+    """Count one more pixel of a key, the first of which stands for it; returns 1 if the key is new, else 0."""
+    slot = _slot(table, key)
+    counts[slot] += 1
+    if counts[slot] > 1:
+        return 0
+    table[slot], pixels[slot] = key, pixel
+    return 1

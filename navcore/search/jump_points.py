@@ -40,7 +40,7 @@ FOUND, UNREACHABLE, TIMEOUT, FULL = 0, 1, 2, 3
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
 # The search's few counters.
 PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LAST, LACKING = range(11)
-FINE = int(__import__("os").environ.get("FINE", "3"))
+FINE = 4
 
 
 class Arena:
@@ -112,7 +112,7 @@ def search(
     return status, np.empty((0, 2), dtype=np.int64)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, forceinline=True)
 def begin(counters: npt.NDArray[np.int64], start: int, goal: int) -> None:
     """Set the counters for a new search."""
     stamp = counters[STAMP] + 1
@@ -169,7 +169,7 @@ def slot_of(table: Table, key: int) -> int:
         slot += np.uint64(1)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, forceinline=True)
 def reach(
     heads: Queue,
     counters: npt.NDArray[np.int64],
@@ -253,7 +253,7 @@ def run(
     return FOUND if counters[BEST] < FAR else UNREACHABLE
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, forceinline=True)
 def open_cell(
     across: Planes,
     along: Planes,
