@@ -47,7 +47,9 @@ def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> npt.NDArray[np.boo
     """(H, W) pixels that fit; OpenCV keeps hue in steps of 2°, saturation and value in 0…255."""
     first, last = (round(hue / 2) for hue in rule.hue_deg)
     floor = (round(rule.min_saturation * 255), round(rule.min_value * 255))
-    spans = [(first, last)] if first <= last else [(first, 180), (0, last)]
+    # Whether the range wraps is told by the rule, not by its rounding: 0.5° to 0° goes once around.
+    wraps = rule.hue_deg[0] > rule.hue_deg[1]
+    spans = [(first, 180), (0, last)] if wraps else [(first, last)]
     if last == 180:
         spans.append((0, 0))  # 360° is 0°
     mask = np.zeros(hsv.shape[:2], dtype=np.bool_)

@@ -44,6 +44,16 @@ def highest(_typing: Any, _word: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
+def mirrored(_typing: Any, _word: Any) -> Any:
+    """A uint64 with its bits in the opposite order."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitreverse(arguments[0])
+
+    return types.uint64(types.uint64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
 def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
     """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit with the uint8 `of`.
 

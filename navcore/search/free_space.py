@@ -5,7 +5,10 @@ west reads words of `across` and one south or north words of `along`. Each stack
 
 * FREE: the cell is free;
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
-* BACK: the same for a walk towards lower cells.
+* BACK: the same for a walk towards lower cells;
+* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line when a
+  search first asks (`look_along`); word 0 of a line says whether it is made, and until then the line says that nothing is in vain;
+* SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
 
 A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
 where an optimal path may turn (Harabor & Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011, and
@@ -19,11 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid, Cell
-from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, lowest, pack, transpose, unpack
+from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, lowest, mirrored, pack, transpose, unpack
 
 Planes = npt.NDArray[np.uint64]
 
-FREE, AHEAD, BACK = 0, 1, 2
+FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
 
 
@@ -35,8 +38,8 @@ class FreeSpace:
 
     def __init__(self, rows: int, cols: int) -> None:
         self.rows, self.cols = rows, cols
-        self.across: Planes = np.zeros((3, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
-        self.along: Planes = np.zeros((3, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
+        self.across: Planes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
+        self.along: Planes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
         self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
         """Cells freed since the notes were cleared, as (row << 32 | col)."""
@@ -59,8 +62,12 @@ class FreeSpace:
 
     def update(self, blocked: BoolGrid) -> None:
         """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what the change costs."""
-        plane = np.zeros_like(self.across[FREE])
+        plane = np.zeros_like(self.tripwire)
         pack(blocked, plane)
+        self.replace(plane)
+
+    def replace(self, plane: Plane) -> None:
+        """Follow a changed plane of blocked cells, and spoil it."""
         complement(plane, self.rows, self.cols)
         _replace(self.across, self.along, self.tripwire, self.freed, self.notes, plane)
 
@@ -96,8 +103,8 @@ def complement(plane: Plane, rows: int, cols: int) -> None:
 def _rebuild(across: Planes, along: Planes) -> None:
     transpose(across[FREE], along[FREE])
     for planes in (across, along):
-        last = planes.shape[1] - PAD
-        mark_stops(planes, PAD, last, 0, planes.shape[2])
+        mark_stops(planes, PAD, planes.shape[1] - PAD, 0, planes.shape[2])
+    mark_squares(across, PAD - 1, across.shape[1] - PAD, 0, across.shape[2] - 1)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -116,10 +123,52 @@ def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> 
             opens = up & ~(up << one | free[above, before] >> rest) | down & ~(down << one | free[below, before] >> rest)
             closes = up & ~(up >> one | free[above, after] << rest) | down & ~(down >> one | free[below, after] << rest)
             ahead[here, word], back[here, word] = opens | walls, closes | walls
+        planes[VAIN_AHEAD, line, :] = planes[VAIN_BACK, line, :] = 0
         if left == 0:
             ahead[line, 0] = back[line, 0] = ALL
         if right == planes.shape[2]:
             ahead[line, right - 1] = back[line, right - 1] = ALL
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make SQUARE anew for lines first … last-1 and words left … right-1."""
+    free, square = across[FREE], across[SQUARE]
+    one, rest = np.uint64(1), np.uint64(63)
+    for line in range(first, last):
+        here, below = np.uint64(line), np.uint64(line + 1)
+        for number in range(left, right):
+            word, after = np.uint64(number), np.uint64(number + 1)
+            both, both_after = free[here, word] & free[below, word], free[here, after] & free[below, after]
+            square[here, word] = both & (both >> one | both_after << rest)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def look_along(planes: Planes, line: int) -> None:
+    """Make VAIN_AHEAD and VAIN_BACK for one line.
+
+    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what is
+    true of c. That is how carries run through an addition: generated at jump points, handed on by cells that stop nobody.
+    """
+    words = planes.shape[2]
+    carry = np.uint64(0)
+    for word in range(words):
+        jumps = planes[BACK, line, word] & planes[FREE, line, word]
+        hits, carry = _carries(jumps, ~planes[BACK, line, word], carry)
+        planes[VAIN_BACK, line, word] = ~hits
+    carry = np.uint64(0)
+    for word in range(words - 1, -1, -1):
+        jumps = planes[AHEAD, line, word] & planes[FREE, line, word]
+        hits, carry = _carries(mirrored(jumps), mirrored(~planes[AHEAD, line, word]), carry)
+        planes[VAIN_AHEAD, line, word] = ~mirrored(hits)
+    planes[VAIN_AHEAD, line, 0] = 1
+
+
+@numba.njit(cache=True, nogil=True, forceinline=True)
+def _carries(generate: np.uint64, hand_on: np.uint64, carry: np.uint64) -> tuple[np.uint64, np.uint64]:
+    """The carry into every bit of an addition, and the carry out of it."""
+    into = ((generate | hand_on) + generate + carry) ^ hand_on
+    return into, (generate | hand_on & into) >> np.uint64(63)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -156,6 +205,7 @@ def refresh(across: Planes, along: Planes, first: int, last: int, left: int, rig
     """Make the stops anew around free cells that were written in lines first … last-1 and words left … right-1 of the rows."""
     lines, words = across.shape[1], across.shape[2]
     mark_stops(across, max(first - 1, PAD), min(last + 1, lines - PAD), max(left - 1, 0), min(right + 1, words))
+    mark_squares(across, max(first - 1, PAD - 1), last, max(left - 1, 0), min(right, words - 1))
     left, right = max(64 * left - 1, PAD), min(64 * right + 1, along.shape[1] - PAD)
     first, last = max((first - 1) >> 6, 0), min(((last + 64) >> 6), along.shape[2])
     mark_stops(along, left, right, first, last)
@@ -203,6 +253,7 @@ def _set_cells(
 @numba.njit(cache=True, nogil=True)
 def refresh_cell(across: Planes, along: Planes, line: int, col: int) -> None:
     """Make the stops anew around one cell."""
+    mark_squares(across, line - 1, line + 1, (col - 1) >> 6, (col >> 6) + 1)
     mark_stops(across, max(line - 1, PAD), min(line + 2, across.shape[1] - PAD), (col - 1) >> 6, ((col + 1) >> 6) + 1)
     mark_stops(along, max(col - 1, PAD), min(col + 2, along.shape[1] - PAD), (line - 1) >> 6, ((line + 1) >> 6) + 1)
 

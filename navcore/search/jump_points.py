@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.search.bits import ONE, PAD, highest, lowest
-from navcore.search.free_space import AHEAD, BACK, FREE, FreeSpace, Planes
+from navcore.search.free_space import AHEAD, BACK, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, Planes, look_along
 
 Table = npt.NDArray[np.int64]
 Queue = npt.NDArray[np.int32]
@@ -112,7 +112,7 @@ def search(
     return status, np.empty((0, 2), dtype=np.int64)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def begin(counters: npt.NDArray[np.int64], start: int, goal: int) -> None:
     """Set the counters for a new search."""
     stamp = counters[STAMP] + 1
@@ -122,7 +122,7 @@ def begin(counters: npt.NDArray[np.int64], start: int, goal: int) -> None:
     counters[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def octile(rows: int, cols: int) -> int:
     """Length of the shortest path between two cells on an empty grid, by their distance in rows and columns."""
     rows, cols = abs(rows), abs(cols)
@@ -143,6 +143,8 @@ def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.u
     for plane in (AHEAD, BACK):
         across[plane, row, col >> 6] |= ONE << np.uint64(col & 63)
         along[plane, col, row >> 6] |= ONE << np.uint64(row & 63)
+    across[VAIN_AHEAD : VAIN_BACK + 1, row] = 0
+    along[VAIN_AHEAD : VAIN_BACK + 1, col] = 0
     return saved
 
 
@@ -154,9 +156,11 @@ def unmark_goal(
     row, col = goal >> 16, goal & 0xFFFF
     across[AHEAD, row, col >> 6], across[BACK, row, col >> 6] = saved[0], saved[1]
     along[AHEAD, col, row >> 6], along[BACK, col, row >> 6] = saved[2], saved[3]
+    across[VAIN_AHEAD : VAIN_BACK + 1, row] = 0
+    along[VAIN_AHEAD : VAIN_BACK + 1, col] = 0
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def slot_of(table: Table, key: int) -> int:
     """The row of the table that holds a key, or the free one where it belongs."""
     mask = len(table) - 1
@@ -169,7 +173,7 @@ def slot_of(table: Table, key: int) -> int:
         slot += np.uint64(1)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def reach(
     heads: Queue,
     counters: npt.NDArray[np.int64],
@@ -208,7 +212,7 @@ def reach(
         push(heads, counters, queue, (estimate - counters[LEAST]) >> (SHIFT - FINE), slot)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def push(heads: Queue, counters: npt.NDArray[np.int64], queue: Queue, bucket: int, slot: int) -> None:
     """Put a row of the table into a bucket."""
     entry = counters[PUSHED]
@@ -220,7 +224,7 @@ def push(heads: Queue, counters: npt.NDArray[np.int64], queue: Queue, bucket: in
     heads[bucket] = entry
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def run(
     across: Planes,
     along: Planes,
@@ -253,7 +257,7 @@ def run(
     return FOUND if counters[BEST] < FAR else UNREACHABLE
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def open_cell(
     across: Planes,
     along: Planes,
@@ -284,13 +288,19 @@ def open_cell(
     return count
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def bit_at(planes: Planes, line: int, at: int) -> np.uint64:
     """1 if a cell is free, else 0."""
     return planes[FREE, np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
+    """One bit of a plane."""
+    return planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+
+
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def stop_ahead(planes: Planes, line: int, at: int) -> int:
     """The first cell behind `at` on a line where a walk towards higher cells stops."""
     word = np.uint64(at >> 6)
@@ -301,7 +311,7 @@ def stop_ahead(planes: Planes, line: int, at: int) -> int:
     return np.int64(word << np.uint64(6)) + lowest(bits)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def stop_back(planes: Planes, line: int, at: int) -> int:
     """The same towards lower cells."""
     word = np.uint64(at >> 6)
@@ -312,7 +322,7 @@ def stop_back(planes: Planes, line: int, at: int) -> int:
     return np.int64(word << np.uint64(6)) + highest(bits)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def walk_row(
     across: Planes,
     along: Planes,
@@ -339,7 +349,7 @@ def walk_row(
     reach(heads, counters, table, queue, row << 16 | stop, parent, length + abs(stop - col) * UNIT, walks)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def walk_col(
     across: Planes,
     along: Planes,
@@ -366,7 +376,7 @@ def walk_col(
     reach(heads, counters, table, queue, stop << 16 | col, parent, length + abs(stop - row) * UNIT, walks)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
 def walk_diagonal(
     across: Planes,
     along: Planes,
@@ -387,21 +397,33 @@ def walk_diagonal(
     west, north = corner & 1, corner >> 1
     step_row, step_col = 1 - 2 * north, 1 - 2 * west
     count = 0
-    while True:
-        below = bit_at(across, row + step_row, col) & bit_at(across, row + step_row, col + step_col)
-        if (below & bit_at(across, row, col + step_col)) == 0:
-            return count
+    while bit_of(across, SQUARE, row - north, col - west):
         row += step_row
         col += step_col
         length += ROOT
-        if length + octile(row - counters[GOAL_ROW], col - counters[GOAL_COL]) >= counters[BEST]:
-            return count
+        count += 1
         if row == counters[GOAL_ROW] and col == counters[GOAL_COL]:
             reach(heads, counters, table, queue, row << 16 | col, parent, length, 0)
             return count
-        walk_row(across, along, heads, counters, table, queue, row, col, west, parent, length)
-        walk_col(across, along, heads, counters, table, queue, row, col, north, parent, length)
-        count += 2
+        promising_row = bit_of(across, VAIN_AHEAD + west, row, col) == 0
+        promising_col = bit_of(along, VAIN_AHEAD + north, col, row) == 0
+        if not (promising_row or promising_col):
+            continue
+        if length + octile(row - counters[GOAL_ROW], col - counters[GOAL_COL]) >= counters[BEST]:
+            return count
+        if promising_row and not is_vain(across, VAIN_AHEAD + west, row, col):
+            walk_row(across, along, heads, counters, table, queue, row, col, west, parent, length)
+        if promising_col and not is_vain(along, VAIN_AHEAD + north, col, row):
+            walk_col(across, along, heads, counters, table, queue, row, col, north, parent, length)
+    return count
+
+
+@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
+    """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
+    if planes[VAIN_AHEAD, line, 0] == 0:
+        look_along(planes, line)
+    return bit_of(planes, plane, line, at) != 0
 
 
 @numba.njit(cache=True, nogil=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +12,13 @@ import shapely
 from playwright.sync_api import expect, sync_playwright
 
 from app.console import RunningConsole
-from tests.web.test_browser import ARGUMENTS, CHROMIUM, await_map, click_map
+from tests.web.test_browser import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
 
 PATIENCE_MS = 90_000
 ZONE = ((-3.0, -0.6), (-2.2, -0.6), (-2.2, 0.2), (-3.0, 0.2))
 GOAL = (-2.6, 2.4)
 
-pytestmark = pytest.mark.skipif(
-    not CHROMIUM.exists() and os.environ.get("CI") != "true", reason="Debian's chromium is not installed"
-)
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 
 
 def test_an_operator_draws_a_zone_picks_a_goal_and_sees_the_robot_arrive_round_it(
