@@ -75,6 +75,7 @@ def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> It
         server = ConsoleServer(operations, host, port, listener=listener, token=token)
         server.start()
         stack.callback(server.stop)
+        stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
         yield RunningConsole(url=server.login_url, operations=operations)
 
 

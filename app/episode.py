@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from app.pilot import Intent, Pilot
+from app.pilot import COMMAND_PERIOD_S, Intent, Pilot
 from app.timing import Stopwatch
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
@@ -24,7 +24,6 @@ from navcore.warmup import warm_up
 from sim.scenario import Scenario
 from sim.simulator import Simulator
 
-COMMAND_PERIOD_S = 0.05
 SERIES_PERIOD_S = 1.0
 GOAL_RADIUS_M = 0.3
 """The robot must finally stand this near to a goal, judged from the ground truth."""
@@ -134,8 +133,7 @@ class Episode:
             self._arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
-        verdict = self.pilot.command(self.simulator.now_ns(), COMMAND_PERIOD_S)
-        self.simulator.send(verdict.twist)
+        verdict = self.pilot.command(self.simulator.now_ns(), COMMAND_PERIOD_S, self.simulator.send)
         pose = self.simulator.true_pose()
         self.driven.append((pose.x_m, pose.y_m))
         self.simulator.referee.note_stop(verdict.reasons[0].cause if verdict.reasons else None)
@@ -166,7 +164,6 @@ class Episode:
         referee, watch = self.simulator.referee, self.stopwatch
         reached = [goal for goal in self._goals if self._arrived.get(goal.id, float("inf")) <= GOAL_RADIUS_M]
         everywhere = len(reached) == len(self._goals)
-        clean = referee.collisions == referee.beware_intrusions == referee.zone_intrusions == 0
         shortest_m = self._shortest_m()
         longest_m = max(referee.distance_m, shortest_m or 0.0)
         return {
@@ -175,7 +172,7 @@ class Episode:
             "robot": self.simulator.profile.name,
             "goals": [[goal.x_m, goal.y_m] for goal in self._goals],
             "goals_reached": len(reached),
-            "success": everywhere and clean,
+            "success": everywhere and referee.violations() == 0,
             "sim_time_s": round(self._now_s, 3),
             "wall_time_s": round(wall_time_s, 3),
             "distance_m": round(referee.distance_m, 3),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import statistics
 import sys
@@ -16,6 +17,7 @@ from rich.table import Table
 
 from app.episode import Episode
 from navcore.beware import BewareList
+from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
 from sim.scenario import load_scenario
 
@@ -24,23 +26,29 @@ def evaluate_scenario(
     scenario: str, *, seeds: Iterable[int], workers: int, out: Path, max_time_s: float, beware: BewareList
 ) -> dict[str, Any]:
     """Drive one episode a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
-    load_scenario(scenario)  # a bad world is refused before any worker starts
+    # What an episode depends on beside its seed; kept episodes of anything else are not this campaign's.
+    rules = repr((load_scenario(scenario), beware.classes, max_time_s, NavigatorConfig()))
+    campaign = hashlib.sha256(rules.encode()).hexdigest()[:16]
     wanted = list(seeds)
     kept = out / "episodes.jsonl"
-    done = {report["seed"]: report for report in _read(kept, scenario)}
+    text = kept.read_text(encoding="utf-8") if kept.exists() else ""
+    torn = bool(text) and not text.endswith("\n")
+    done = {report["seed"]: report for report in _read(text, campaign, kept)}
     todo = [seed for seed in wanted if seed not in done]
     try:
         out.mkdir(parents=True, exist_ok=True)
         with kept.open("a", encoding="utf-8") as file:
+            if torn:
+                file.write("\n")
             for report in _driven(scenario, todo, workers, max_time_s, beware):
                 done[report["seed"]] = report
-                file.write(json.dumps(report) + "\n")
+                file.write(json.dumps({**report, "campaign": campaign}) + "\n")
                 file.flush()
+        reports = [done[seed] for seed in wanted]
+        summary = summarise(scenario, reports)
+        (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     except OSError as error:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
-    reports = [done[seed] for seed in wanted]
-    summary = summarise(scenario, reports)
-    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     _print(reports, summary)
     return summary
 
@@ -85,17 +93,15 @@ def _drive(scenario: str, seed: int, max_time_s: float, beware: BewareList) -> d
         episode.close()
 
 
-def _read(path: Path, scenario: str) -> Iterator[dict[str, Any]]:
-    """The episodes kept before; a last line that a kill cut short is driven again."""
-    if not path.exists():
-        return
-    for line in path.read_text(encoding="utf-8").splitlines():
+def _read(text: str, campaign: str, path: Path) -> Iterator[dict[str, Any]]:
+    """The episodes kept before; a line that a kill cut short is driven again."""
+    for line in text.splitlines():
         try:
             report = json.loads(line)
         except json.JSONDecodeError:
             continue
-        if report["scenario"] != load_scenario(scenario).name:
-            raise BadConfiguration(f"{path} holds episodes of {report['scenario']!r}, not of {scenario!r}; give another --out")
+        if report.get("campaign") != campaign:
+            raise BadConfiguration(f"{path} holds episodes of another world, beware list or time limit; give another --out")
         yield report
 
 

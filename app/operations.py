@@ -275,4 +275,6 @@ def _summary(intent: Intent, decision: Decision | None, reasons: tuple[StopReaso
         return f"Driving to goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}): {what}."
     if mission.queue:
         return f"Standing; {len(mission.queue)} goal{'s wait' if len(mission.queue) > 1 else ' waits'} for start."
+    if mission.cancelled:
+        return "Standing; the mission was cancelled."
     return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

@@ -19,9 +19,11 @@ from navcore.mission import Mission, Phase
 from navcore.navigator import Decision, Navigator, Order
 from navcore.path import NoPath
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
-from navcore.safety import Cause, Facts, StopReason, Verdict, guard, ranked
+from navcore.safety import COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, ranked
 from navcore.zones import Zone
 
+COMMAND_PERIOD_S = 0.05
+"""How often a command is sent."""
 STANDS_BELOW_MPS = 0.03
 """A robot slower than this stands, as far as arriving is concerned."""
 
@@ -47,7 +49,7 @@ class Thought:
     decision: Decision | None = None
     """Of the newest good frame."""
     frame_ns: int | None = None
-    """Capture time of that frame."""
+    """Capture time of the newest frame that came in, good or bad."""
     command: Command | None = None
     """What it asks the wheels to do."""
     order: Order | None = None
@@ -102,7 +104,7 @@ class Pilot:
         try:
             decision = self.navigator.tick(frame, order)
         except BadFrame as error:
-            self._thought = dataclasses.replace(self._thought, bad_frame=str(error), command=None)
+            self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None)
             return None
         command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal else None
         self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
@@ -110,15 +112,23 @@ class Pilot:
             self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
         return decision
 
-    def note_failure(self, error: Exception) -> None:
+    def note_failure(self, frame: Frame, error: Exception) -> None:
         """The tick broke: stand, and say so, until one succeeds."""
         failure = f"{type(error).__name__}: {error}"
-        self._thought = dataclasses.replace(self._thought, failure=failure, command=None)
+        self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, failure=failure, command=None)
 
-    def command(self, now_ns: int, period_s: float) -> Verdict:
-        """What to send now, `period_s` after the last time. A mission that does not drive never moves the robot."""
-        verdict = self._verdict(now_ns, period_s)
-        self._sent = verdict.twist
+    def command(self, now_ns: int, period_s: float, send: Callable[[Twist], None] = lambda twist: None) -> Verdict:
+        """Decide what to send now, `period_s` after the last time, and send it.
+
+        A mission that does not drive never moves the robot. Deciding and sending are one step against `change`: once a stop, a
+        cancel or a zone is acknowledged, nothing decided before it is sent any more.
+        """
+        with self._lock:
+            if period_s * 1e9 > COMMAND_LIFE_NS:
+                self._sent = STANDSTILL  # the driver has forgotten the last command by now
+            verdict = self._verdict(now_ns, period_s)
+            self._sent = verdict.twist
+            send(verdict.twist)
         return verdict
 
     def reasons(self, now_ns: int) -> tuple[StopReason, ...]:

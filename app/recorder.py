@@ -13,7 +13,7 @@ from app.storage import Store
 from navcore.errors import StorageFailed
 from navcore.local_planner import Points
 from navcore.mission import Mission, Phase
-from navcore.navigator import Decision, Route
+from navcore.navigator import Decision, Route, read_only
 from navcore.path import Path
 from navcore.safety import Verdict
 from navcore.transform import Pose2
@@ -22,6 +22,7 @@ from web.port import Cloud, Picture
 
 log = logging.getLogger(__name__)
 CLOUD_PERIOD_S = 1.0
+SERIES_PERIOD_S = 1.0
 DRIVEN_STEP_M = 0.05
 MAX_DRIVEN = 20_000
 """The driven path keeps its newest kilometre."""
@@ -55,6 +56,7 @@ class Recorder:
         self.explored_m2 = 0.0
         self.replans = 0
         self._driven: list[tuple[float, float]] = []
+        self._driven_points: Points = np.empty((0, 2))
         self._route: Route | None = None
         self._floor_key: tuple[int, float] = (-1, -1.0)
         self._floor_version = 0
@@ -89,11 +91,13 @@ class Recorder:
 
     def _note_pose(self, pose: Pose2) -> None:
         if not self._driven:
-            self._driven.append((pose.x_m, pose.y_m))
+            self._driven = [(pose.x_m, pose.y_m)]
+            self._driven_points = read_only(np.array(self._driven))
         step_m = pose.distance_to(*self._driven[-1])
         if step_m >= DRIVEN_STEP_M:
             self.travelled_m += step_m
             self._driven = [*self._driven[-MAX_DRIVEN:], (pose.x_m, pose.y_m)]
+            self._driven_points = read_only(np.array(self._driven))
         self.pose = pose
 
     def _painted(self, decision: Decision) -> Picture:
@@ -112,11 +116,11 @@ class Recorder:
             labels=decision.labels.class_ids,
             grid=occupancy.grid,
             blocked=occupancy.blocked,
-            seen=self._pilot.navigator.map.seen,
+            seen=read_only(self._pilot.navigator.map.seen),
             grid_version=self._floor_version,
             path=route.points if route else nowhere,
             waypoints=route.waypoints if route else nowhere,
-            driven=np.array(self._driven),
+            driven=self._driven_points,
         )
 
     def _copied_cloud(self) -> Cloud:
@@ -129,21 +133,23 @@ class Recorder:
         if self._run is None and mission.phase is Phase.DRIVING:
             self._begin_run(decision, mission)
         elif self._run is not None:
-            self._run["series"]["t_s"].append(round(self._run_s(decision), 2))
-            self._run["series"]["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
-            self._run["series"]["explored_m2"].append(round(self.explored_m2, 2))
+            series = self._run["series"]
+            if self._run_s(decision) >= len(series["t_s"]) * SERIES_PERIOD_S:
+                series["t_s"].append(round(self._run_s(decision), 2))
+                series["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
+                series["explored_m2"].append(round(self.explored_m2, 2))
             if mission.phase is Phase.IDLE:
                 self._end_run(decision, mission)
 
     def _begin_run(self, decision: Decision, mission: Mission) -> None:
         if self._referee is not None:
             self._referee.new_run()
+            self._stop_noted = None  # a new referee has to be told again
         self._run = {
             "id": uuid.uuid4().hex[:12],
             "scenario": self._scenario,
             "robot": self._pilot.profile.name,
             "goals": [[goal.x_m, goal.y_m] for goal in mission.queue],
-            "reached_at_start": len(mission.reached),
             "started_ns": decision.frame.stamp_ns,
             "travelled_at_start_m": self.travelled_m,
             "series": {"t_s": [], "distance_m": [], "explored_m2": []},
@@ -153,11 +159,10 @@ class Recorder:
         assert self._run is not None
         run, self._run = self._run, None
         verdict = self._referee.referee_report() if self._referee is not None else {}
-        reached = len(mission.reached) - run.pop("reached_at_start")
         run["distance_m"] = round(self.travelled_m - run.pop("travelled_at_start_m"), 3)
         run["sim_time_s"] = round((decision.frame.stamp_ns - run.pop("started_ns")) / 1e9, 3)
         try:
-            self._store.save_run({**run, **verdict, "goals_reached": reached})
+            self._store.save_run({**run, **verdict, "goals_reached": len(mission.reached)})
         except StorageFailed:
             log.exception("the run is not in the history")  # a full disk is no reason to stop driving
 

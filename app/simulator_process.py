@@ -6,10 +6,11 @@ link carries JSON headers and raw pixels, nothing that could be executed.
 
 from __future__ import annotations
 
-import contextlib
+import itertools
 import json
 import math
 import multiprocessing
+import signal
 import threading
 import time
 from dataclasses import asdict
@@ -18,9 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from app.outbox import Outbox
 from navcore.errors import BewareNavError
 from navcore.frame import Frame, Intrinsics
 from navcore.robot import RobotProfile, Twist
+from navcore.safety import COMMAND_LIFE_NS
 from navcore.transform import Pose2
 from sim.scenario import load_scenario
 from sim.simulator import Simulator
@@ -43,19 +46,21 @@ class SimulatorProcess:
         self._frame: Frame | None = None
         self._report: dict[str, Any] = {}
         self._news = threading.Condition()
-        self._sending = threading.Lock()
+        self._ended = False
+        self._told = itertools.count()
         context = multiprocessing.get_context("spawn")
         self._link, far_end = context.Pipe()
         self._process = context.Process(target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator")
         self._process.start()
         far_end.close()
+        self._outbox = Outbox(self._link, "to-simulator")
         self._reader = threading.Thread(target=self._sense, name="sense", daemon=True)
         self._reader.start()
         with self._news:
-            if not self._news.wait_for(lambda: self._frame is not None or not self._reader.is_alive(), START_S):
-                raise SimulatorFailed(f"the simulator sent no picture within {START_S:g} s")
+            self._news.wait_for(lambda: self._frame is not None or self._ended, START_S)
         if self._frame is None:
-            raise SimulatorFailed("the simulator ended before its first picture")
+            self.close()
+            raise SimulatorFailed(f"the simulator ended, or sent no picture within {START_S:g} s")
 
     def now_ns(self) -> int:
         """The machine's monotonic clock."""
@@ -73,7 +78,8 @@ class SimulatorProcess:
 
     def send(self, twist: Twist) -> None:
         """Pass a velocity on; the robot's driver forgets it after 0.25 s."""
-        self._tell(kind="twist", v=twist.v_mps, w=twist.w_radps)
+        message = {"kind": "twist", "v": twist.v_mps, "w": twist.w_radps, "stamp_ns": self.now_ns()}
+        self._outbox.post("twist", json.dumps(message).encode())
 
     def watch_zones(self, polygons: list[list[tuple[float, float]]]) -> None:
         """Tell the referee which zones to judge by."""
@@ -98,29 +104,32 @@ class SimulatorProcess:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
+        self._outbox.close()
         self._reader.join(timeout=2.0)
         self._link.close()
 
     def _tell(self, **message: Any) -> None:
-        # When the process is gone frames stop coming, and the gate stops the robot for that reason.
-        with self._sending, contextlib.suppress(OSError, ValueError):
-            self._link.send_bytes(json.dumps(message).encode())
+        self._outbox.post(f"told {next(self._told)}", json.dumps(message).encode())
 
     def _sense(self) -> None:
-        while True:
-            try:
+        try:
+            while True:
                 frame, report = _decode(self._link.recv_bytes())
-            except (EOFError, OSError):
                 with self._news:
+                    self._frame, self._report = frame, report
                     self._news.notify_all()
-                return
+        except (EOFError, OSError):
+            return
+        finally:
             with self._news:
-                self._frame, self._report = frame, report
+                self._ended = True
                 self._news.notify_all()
 
 
 def _serve(link: Connection, scenario: str, seed: int) -> None:
     """The simulator process: step at real time, send each picture, obey what comes in."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the console's to hear; it sends zero, and then says close
+    outbox = Outbox(link, "pictures")
     with Simulator(load_scenario(scenario), seed=seed) as simulator:
         frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
         while _obey(link, simulator):
@@ -130,11 +139,12 @@ def _serve(link: Connection, scenario: str, seed: int) -> None:
             elif behind_s <= 0:
                 time.sleep(min(-behind_s + 1e-3, 0.01))
                 continue
+            stamp_ns = time.monotonic_ns()
             simulator.step()
             if simulator.newest_frame() is not frame:
                 frame = simulator.newest_frame()
-                if frame is not None and not _deliver(link, simulator, frame):
-                    return
+                if frame is not None:
+                    outbox.post("frame", _encode(frame, stamp_ns, simulator.referee.summary()))
 
 
 def _obey(link: Connection, simulator: Simulator) -> bool:
@@ -143,7 +153,7 @@ def _obey(link: Connection, simulator: Simulator) -> bool:
         while link.poll():
             message = json.loads(link.recv_bytes())
             match message["kind"]:
-                case "twist":
+                case "twist" if time.monotonic_ns() - message["stamp_ns"] < COMMAND_LIFE_NS:
                     simulator.send(Twist(v_mps=message["v"], w_radps=message["w"]))
                 case "zones":
                     simulator.referee.set_zones(tuple(np.array(polygon) for polygon in message["polygons"]))
@@ -158,21 +168,13 @@ def _obey(link: Connection, simulator: Simulator) -> bool:
     return True
 
 
-def _deliver(link: Connection, simulator: Simulator, frame: Frame) -> bool:
-    try:
-        link.send_bytes(_encode(frame, simulator.referee.summary()))
-    except OSError:
-        return False
-    return True
-
-
-def _encode(frame: Frame, report: dict[str, Any]) -> bytes:
+def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     header = {
         "intrinsics": asdict(frame.intrinsics),
         "mount": frame.T_base_camera.ravel().tolist(),
         "pose": asdict(frame.pose),
         "twist": asdict(frame.twist),
-        "stamp_ns": time.monotonic_ns(),
+        "stamp_ns": stamp_ns,
         # JSON has no infinity: a clearance that was never measured is none.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in report.items()

@@ -13,13 +13,12 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from app.pilot import Pilot
+from app.pilot import COMMAND_PERIOD_S, Pilot
 from navcore.frame import Frame
 from navcore.navigator import Decision
 from navcore.robot import STANDSTILL, Robot
 from navcore.safety import Verdict
 
-COMMAND_PERIOD_S = 0.05
 FRAME_WAIT_S = 0.2
 log = logging.getLogger(__name__)
 
@@ -56,11 +55,12 @@ class Loop:
             thread.start()
 
     def stop(self) -> None:
-        """Send zero and end both threads."""
+        """Send zero, then end both threads; a second call does nothing new."""
         self._ended.set()
-        for thread in self._threads:
-            thread.join(timeout=2.0)
+        think, command = self._threads
+        command.join(timeout=2.0)
         self._robot.send(STANDSTILL)
+        think.join(timeout=2.0)
 
     def _think(self) -> None:
         frame: Frame | None = None
@@ -76,15 +76,17 @@ class Loop:
             except Exception as error:
                 # The loop outlives any bug above it: the robot stands with this reason and the next picture is tried.
                 log.exception("the tick failed")
-                self._pilot.note_failure(error)
+                self._pilot.note_failure(frame, error)
                 self._ended.wait(FRAME_WAIT_S)
 
     def _command(self) -> None:
         due = last = time.monotonic()
         while not self._ended.is_set():
             now = time.monotonic()
-            verdict = self._pilot.command(self._robot.now_ns(), max(now - last, 1e-3))
-            self._robot.send(verdict.twist)
-            self._on_verdict(verdict)
+            try:
+                self._on_verdict(self._pilot.command(self._robot.now_ns(), now - last, self._robot.send))
+            except Exception:
+                log.exception("the command thread goes on, and sends zero")
+                self._robot.send(STANDSTILL)
             last, due = now, max(due + COMMAND_PERIOD_S, now)
             self._ended.wait(max(due - time.monotonic(), 0.0))

@@ -32,6 +32,8 @@ from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
 from navcore.zones import Zone, rasterise
 
+FLAT_M = 0.05
+"""Beware points below this lie on the floor, as far as depth can tell."""
 Bits = npt.NDArray[np.uint64]
 
 
@@ -58,6 +60,7 @@ class CloudMap:
         self._points = PointTable()
         self._bits: dict[int, Bits] = {}
         self._seen: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
         self._trodden: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
         self._seen_volume: Bits = np.zeros((-(-spec.rows // 4), -(-spec.cols // 4)), dtype=np.uint64)
         self._pose_id = -1
@@ -83,15 +86,30 @@ class CloudMap:
 
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
-        active = [zone for zone in zones if zone.enabled]
+        drawn, wide = self._drawn(tuple(zone for zone in zones if zone.enabled))
         return OccupancyGrid(
             spec=self.spec,
             geometric=self._layer(NOTHING, 0.0),
             beware={entry.class_id: self._layer(entry.class_id, entry.min_confidence) for entry in beware.enabled},
             margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
-            zones=_union([zone for zone in active if zone.margin_m == 0], self.spec),
-            wide_zones=tuple((zone.margin_m, rasterise(zone.polygon, self.spec)) for zone in active if zone.margin_m > 0),
+            zones=drawn,
+            wide_zones=wide,
         )
+
+    def _drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
+        """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
+        if self._zones is None or self._zones[0] != zones:
+            union = np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
+            for zone in zones:
+                if zone.margin_m == 0:
+                    union |= rasterise(zone.polygon, self.spec)
+            wide: dict[float, BoolGrid] = {}
+            for zone in zones:
+                if zone.margin_m > 0:
+                    mask = rasterise(zone.polygon, self.spec)
+                    wide[zone.margin_m] = wide[zone.margin_m] | mask if zone.margin_m in wide else mask
+            self._zones = (zones, (union, tuple(wide.items())))
+        return self._zones[1]
 
     @property
     def points(self) -> MapPoints:
@@ -219,13 +237,6 @@ def _voxel_keys(cells: npt.NDArray[np.int64], bits: Bits) -> npt.NDArray[np.int6
     return np.asarray(cells * 64 + np.bitwise_count(bits - np.uint64(1)), dtype=np.int64)
 
 
-def _union(zones: list[Zone], spec: GridSpec) -> BoolGrid:
-    mask = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
-    for zone in zones:
-        mask |= rasterise(zone.polygon, spec)
-    return mask
-
-
 @numba.njit(cache=True, nogil=True)
 def _find_outdated(
     xyz: npt.NDArray[np.float32],
@@ -243,7 +254,8 @@ def _find_outdated(
 
     A point's pixel and its eight neighbours are looked at: one that measures something nearer hides the point, and the point is
     seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured again"
-    by depth alone: a floor marking has no depth of its own, and a label lost at a grazing angle must not free it.
+    by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost at a
+    grazing angle nor a nod of the robot when it brakes must free it.
     """
     height, width = depth_m.shape
     found = np.empty(len(xyz), dtype=np.int64)
@@ -264,7 +276,7 @@ def _find_outdated(
             for c in range(j - 1, j + 2):
                 if 0.0 < depth_m[r, c] < nearest:
                     nearest = depth_m[r, c]
-        if nearest == np.inf or nearest < depth - tolerance:
+        if nearest == np.inf or nearest < depth - tolerance or (class_ids[index] != 0 and z < FLAT_M):
             continue
         again = class_ids[index] == 0 and (pose_ids[index] == pose_id or depth < 0.7 * range_m[index])
         if nearest > depth + tolerance or again:

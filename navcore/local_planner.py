@@ -102,6 +102,11 @@ def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_
     return np.ascontiguousarray(centres @ np.array([[cos, -sin], [sin, cos]]))
 
 
+def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
+    """Whether the footprint covers the middle part of any cell that the operator's rules forbid, base frame."""
+    return not bool(_outside(ruled, profile, -cell_m / 2).all())
+
+
 def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """(rows, cols) the unseen cells beside a known one."""
     beside = cv2.dilate(known.view(np.uint8), np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
@@ -130,10 +135,10 @@ def plan_motion(
     path = path_from(path_map, pose)
     if float(np.hypot(*path[-1])) <= rules.arrival_m:
         return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
+    if stands_in(ruled, profile, cell_m):
+        return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
     geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
-    if not _outside(ruled, profile, -cell_m / 2).all():
-        return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
     near = _Surroundings(
         obstacles=np.vstack([geometric, ruled]),
         unseen=unseen[_outside(unseen, profile, 0.0)],

@@ -44,7 +44,9 @@ class Mission:
     queue: tuple[Goal, ...] = ()
     """Goals still to reach, the present one first."""
     reached: tuple[Goal, ...] = ()
-    """Goals already reached, oldest first."""
+    """Goals of this mission already reached, oldest first."""
+    cancelled: bool = False
+    """Whether the last mission was cancelled rather than driven to its end."""
     next_id: int = 1
     """Id of the goal that is added next."""
 
@@ -75,7 +77,8 @@ class Mission:
             raise Refused("there is no goal to drive to; add one first")
         if self.phase is Phase.PAUSED:
             raise Refused("the mission is paused; resume or cancel it")
-        return dataclasses.replace(self, phase=Phase.DRIVING)
+        reached = () if self.phase is Phase.IDLE else self.reached
+        return dataclasses.replace(self, phase=Phase.DRIVING, reached=reached, cancelled=False)
 
     def pause(self) -> Mission:
         """Stand still and keep the goals."""
@@ -91,7 +94,7 @@ class Mission:
 
     def cancel(self) -> Mission:
         """Stand still and forget the goals that wait."""
-        return dataclasses.replace(self, phase=Phase.IDLE, queue=())
+        return dataclasses.replace(self, phase=Phase.IDLE, queue=(), cancelled=True)
 
     def arrive(self) -> Mission:
         """The present goal is reached: go on to the next, or be done."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,16 +14,17 @@ from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
 from navcore.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import IDLE, Motion, Points, hard_cells, nearby, plan_motion, rim_of_unseen
+from navcore.local_planner import IDLE, Motion, Outcome, Points, hard_cells, nearby, plan_motion, rim_of_unseen, stands_in
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.points import observe
-from navcore.robot import RobotProfile
+from navcore.robot import STANDSTILL, RobotProfile
 from navcore.segment import Labels, Segmenter
 from navcore.transform import Pose2
 from navcore.waypoints import choose_waypoints
 from navcore.zones import Zone
 
 NO_POINTS: Points = np.empty((0, 2))
+Array = TypeVar("Array", bound=npt.NDArray[np.generic])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +122,13 @@ class Navigator:
             grid = self.map.grid(order.beware, order.zones)
             geometric, ruled = hard_cells(grid)
             version = 0 if self._occupancy is None else self._occupancy[1].version + 1
-            made = Occupancy(grid=grid, blocked=self.blocked(grid), geometric=geometric, ruled=ruled, version=version)
+            made = Occupancy(
+                grid=grid,
+                blocked=read_only(self.blocked(grid)),
+                geometric=read_only(geometric),
+                ruled=read_only(ruled),
+                version=version,
+            )
             self._occupancy = (key, made)
         return self._occupancy[1]
 
@@ -143,24 +151,26 @@ class Navigator:
         corners = choose_waypoints(outcome, spec, max_vertex_angle_rad=math.radians(self._config.max_vertex_angle_deg))
         # The goal is a point, not a cell: the last centre gives way to it.
         points = np.vstack([spec.centres(outcome.cells[:-1]), goal])
-        return Route(outcome=outcome, points=points, waypoints=np.vstack([corners[:-1], goal]))
+        return Route(outcome=outcome, points=read_only(points), waypoints=read_only(np.vstack([corners[:-1], goal])))
 
     def move(self, occupancy: Occupancy, pose: Pose2, route: Route | None) -> Motion:
         """The velocity that follows the route and touches nothing; standing without a route."""
+        grid, reach = occupancy.grid, _REACH_M + self._profile.circumscribed_radius_m
+        ruled = nearby(occupancy.ruled, grid, pose, reach)
         if route is None or len(route.points) == 0:
-            self._motion = IDLE
-            return IDLE
-        reach = _REACH_M + self._profile.circumscribed_radius_m
+            trapped = route is not None and stands_in(ruled, self._profile, grid.spec.resolution_m)
+            self._motion = Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE) if trapped else IDLE
+            return self._motion
         self._motion = plan_motion(
-            geometric=nearby(occupancy.geometric, occupancy.grid, pose, reach),
-            ruled=nearby(occupancy.ruled, occupancy.grid, pose, reach),
-            unseen=nearby(rim_of_unseen(self.map.known()), occupancy.grid, pose, reach),
+            geometric=nearby(occupancy.geometric, grid, pose, reach),
+            ruled=ruled,
+            unseen=nearby(rim_of_unseen(self.map.known()), grid, pose, reach),
             path_map=route.points,
             pose=pose,
             previous=self._motion,
             profile=self._profile,
             rules=self._config.local,
-            cell_m=occupancy.grid.spec.resolution_m,
+            cell_m=grid.spec.resolution_m,
         )
         return self._motion
 
@@ -199,7 +209,7 @@ def nearest_free(blocked: BoolGrid, cell: Cell, within: float) -> Cell | None:
     return int(row), int(col)
 
 
-def read_only(array: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+def read_only(array: Array) -> Array:
     """The same array, frozen, so that it can cross threads."""
     array.flags.writeable = False
     return array

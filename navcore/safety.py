@@ -13,11 +13,12 @@ from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
 
 COMMAND_LIFE_NS = 250_000_000
 FRAME_LIFE_NS = 500_000_000
-"""The order of `Cause` is the order of severity: the first that holds is shown, the rest are listed."""
+LONGEST_PERIOD_S = 0.1
+"""A gate that was not asked for longer than this allows no more acceleration than over this."""
 
 
 class Cause(StrEnum):
-    """Why the robot does not move, the most severe first."""
+    """Why the robot does not move. The order is that of severity: the first that holds is shown, the rest are listed."""
 
     EMERGENCY_STOP = "emergency_stop"
     STALE_FRAME = "stale_frame"
@@ -25,11 +26,10 @@ class Cause(StrEnum):
     BAD_COMMAND = "bad_command"
     PLANNER_FAILED = "planner_failed"
     STALE_COMMAND = "stale_command"
-    NO_PATH = "no_path"
     IN_ZONE = "in_zone"
+    NO_PATH = "no_path"
     BOXED_IN = "boxed_in"
     PAUSED = "paused"
-    LINK = "link"
 
 
 _SEVERITY = {cause: rank for rank, cause in enumerate(Cause)}
@@ -110,7 +110,7 @@ def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
 
 
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:
-    period_s = max(period_s, 0.0)  # a clock that goes back gives no licence to accelerate
+    period_s = min(max(period_s, 0.0), LONGEST_PERIOD_S)  # a clock that goes back gives no licence to accelerate
     speed = _approach(asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps)
     # While the speed is still building up the robot turns less as well: it was the curvature that was checked.
     built_up = 1.0 if asked.v_mps == 0.0 else min(max(speed / asked.v_mps, 0.0), 1.0)

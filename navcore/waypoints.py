@@ -10,6 +10,9 @@ import numpy.typing as npt
 from navcore.grid import GridSpec
 from navcore.path import Path
 
+DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
+"""Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""
+
 
 def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float) -> npt.NDArray[np.float64]:
     """(M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
@@ -22,7 +25,3 @@ def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float)
     angles = np.arccos(np.clip((before * after).sum(axis=1) / np.maximum(lengths, 1e-12), -1.0, 1.0))
     corners = path.cells[1:-1][angles < max_vertex_angle_rad]
     return spec.centres(np.vstack([corners, path.cells[-1:]]))
-
-
-DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
-"""Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""

@@ -6,24 +6,50 @@ every side (`PAD`), so that no scan needs a bounds check and a plane and its tra
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic as numba_intrinsic
 
 from navcore.grid import BoolGrid
 
 Plane = npt.NDArray[np.uint64]
 
+Function = TypeVar("Function", bound=Callable[..., object])
+
 PAD = 64
 ZERO, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+def compiled(function: Function) -> Function:
+    """Compile, keep the result on disk, let other threads run meanwhile."""
+    return cast(Function, numba.njit(cache=True, nogil=True)(function))
+
+
+def lean(function: Function) -> Function:
+    """The same for functions that make no arrays: they need not count references, which would take most of their time."""
+    return cast(Function, numba.njit(cache=True, nogil=True, _nrt=False)(function))  # type: ignore[call-overload]
+
+
+def inlined(function: Function) -> Function:
+    """The same for steps of an inner loop: compiled into their callers, since an array costs seven arguments to hand on."""
+    return cast(
+        Function,
+        numba.njit(cache=True, nogil=True, _nrt=False, forceinline=True)(function),  # type: ignore[call-overload]
+    )
+
+
+def instruction(function: Callable[..., Any]) -> Any:
+    """Make a function that writes machine-independent code callable from compiled ones."""
+    return numba_intrinsic(function)
+
+
+@instruction
 def lowest(_typing: Any, _word: Any) -> Any:
     """Number of the lowest set bit of a uint64 that is not 0."""
 
@@ -33,7 +59,7 @@ def lowest(_typing: Any, _word: Any) -> Any:
     return types.int64(types.uint64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@instruction
 def highest(_typing: Any, _word: Any) -> Any:
     """Number of the highest set bit of a uint64 that is not 0."""
 
@@ -43,7 +69,7 @@ def highest(_typing: Any, _word: Any) -> Any:
     return types.int64(types.uint64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@instruction
 def mirrored(_typing: Any, _word: Any) -> Any:
     """A uint64 with its bits in the opposite order."""
 
@@ -53,7 +79,7 @@ def mirrored(_typing: Any, _word: Any) -> Any:
     return types.uint64(types.uint64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@instruction
 def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
     """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit with the uint8 `of`.
 
@@ -97,7 +123,7 @@ def unpack(plane: Plane, rows: int, cols: int) -> BoolGrid:
     return np.unpackbits(inner, axis=1, bitorder="little")[:, :cols].view(np.bool_)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: Plane) -> None:
     whole = cols >> 6
     for row in range(rows):
@@ -110,7 +136,7 @@ def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: Plane) -> No
             plane[PAD + row, 1 + whole] = tail
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def transpose(source: Plane, target: Plane) -> None:
     """Write the transposed copy of a padded plane, block by block of 64 × 64 cells."""
     block = np.empty(64, dtype=np.uint64)
@@ -126,7 +152,7 @@ def transpose(source: Plane, target: Plane) -> None:
                 target[np.uint64(64 * right + line), np.uint64(down)] = bits
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _transpose_bytes(block: Plane) -> None:
     """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed length become vectors."""
     for line in range(32):
@@ -140,7 +166,7 @@ def _transpose_bytes(block: Plane) -> None:
             _exchange(block, first + line, first + line + 8, 8, 0x00FF00FF00FF00FF)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _exchange(block: Plane, upper: int, lower: int, shift: int, mask: int) -> None:
     up, low = np.uint64(upper), np.uint64(lower)
     swapped = ((block[up] >> np.uint64(shift)) ^ block[low]) & np.uint64(mask)

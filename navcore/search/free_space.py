@@ -17,17 +17,18 @@ where an optimal path may turn (Harabor & Grastien, "Online Graph Pruning for Pa
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid, Cell
-from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, lowest, mirrored, pack, transpose, unpack
+from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, compiled, inlined, lean, lowest, mirrored, pack, transpose, unpack
 
 Planes = npt.NDArray[np.uint64]
 
 FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
+MANY = 64
+"""Where more than one word in so many differs, everything is made anew instead of word by word."""
 
 
 class FreeSpace:
@@ -69,6 +70,10 @@ class FreeSpace:
     def replace(self, plane: Plane) -> None:
         """Follow a changed plane of blocked cells, and spoil it."""
         complement(plane, self.rows, self.cols)
+        if np.count_nonzero(plane != self.across[FREE]) * MANY > plane.size:
+            self.across[FREE] = plane
+            self.rebuild()
+            return
         _replace(self.across, self.along, self.tripwire, self.freed, self.notes, plane)
 
     def set_cells(self, cells: npt.NDArray[np.int64], blocked: bool) -> None:
@@ -88,18 +93,18 @@ class FreeSpace:
         return ~unpack(self.across[FREE], self.rows, self.cols)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def complement(plane: Plane, rows: int, cols: int) -> None:
-    """Exchange free and blocked cells of a plane; the padding stays 0."""
+    """Exchange free and blocked cells of a plane; the padding becomes 0."""
     whole = cols >> 6
     for line in range(PAD, PAD + rows):
         for word in range(1, whole + 1):
             plane[line, word] = ~plane[line, word]
         if cols & 63:
-            plane[line, whole + 1] ^= (ONE << np.uint64(cols & 63)) - ONE
+            plane[line, whole + 1] = ~plane[line, whole + 1] & ((ONE << np.uint64(cols & 63)) - ONE)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _rebuild(across: Planes, along: Planes) -> None:
     transpose(across[FREE], along[FREE])
     for planes in (across, along):
@@ -107,7 +112,7 @@ def _rebuild(across: Planes, along: Planes) -> None:
     mark_squares(across, PAD - 1, across.shape[1] - PAD, 0, across.shape[2] - 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> None:
     """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1."""
     free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
@@ -130,7 +135,7 @@ def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> 
             ahead[line, right - 1] = back[line, right - 1] = ALL
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -> None:
     """Make SQUARE anew for lines first … last-1 and words left … right-1."""
     free, square = across[FREE], across[SQUARE]
@@ -143,7 +148,7 @@ def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -
             square[here, word] = both & (both >> one | both_after << rest)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@lean
 def look_along(planes: Planes, line: int) -> None:
     """Make VAIN_AHEAD and VAIN_BACK for one line.
 
@@ -164,14 +169,14 @@ def look_along(planes: Planes, line: int) -> None:
     planes[VAIN_AHEAD, line, 0] = 1
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True)
+@inlined
 def _carries(generate: np.uint64, hand_on: np.uint64, carry: np.uint64) -> tuple[np.uint64, np.uint64]:
     """The carry into every bit of an addition, and the carry out of it."""
     into = ((generate | hand_on) + generate + carry) ^ hand_on
     return into, (generate | hand_on & into) >> np.uint64(63)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def write_word(
     across: Planes,
     along: Planes,
@@ -200,7 +205,7 @@ def write_word(
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
     """Make the stops anew around free cells that were written in lines first … last-1 and words left … right-1 of the rows."""
     lines, words = across.shape[1], across.shape[2]
@@ -211,7 +216,7 @@ def refresh(across: Planes, along: Planes, first: int, last: int, left: int, rig
     mark_stops(along, left, right, first, last)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _replace(
     across: Planes,
     along: Planes,
@@ -231,7 +236,7 @@ def _replace(
             refresh(across, along, line, line + 1, left, right)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _set_cells(
     across: Planes,
     along: Planes,
@@ -250,11 +255,9 @@ def _set_cells(
             refresh_cell(across, along, line, col)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def refresh_cell(across: Planes, along: Planes, line: int, col: int) -> None:
     """Make the stops anew around one cell."""
     mark_squares(across, line - 1, line + 1, (col - 1) >> 6, (col >> 6) + 1)
     mark_stops(across, max(line - 1, PAD), min(line + 2, across.shape[1] - PAD), (col - 1) >> 6, ((col + 1) >> 6) + 1)
     mark_stops(along, max(col - 1, PAD), min(col + 2, along.shape[1] - PAD), (line - 1) >> 6, ((line + 1) >> 6) + 1)
-
-

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid
-from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, pack
-from navcore.search.free_space import FREE, FreeSpace, Planes, complement, refresh, write_word
+from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, inlined, lean, pack
+from navcore.search.free_space import FREE, MANY, FreeSpace, Planes, complement, refresh, write_word
 
 Ints = npt.NDArray[np.int64]
 
@@ -64,13 +63,22 @@ class InflatedGrid:
 
     def _follow(self, words: Ints) -> None:
         space = self.space
-        if len(words) * 8 > space.rows * blocks(space.cols):
-            out = np.zeros(space.across.shape[1:], dtype=np.uint64)
+        if len(words) * MANY > self._raw[0].size:
+            out = np.zeros_like(space.tripwire)
             inflate_into(self._raw, self._halves, out, 0, 0, PAD, PAD + space.rows, 1, out.shape[1] - 1)
             space.replace(out)
         elif len(words):
             follow(
-                self._raw, self._halves, words, space.rows, space.cols, space.across, space.along, space.tripwire, space.freed, space.notes
+                self._raw,
+                self._halves,
+                words,
+                space.rows,
+                space.cols,
+                space.across,
+                space.along,
+                space.tripwire,
+                space.freed,
+                space.notes,
             )
 
 
@@ -82,7 +90,7 @@ def half_widths(radii: tuple[int, ...]) -> Ints:
     return rows
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def differing_words(old: Planes, new: Planes) -> Ints:
     """(N, 2) lines and words at which any layer differs, in order."""
     found = np.empty((64, 2), dtype=np.int64)
@@ -101,7 +109,7 @@ def differing_words(old: Planes, new: Planes) -> Ints:
     return found[:count]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def set_bits(plane: Plane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints:
     """Set or clear (N, 2) cells; returns the (N, 2) lines and words that changed, in order of the cells."""
     changed = np.empty((len(cells), 2), dtype=np.int64)
@@ -117,7 +125,7 @@ def set_bits(plane: Plane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints
     return changed[:count]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def follow(
     raw: Planes,
     halves: Ints,
@@ -148,7 +156,7 @@ def follow(
             first, last, left, right = line, line + 1, word, word + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _renew(
     raw: Planes,
     halves: Ints,
@@ -177,14 +185,14 @@ def _renew(
         refresh(across, along, first, last, left, right)
 
 
-@numba.njit(cache=True, nogil=True)
+@inlined
 def on_grid(word: int, cols: int) -> np.uint64:
     """Which cells of a word between the paddings lie on the grid."""
     beyond = 64 * word - cols
     return ALL if beyond <= 0 else ALL >> np.uint64(min(beyond, 63)) if beyond < 64 else np.uint64(0)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def inflate_into(
     raw: Planes, halves: Ints, out: Plane, line_0: int, word_0: int, top: int, bottom: int, west: int, east: int
 ) -> None:
@@ -194,6 +202,25 @@ def inflate_into(
     left, right = max(west - aside, 0), min(east + aside, raw.shape[2])
     wide = np.empty((reach + 1, right - left), dtype=np.uint64)
     spare = np.empty(right - left, dtype=np.uint64)
+    _inflate_lines(raw, halves, out, line_0, word_0, top, bottom, west, east, left, wide, spare)
+
+
+@lean
+def _inflate_lines(
+    raw: Planes,
+    halves: Ints,
+    out: Plane,
+    line_0: int,
+    word_0: int,
+    top: int,
+    bottom: int,
+    west: int,
+    east: int,
+    left: int,
+    wide: Plane,
+    spare: npt.NDArray[np.uint64],
+) -> None:
+    reach, right = halves.shape[1] - 1, left + len(spare)
     for layer in range(raw.shape[0]):
         for line in range(max(top - reach, PAD), min(bottom + reach, raw.shape[1] - PAD)):
             if not any_bit(raw, layer, line, left, right):
@@ -205,7 +232,7 @@ def inflate_into(
                 merge(out, line + away - line_0, west - word_0, east - word_0, wide, abs(away), west - left)
 
 
-@numba.njit(cache=True, nogil=True)
+@inlined
 def any_bit(raw: Planes, layer: int, line: int, left: int, right: int) -> bool:
     """Whether any cell of a line is occupied between two words."""
     found = np.uint64(0)
@@ -214,14 +241,14 @@ def any_bit(raw: Planes, layer: int, line: int, left: int, right: int) -> bool:
     return found != 0
 
 
-@numba.njit(cache=True, nogil=True)
+@inlined
 def merge(out: Plane, line: int, left: int, right: int, wide: Plane, away: int, shift: int) -> None:
     """Add one widened line to a line of the result."""
     for word in range(right - left):
         out[np.uint64(line), np.uint64(left + word)] |= wide[np.uint64(away), np.uint64(shift + word)]
 
 
-@numba.njit(cache=True, nogil=True)
+@inlined
 def spread(raw: Planes, layer: int, line: int, left: int, halves: Ints, wide: Plane, spare: npt.NDArray[np.uint64]) -> None:
     """Widen a line to both sides by the disc's half width at each distance in rows, the narrowest first."""
     words = wide.shape[1]
@@ -239,7 +266,7 @@ def spread(raw: Planes, layer: int, line: int, left: int, halves: Ints, wide: Pl
             wide[np.uint64(away), np.uint64(word)] = spare[np.uint64(word)]
 
 
-@numba.njit(cache=True, nogil=True)
+@inlined
 def widen(line: npt.NDArray[np.uint64], wide: Plane, away: int, step: int) -> None:
     """Set the cells that lie `step` beside a set one; row `away` of `wide` is overwritten."""
     words, by, rest = len(line), np.uint64(step), np.uint64(64 - step)

@@ -14,15 +14,14 @@ arrangement:
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.search.bits import ONE, PAD, highest, lowest
+from navcore.grid import Cell
+from navcore.search.bits import ONE, PAD, compiled, highest, inlined, lean, lowest
 from navcore.search.free_space import AHEAD, BACK, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, Planes, look_along
 
-Table = npt.NDArray[np.int64]
-Queue = npt.NDArray[np.int32]
+Memory = npt.NDArray[np.int64]
 
 SHIFT = 38
 UNIT = 1 << SHIFT
@@ -36,48 +35,47 @@ ANYWHERE = 255
 
 FOUND, UNREACHABLE, TIMEOUT, FULL = 0, 1, 2, 3
 
-# Columns of the table: one row for every cell the search has reached.
+# A search's memory is one array of int64, so that handing it on costs little: first some counters …
+PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LAST, LACKING, RING, SLOTS, ROOM = range(14)
+# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty …
+HEADS = 16
+# … then the hash table with a row of four for every cell the search has reached: (stamp, cell), length from the start, the
+# parent's cell, and bits for the walks wanted (0 to 7) and done (8 to 15); then the queue: (next entry of the bucket, row).
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
-# The search's few counters.
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LAST, LACKING = range(11)
 FINE = 4
+"""Buckets to a cell of length: 2^4."""
 
 
 class Arena:
     """The memory of a search, kept from one to the next; it grows when a search needs more."""
 
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:
-        ring = 1 << int(3 * (space.rows + space.cols + 4) << FINE).bit_length()
-        self.heads: Queue = np.full(ring, -1, dtype=np.int32)
-        """The newest entry of each bucket; -1 in all of them between searches."""
-        self.counters: npt.NDArray[np.int64] = np.zeros(11, dtype=np.int64)
-        self.table: Table = np.zeros((cells, 4), dtype=np.int64)
-        """Hash table: (stamp, cell), length from the start, parent's cell, and bits: walks wanted (0 to 7) and done (8 to 15)."""
-        self.queue: Queue = np.empty((2 * cells, 2), dtype=np.int32)
-        """Entries of the open list: the next one in its bucket, and the row of the table."""
+        self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
+        self._cells = cells
+        self.memory = self._new()
 
     def grow(self) -> None:
         """Four times as much room, forgetting everything."""
-        self.table = np.zeros((4 * len(self.table), 4), dtype=np.int64)
-        self.queue = np.empty((4 * len(self.queue), 2), dtype=np.int32)
-        self.counters[STAMP] = 0
+        self._cells *= 4
+        self.memory = self._new()
+
+    def _new(self) -> Memory:
+        memory = np.zeros(HEADS + self._ring + 2 * self._cells * 4 + 2 * self._cells, dtype=np.int64)
+        memory[RING], memory[SLOTS], memory[ROOM] = self._ring, 2 * self._cells, 2 * self._cells
+        return memory
 
 
-def find(
-    space: FreeSpace, arena: Arena, start: tuple[int, int], goal: tuple[int, int], budget: int
-) -> tuple[int, npt.NDArray[np.int64]]:
-    """Search between two free cells (row, col): how it ended, and the (N, 2) cells of the path (none if there is none).
+def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
+    """Search between two free cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
 
-    `budget` is the number of straight walks after which the search is given up.
+    There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search is
+    given up.
     """
     while True:
         outcome = search(
             space.across,
             space.along,
-            arena.heads,
-            arena.counters,
-            arena.table,
-            arena.queue,
+            arena.memory,
             (start[0] + PAD) << 16 | (start[1] + PAD),
             (goal[0] + PAD) << 16 | (goal[1] + PAD),
             budget,
@@ -87,42 +85,41 @@ def find(
         arena.grow()
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def search(
     across: Planes,
     along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
+    memory: Memory,
     start: int,
     goal: int,
     budget: int,
-) -> tuple[int, npt.NDArray[np.int64]]:
+) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search on memory that the caller owns; cells are (row + PAD) << 16 | (col + PAD). FULL if the memory does not suffice."""
-    begin(counters, start, goal)
+    begin(memory, start, goal)
     saved = mark_goal(across, along, goal)
-    reach(heads, counters, table, queue, start, start, 0, ANYWHERE)
-    status = run(across, along, heads, counters, table, queue, budget)
+    want(memory, claim(memory, start, start, 0), ANYWHERE)
+    status = run(across, along, memory, budget)
     unmark_goal(across, along, goal, saved)
-    for bucket in range(counters[BUCKET], counters[LAST] + 1):
-        heads[bucket & (len(heads) - 1)] = -1
+    for bucket in range(memory[BUCKET], memory[LAST] + 1):
+        memory[HEADS + (bucket & (memory[RING] - 1))] = 0
     if status == FOUND:
-        return FOUND, trace(across[FREE], table, counters, start, goal)
-    return status, np.empty((0, 2), dtype=np.int64)
+        cells = trace(across, memory, start, goal)
+        return FOUND, cells, (memory[BEST] - (len(cells) - 1) * UNIT) // (ROOT - UNIT)
+    return status, np.empty((0, 2), dtype=np.int64), 0
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
-def begin(counters: npt.NDArray[np.int64], start: int, goal: int) -> None:
+@inlined
+def begin(memory: Memory, start: int, goal: int) -> None:
     """Set the counters for a new search."""
-    stamp = counters[STAMP] + 1
-    counters[:] = 0
-    counters[STAMP], counters[BEST] = stamp, FAR
-    counters[GOAL_ROW], counters[GOAL_COL] = goal >> 16, goal & 0xFFFF
-    counters[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
+    memory[STAMP] += 1
+    memory[BEST] = FAR
+    for counter in (PUSHED, WAITING, REACHED, BUCKET, LAST, LACKING):
+        memory[counter] = 0
+    memory[GOAL_ROW], memory[GOAL_COL] = goal >> 16, goal & 0xFFFF
+    memory[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def octile(rows: int, cols: int) -> int:
     """Length of the shortest path between two cells on an empty grid, by their distance in rows and columns."""
     rows, cols = abs(rows), abs(cols)
@@ -130,7 +127,7 @@ def octile(rows: int, cols: int) -> int:
     return (high - low) * UNIT + low * ROOT
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Make every straight walk stop at the goal; returns what the words were."""
     row, col = goal >> 16, goal & 0xFFFF
@@ -148,10 +145,8 @@ def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.u
     return saved
 
 
-@numba.njit(cache=True, nogil=True)
-def unmark_goal(
-    across: Planes, along: Planes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]
-) -> None:
+@compiled
+def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]) -> None:
     """Undo `mark_goal`."""
     row, col = goal >> 16, goal & 0xFFFF
     across[AHEAD, row, col >> 6], across[BACK, row, col >> 6] = saved[0], saved[1]
@@ -160,147 +155,128 @@ def unmark_goal(
     along[VAIN_AHEAD : VAIN_BACK + 1, col] = 0
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
-def slot_of(table: Table, key: int) -> int:
-    """The row of the table that holds a key, or the free one where it belongs."""
-    mask = len(table) - 1
-    slot = (np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
+@inlined
+def row_of(memory: Memory, key: int) -> int:
+    """Where the row of the table begins that holds a key, or the free one where it belongs.
+
+    Cells that are neighbours in their row are neighbours here too, for they are often needed together.
+    """
+    slot = ((key >> 16) * 40503 + key) & (memory[SLOTS] - 1)
     while True:
-        slot = np.uint64(slot) & np.uint64(mask)
-        held = table[slot, KEY]
+        at = HEADS + memory[RING] + 4 * slot
+        held = memory[at + KEY]
         if held == key or held >> 32 != key >> 32:
-            return np.int64(slot)
-        slot += np.uint64(1)
+            return int(at)
+        slot = (slot + 1) & (memory[SLOTS] - 1)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
-def reach(
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
-    cell: int,
-    parent: int,
-    length: int,
-    walks: int,
-) -> None:
-    """A path of this length leads to a cell, and from there the given walks are worth looking at."""
+@inlined
+def claim(memory: Memory, cell: int, parent: int, length: int) -> int:
+    """A path of this length leads to a cell: where its row of the table begins, or -1 if nothing is gained by that path."""
     row, col = cell >> 16, cell & 0xFFFF
-    estimate = length + octile(row - counters[GOAL_ROW], col - counters[GOAL_COL])
-    if estimate >= counters[BEST]:
-        return
-    key = counters[STAMP] << 32 | cell
-    slot = slot_of(table, key)
-    if table[slot, KEY] != key:
-        if counters[REACHED] >= len(table) // 2:
-            counters[LACKING] = 1
-            return
-        counters[REACHED] += 1
-        table[slot, KEY], table[slot, LENGTH], table[slot, WALKS] = key, FAR, 0
-    if length > table[slot, LENGTH]:
-        return
-    if length < table[slot, LENGTH]:
-        table[slot, LENGTH], table[slot, PARENT], table[slot, WALKS] = length, parent, 0
-    if row == counters[GOAL_ROW] and col == counters[GOAL_COL]:
-        counters[BEST] = length
-        return
-    if walks & ~table[slot, WALKS] & 0xFF:
-        if counters[PUSHED] >= len(queue):
-            counters[LACKING] = 1
-            return
-        table[slot, WALKS] |= walks
-        push(heads, counters, queue, (estimate - counters[LEAST]) >> (SHIFT - FINE), slot)
+    if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
+        return -1
+    key = memory[STAMP] << 32 | cell
+    at = row_of(memory, key)
+    if memory[at + KEY] != key:
+        if 2 * memory[REACHED] >= memory[SLOTS]:
+            memory[LACKING] = 1
+            return -1
+        memory[REACHED] += 1
+        memory[at + KEY], memory[at + LENGTH], memory[at + WALKS] = key, FAR, 0
+    if length > memory[at + LENGTH]:
+        return -1
+    if length < memory[at + LENGTH]:
+        memory[at + LENGTH], memory[at + PARENT], memory[at + WALKS] = length, parent, 0
+        if row == memory[GOAL_ROW] and col == memory[GOAL_COL]:
+            memory[BEST] = length
+    return at
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
-def push(heads: Queue, counters: npt.NDArray[np.int64], queue: Queue, bucket: int, slot: int) -> None:
+@lean
+def want(memory: Memory, at: int, walks: int) -> None:
+    """From a cell that was claimed the given walks are worth looking at."""
+    if walks & ~memory[at + WALKS]:
+        memory[at + WALKS] |= walks
+        cell = memory[at + KEY] & 0xFFFFFFFF
+        left = octile((cell >> 16) - memory[GOAL_ROW], (cell & 0xFFFF) - memory[GOAL_COL])
+        push(memory, (memory[at + LENGTH] + left - memory[LEAST]) >> (SHIFT - FINE), at)
+
+
+@inlined
+def push(memory: Memory, bucket: int, at: int) -> None:
     """Put a row of the table into a bucket."""
-    entry = counters[PUSHED]
-    counters[PUSHED] += 1
-    counters[WAITING] += 1
-    counters[LAST] = max(counters[LAST], bucket)
-    bucket &= len(heads) - 1
-    queue[entry, 0], queue[entry, 1] = heads[bucket], slot
-    heads[bucket] = entry
+    entry = memory[PUSHED]
+    if entry >= memory[ROOM]:
+        memory[LACKING] = 1
+        return
+    memory[PUSHED] += 1
+    memory[WAITING] += 1
+    memory[LAST] = max(memory[LAST], bucket)
+    head = HEADS + (bucket & (memory[RING] - 1))
+    memory[HEADS + memory[RING] + 4 * memory[SLOTS] + entry] = memory[head] << 32 | at
+    memory[head] = entry + 1
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
-def run(
-    across: Planes,
-    along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
-    budget: int,
-) -> int:
+@lean
+def run(across: Planes, along: Planes, memory: Memory, budget: int) -> int:
     """Open bucket after bucket until none can hold a shorter path."""
-    ring = len(heads) - 1
-    while counters[WAITING] > 0 and counters[BUCKET] <= (counters[BEST] - counters[LEAST]) >> (SHIFT - FINE):
-        entry = heads[counters[BUCKET] & ring]
-        if entry < 0:
-            counters[BUCKET] += 1
+    while memory[WAITING] > 0 and memory[BUCKET] <= (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
+        head = HEADS + (memory[BUCKET] & (memory[RING] - 1))
+        if memory[head] == 0:
+            memory[BUCKET] += 1
             continue
-        heads[counters[BUCKET] & ring] = queue[entry, 0]
-        counters[WAITING] -= 1
-        slot = queue[entry, 1]
-        walks = table[slot, WALKS]
+        entry = memory[HEADS + memory[RING] + 4 * memory[SLOTS] + memory[head] - 1]
+        memory[head] = entry >> 32
+        memory[WAITING] -= 1
+        at = entry & 0xFFFFFFFF
+        walks = memory[at + WALKS]
         todo = walks & ~(walks >> 8) & 0xFF
         if todo == 0:
             continue
-        table[slot, WALKS] = walks | todo << 8
-        budget -= open_cell(across, along, heads, counters, table, queue, slot, todo)
-        if counters[LACKING]:
+        memory[at + WALKS] = walks | todo << 8
+        budget -= open_cell(across, along, memory, at, todo)
+        if memory[LACKING]:
             return FULL
         if budget < 0:
             return TIMEOUT
-    return FOUND if counters[BEST] < FAR else UNREACHABLE
+    return FOUND if memory[BEST] < FAR else UNREACHABLE
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
-def open_cell(
-    across: Planes,
-    along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
-    slot: int,
-    todo: int,
-) -> int:
-    """Walk from a cell in the directions asked for; returns the number of straight walks."""
-    cell, length = table[slot, KEY] & 0xFFFFFFFF, table[slot, LENGTH]
+@inlined
+def open_cell(across: Planes, along: Planes, memory: Memory, at: int, todo: int) -> int:
+    """Walk from a cell in the directions asked for; returns how many straight walks and diagonal steps that took."""
+    cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
     row, col = cell >> 16, cell & 0xFFFF
-    estimate = length + octile(row - counters[GOAL_ROW], col - counters[GOAL_COL])
-    if estimate >= counters[BEST]:
+    if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
         return 0
     count = 0
     for side in range(2):
-        if todo & (EAST, WEST)[side]:
+        if todo & (EAST << side):
             count += 1
-            walk_row(across, along, heads, counters, table, queue, row, col, side, cell, length)
-        if todo & (SOUTH, NORTH)[side]:
+            walk_row(across, memory, row, col, side, cell, length)
+        if todo & (SOUTH << side):
             count += 1
-            walk_col(across, along, heads, counters, table, queue, row, col, side, cell, length)
+            walk_col(along, memory, row, col, side, cell, length)
     for corner in range(4):
         if todo & (SOUTH_EAST << corner):
-            count += walk_diagonal(across, along, heads, counters, table, queue, row, col, corner, cell, length)
+            count += walk_diagonal(across, along, memory, row, col, corner, cell, length)
     return count
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def bit_at(planes: Planes, line: int, at: int) -> np.uint64:
     """1 if a cell is free, else 0."""
     return planes[FREE, np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
     """One bit of a plane."""
     return planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def stop_ahead(planes: Planes, line: int, at: int) -> int:
     """The first cell behind `at` on a line where a walk towards higher cells stops."""
     word = np.uint64(at >> 6)
@@ -311,7 +287,7 @@ def stop_ahead(planes: Planes, line: int, at: int) -> int:
     return np.int64(word << np.uint64(6)) + lowest(bits)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def stop_back(planes: Planes, line: int, at: int) -> int:
     """The same towards lower cells."""
     word = np.uint64(at >> 6)
@@ -322,14 +298,10 @@ def stop_back(planes: Planes, line: int, at: int) -> int:
     return np.int64(word << np.uint64(6)) + highest(bits)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def walk_row(
     across: Planes,
-    along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
+    memory: Memory,
     row: int,
     col: int,
     side: int,
@@ -340,23 +312,22 @@ def walk_row(
     stop = stop_back(across, row, col) if side else stop_ahead(across, row, col)
     if bit_at(across, row, stop) == 0:
         return
+    at = claim(memory, row << 16 | stop, parent, length + abs(stop - col) * UNIT)
+    if at < 0:
+        return
     behind = stop + 1 if side else stop - 1
     walks = WEST if side else EAST
     if bit_at(across, row + 1, stop) > bit_at(across, row + 1, behind):
         walks |= SOUTH | (SOUTH_WEST if side else SOUTH_EAST)
     if bit_at(across, row - 1, stop) > bit_at(across, row - 1, behind):
         walks |= NORTH | (NORTH_WEST if side else NORTH_EAST)
-    reach(heads, counters, table, queue, row << 16 | stop, parent, length + abs(stop - col) * UNIT, walks)
+    want(memory, at, walks)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def walk_col(
-    across: Planes,
     along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
+    memory: Memory,
     row: int,
     col: int,
     side: int,
@@ -367,23 +338,23 @@ def walk_col(
     stop = stop_back(along, col, row) if side else stop_ahead(along, col, row)
     if bit_at(along, col, stop) == 0:
         return
+    at = claim(memory, stop << 16 | col, parent, length + abs(stop - row) * UNIT)
+    if at < 0:
+        return
     behind = stop + 1 if side else stop - 1
     walks = NORTH if side else SOUTH
     if bit_at(along, col + 1, stop) > bit_at(along, col + 1, behind):
         walks |= EAST | (NORTH_EAST if side else SOUTH_EAST)
     if bit_at(along, col - 1, stop) > bit_at(along, col - 1, behind):
         walks |= WEST | (NORTH_WEST if side else SOUTH_WEST)
-    reach(heads, counters, table, queue, stop << 16 | col, parent, length + abs(stop - row) * UNIT, walks)
+    want(memory, at, walks)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
 def walk_diagonal(
     across: Planes,
     along: Planes,
-    heads: Queue,
-    counters: npt.NDArray[np.int64],
-    table: Table,
-    queue: Queue,
+    memory: Memory,
     row: int,
     col: int,
     corner: int,
@@ -396,29 +367,56 @@ def walk_diagonal(
     """
     west, north = corner & 1, corner >> 1
     step_row, step_col = 1 - 2 * north, 1 - 2 * west
-    count = 0
-    while bit_of(across, SQUARE, row - north, col - west):
-        row += step_row
-        col += step_col
-        length += ROOT
-        count += 1
-        if row == counters[GOAL_ROW] and col == counters[GOAL_COL]:
-            reach(heads, counters, table, queue, row << 16 | col, parent, length, 0)
+    count, room = 0, steps_to_goal(memory, row, col, step_row, step_col)
+    while True:
+        steps, open_row, open_col = slide(across, along, row, col, west, north, room - count)
+        row += steps * step_row
+        col += steps * step_col
+        length += steps * ROOT
+        count += steps
+        if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
             return count
-        promising_row = bit_of(across, VAIN_AHEAD + west, row, col) == 0
-        promising_col = bit_of(along, VAIN_AHEAD + north, col, row) == 0
-        if not (promising_row or promising_col):
-            continue
-        if length + octile(row - counters[GOAL_ROW], col - counters[GOAL_COL]) >= counters[BEST]:
+        if count == room:
+            claim(memory, row << 16 | col, parent, length)
             return count
-        if promising_row and not is_vain(across, VAIN_AHEAD + west, row, col):
-            walk_row(across, along, heads, counters, table, queue, row, col, west, parent, length)
-        if promising_col and not is_vain(along, VAIN_AHEAD + north, col, row):
-            walk_col(across, along, heads, counters, table, queue, row, col, north, parent, length)
-    return count
+        if not (open_row or open_col):
+            return count
+        if open_row and not is_vain(across, VAIN_AHEAD + west, row, col):
+            walk_row(across, memory, row, col, west, parent, length)
+        if open_col and not is_vain(along, VAIN_AHEAD + north, col, row):
+            walk_col(along, memory, row, col, north, parent, length)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, _nrt=False)
+@inlined
+def steps_to_goal(memory: Memory, row: int, col: int, step_row: int, step_col: int) -> int:
+    """Diagonal steps from a cell to the goal; more than any grid has if it does not lie in that direction."""
+    steps = (memory[GOAL_ROW] - row) * step_row
+    return steps if steps > 0 and steps == (memory[GOAL_COL] - col) * step_col else 1 << 30
+
+
+@inlined
+def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: int, most: int) -> tuple[int, bool, bool]:
+    """Walk diagonally, at most so many steps, to the next cell from which a straight walk may lead somewhere.
+
+    Returns the steps taken, and whether it is the walk along the row, or along the column; neither if the way ends before.
+    """
+    step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
+    plane_row, plane_col = np.uint64(VAIN_AHEAD + west), np.uint64(VAIN_AHEAD + north)
+    line, at, steps = np.uint64(row), np.uint64(col), 0
+    up, left = np.uint64(north), np.uint64(west)
+    low, shift = np.uint64(63), np.uint64(6)
+    while steps < most and across[np.uint64(SQUARE), line - up, (at - left) >> shift] >> ((at - left) & low) & ONE:
+        line += step_row
+        at += step_col
+        steps += 1
+        vain_row = across[plane_row, line, at >> shift] >> (at & low)
+        vain_col = along[plane_col, at, line >> shift] >> (line & low)
+        if (vain_row & vain_col & ONE) == 0:
+            return steps, (vain_row & ONE) == 0, (vain_col & ONE) == 0
+    return steps, False, False
+
+
+@inlined
 def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
     """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
     if planes[VAIN_AHEAD, line, 0] == 0:
@@ -426,26 +424,117 @@ def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
     return bit_of(planes, plane, line, at) != 0
 
 
-@numba.njit(cache=True, nogil=True)
-def trace(
-    free: npt.NDArray[np.uint64], table: Table, counters: npt.NDArray[np.int64], start: int, goal: int
-) -> npt.NDArray[np.int64]:
-    """(N, 2) every cell from start to goal: from a parent to its child first diagonally, then straight."""
-    corners = np.empty(counters[REACHED] + 1, dtype=np.int64)
-    corners[0], count, steps = goal, 1, 0
-    while corners[count - 1] != start:
-        here = corners[count - 1]
-        there = table[slot_of(table, counters[STAMP] << 32 | here), PARENT]
+@compiled
+def trace(across: Planes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
+    """(N, 2) every cell from start to goal, with as few turns as the jump points allow."""
+    corners = np.empty(memory[REACHED] + 1, dtype=np.int64)
+    corners[-1] = goal
+    first, steps = len(corners) - 1, 0
+    while corners[first] != start:
+        here = corners[first]
+        there = memory[row_of(memory, memory[STAMP] << 32 | here) + PARENT]
         steps += max(abs((here >> 16) - (there >> 16)), abs((here & 0xFFFF) - (there & 0xFFFF)))
-        corners[count] = there
-        count += 1
+        first -= 1
+        corners[first] = there
+    corners = corners[first:]
+    straight_first = fewest_turns(across, corners)
     cells = np.empty((steps + 1, 2), dtype=np.int64)
-    at = 0
     cells[0, 0], cells[0, 1] = (start >> 16) - PAD, (start & 0xFFFF) - PAD
-    for index in range(count - 2, -1, -1):
-        row, col = (corners[index] >> 16) - PAD, (corners[index] & 0xFFFF) - PAD
-        while cells[at, 0] != row or cells[at, 1] != col:
-            cells[at + 1, 0] = cells[at, 0] + np.sign(row - cells[at, 0])
-            cells[at + 1, 1] = cells[at, 1] + np.sign(col - cells[at, 1])
-            at += 1
+    at = 0
+    for leg in range(len(corners) - 1):
+        at = lay(cells, at, corners[leg + 1], straight_first[leg])
     return cells
+
+
+@compiled
+def lay(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool) -> int:
+    """Write the cells of one leg, diagonal and straight part in the order asked for; returns where its last cell is."""
+    rows, cols = (corner >> 16) - PAD - cells[at, 0], (corner & 0xFFFF) - PAD - cells[at, 1]
+    diagonal = min(abs(rows), abs(cols))
+    straight = max(abs(rows), abs(cols)) - diagonal
+    if straight_first:
+        lay_line(cells, at, straight, sign(rows) * (abs(rows) > diagonal), sign(cols) * (abs(cols) > diagonal))
+        lay_line(cells, at + straight, diagonal, sign(rows), sign(cols))
+    else:
+        lay_line(cells, at, diagonal, sign(rows), sign(cols))
+        lay_line(cells, at + diagonal, straight, sign(rows) * (abs(rows) > diagonal), sign(cols) * (abs(cols) > diagonal))
+    return at + diagonal + straight
+
+
+@lean
+def lay_line(cells: npt.NDArray[np.int64], at: int, steps: int, step_row: int, step_col: int) -> None:
+    """Write so many cells after `at`, all in one direction."""
+    row, col = cells[at, 0], cells[at, 1]
+    for step in range(1, steps + 1):
+        cells[at + step, 0] = row + step * step_row
+        cells[at + step, 1] = col + step * step_col
+
+
+@inlined
+def sign(number: int) -> int:
+    """-1, 0 or 1."""
+    return (number > 0) - (number < 0)
+
+
+@compiled
+def fewest_turns(across: Planes, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """For each leg between two jump points whether to walk its straight part first; equally long, if it is free.
+
+    The search knows each leg diagonally first. Which order turns less depends on the legs before and after, so the fewest turns
+    up to each leg are kept for both orders, from the last leg back to the first.
+    """
+    legs = len(corners) - 1
+    turns = np.zeros((legs + 1, 2), dtype=np.int64)
+    entry = np.zeros((legs + 1, 2), dtype=np.int64)
+    then = np.zeros((legs + 1, 2), dtype=np.int64)
+    for leg in range(legs - 1, -1, -1):
+        sloping, level = headings(corners[leg], corners[leg + 1])
+        for order in range(2):
+            entry[leg, order], leaving = (level, sloping) if order else (sloping, level)
+            after = turns[leg + 1, 0] + (leg + 1 < legs and entry[leg + 1, 0] != leaving)
+            other = turns[leg + 1, 1] + (leg + 1 < legs and entry[leg + 1, 1] != leaving)
+            then[leg, order] = other < after
+            turns[leg, order] = min(after, other) + (sloping != level)
+        # The leg before can save one turn at most by what follows it, so a worse order need not be looked at.
+        if turns[leg, 1] > turns[leg, 0] or not is_clear(across, corners[leg], corners[leg + 1]):
+            turns[leg, 1] = turns[leg, 0] + 2
+    chosen = np.zeros(legs, dtype=np.bool_)
+    order = np.int64(legs > 0 and turns[0, 1] < turns[0, 0])
+    for leg in range(legs):
+        chosen[leg] = order == 1
+        order = then[leg, order]
+    return chosen
+
+
+@lean
+def headings(here: int, there: int) -> tuple[int, int]:
+    """The directions of a leg's diagonal and straight part, as numbers that differ; the same twice if it has but one part."""
+    rows, cols = (there >> 16) - (here >> 16), (there & 0xFFFF) - (here & 0xFFFF)
+    sloping = 3 * sign(rows) + sign(cols)
+    if abs(rows) == abs(cols):
+        return sloping, sloping
+    level = 3 * sign(rows) if abs(rows) > abs(cols) else sign(cols)
+    return (sloping if rows != 0 and cols != 0 else level), level
+
+
+@lean
+def is_clear(across: Planes, here: int, there: int) -> bool:
+    """Whether one can walk from one cell to another, first straight and then diagonally."""
+    row, col = here >> 16, here & 0xFFFF
+    rows, cols = (there >> 16) - row, (there & 0xFFFF) - col
+    north, west = np.int64(rows < 0), np.int64(cols < 0)
+    diagonal = min(abs(rows), abs(cols))
+    straight = max(abs(rows), abs(cols)) - diagonal
+    for _ in range(straight):
+        if abs(rows) > abs(cols):
+            row += sign(rows)
+        else:
+            col += sign(cols)
+        if bit_of(across, FREE, row, col) == 0:
+            return False
+    for _ in range(diagonal):
+        if bit_of(across, SQUARE, row - north, col - west) == 0:
+            return False
+        row += sign(rows)
+        col += sign(cols)
+    return True

@@ -13,6 +13,7 @@ import pytest
 
 from app.pilot import Intent, Pilot
 from app.threads import Loop
+from navcore import safety
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame
@@ -114,12 +115,36 @@ def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_o
     until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
     assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
     command = rig.pilot.thought.command
-    assert command is not None
-    late = [twist for stamp_ns, twist in rig.robot.sent if stamp_ns > command.stamp_ns + COMMAND_LIFE_NS + 50_000_000]
-    until(lambda: len(rig.robot.sent) > 5)
+    assert command is not None and command.twist.v_mps > 0
+    seen = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > seen + 10)
+    # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause between the two.
+    late = [twist for stamp_ns, twist in rig.robot.sent if stamp_ns > command.stamp_ns + COMMAND_LIFE_NS + 20_000_000]
+    assert len(late) > 10
     assert all(twist == STANDSTILL for twist in late)
     rig.segmenter.go_on.set()
     until(lambda: moving(rig))
+
+
+def test_without_its_expiry_the_old_command_would_be_sent_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control of the test above: it is the gate's expiry that stops the robot."""
+    monkeypatch.setattr(safety, "COMMAND_LIFE_NS", 10**15)
+    monkeypatch.setattr(safety, "FRAME_LIFE_NS", 10**15)
+    until(lambda: moving(rig))
+    rig.segmenter.go_on.clear()
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 15)
+    assert rig.robot.sent[-1][1] != STANDSTILL
+
+
+def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:
+    for _ in range(20):
+        until(lambda: moving(rig))
+        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+        count = len(rig.robot.sent)
+        until(lambda since=count: len(rig.robot.sent) > since + 2)
+        assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
 
 
 def test_a_tick_that_breaks_is_told_and_tried_again(rig: Rig) -> None:
@@ -161,8 +186,10 @@ def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig:
     rig.robot.wall = dataclasses.replace(good, depth_m=good.depth_m * float("nan"))
     until(lambda: Cause.BAD_FRAME in rig.reasons())
     version = rig.pilot.navigator.map.version
-    until(lambda: Cause.STALE_FRAME in rig.reasons())
-    assert rig.robot.sent[-1][1] == STANDSTILL
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.verdicts[-1].reasons[0].cause is Cause.BAD_FRAME
     assert rig.pilot.navigator.map.version == version
     rig.robot.wall = good
     until(lambda: moving(rig))

@@ -63,7 +63,9 @@ def test_an_action_that_does_not_fit_the_phase_is_refused(action: Callable[[], M
 
 @pytest.mark.parametrize("mission", [EMPTY, TWO, DRIVING, PAUSED])
 def test_cancelling_is_always_possible_and_forgets_what_waits(mission: Mission) -> None:
-    assert mission.cancel() == Mission(phase=Phase.IDLE, queue=(), reached=mission.reached, next_id=mission.next_id)
+    assert mission.cancel() == Mission(
+        phase=Phase.IDLE, queue=(), reached=mission.reached, cancelled=True, next_id=mission.next_id
+    )
 
 
 def test_arriving_advances_to_the_next_goal_and_at_the_last_ends_the_mission() -> None:
