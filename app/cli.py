@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -72,6 +73,8 @@ def drive(
     from sim.scenario import load_scenario
 
     goals = tuple(_point(text) for text in goal or [])
+    for folder in ([report.parent] if report else []) + ([plots] if plots else []):
+        _prepare(folder)
     episode = Episode(load_scenario(scenario), seed=seed, beware=_beware(beware), goals=goals, max_time_s=max_time)
     try:
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
@@ -82,7 +85,7 @@ def drive(
     finally:
         episode.close()
     if report is not None:
-        _write(report, json.dumps(result, indent=1))
+        report.write_text(json.dumps(result, indent=1), encoding="utf-8")
     typer.echo(
         f"{'success' if result['success'] else 'FAILED'}: {result['goals_reached']} of {len(result['goals'])} goals, "
         f"{result['collisions']} collisions, {result['beware_intrusions']} beware and {result['zone_intrusions']} zone "
@@ -146,12 +149,14 @@ def _beware(path: Path | None) -> BewareList:
     return default_beware_list() if path is None else load_beware_list(path)
 
 
-def _write(path: Path, text: str) -> None:
+def _prepare(folder: Path) -> None:
+    """Refuse a place that cannot be written before minutes are driven, not after."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
-        raise BadConfiguration(f"{path} cannot be written: {error}") from None
+        raise BadConfiguration(f"{folder} cannot be written: {error.strerror or error}") from None
 
 
 def _refuse(text: str) -> NoReturn:

@@ -71,7 +71,6 @@ class Episode:
         max_time_s: float = 600.0,
     ) -> None:
         self.scenario, self.seed, self._max_time_s = scenario, seed, max_time_s
-        self.simulator = Simulator(scenario, seed=seed)
         spec = map_of(scenario)
         mission = Mission()
         for x_m, y_m in goals or scenario.goals:
@@ -79,6 +78,7 @@ class Episode:
         if not mission.queue:
             raise BadConfiguration(f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y")
         self._goals = mission.queue
+        self.simulator = Simulator(scenario, seed=seed)
         profile = self.simulator.profile
         self._config = config or NavigatorConfig()
         navigator = Navigator(spec=spec, profile=profile, segmenter=ColourSegmenter(), config=self._config)

@@ -5,6 +5,7 @@ An acknowledged write is on the disk. A write that fails raises `StorageFailed` 
 
 from __future__ import annotations
 
+import fcntl
 import json
 import sqlite3
 import threading
@@ -38,6 +39,8 @@ class Store:
         self.path = folder / "console.sqlite"
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            self._claim = (folder / "lock").open("w")
+            self._take(folder)
             self._database = sqlite3.connect(self.path, timeout=BUSY_S, check_same_thread=False, isolation_level=None)
             self._database.execute("PRAGMA journal_mode = WAL")
             self._database.execute("PRAGMA synchronous = FULL")
@@ -49,6 +52,15 @@ class Store:
         """Release the file."""
         with self._lock:
             self._database.close()
+            self._claim.close()
+
+    def _take(self, folder: Path) -> None:
+        """One console a folder: two would each bind the robot by zones the other has changed."""
+        try:
+            fcntl.flock(self._claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._claim.close()
+            raise StorageFailed(f"another console uses the data folder {folder}; end it, or give another --data") from None
 
     def zones(self) -> tuple[Zone, ...]:
         """All zones, in the order they were first stored."""

@@ -6,8 +6,8 @@ west reads words of `across` and one south or north words of `along`. Each stack
 * FREE: the cell is free;
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
 * BACK: the same for a walk towards lower cells;
-* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line when a
-  search first asks (`look_along`); word 0 of a line says whether it is made, and until then the line says that nothing is in vain;
+* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line, once
+  searches have asked for a line several times (`look_along`). Word 0 of a line counts that, and until then nothing is in vain;
 * SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
 
 A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
@@ -27,6 +27,8 @@ Planes = npt.NDArray[np.uint64]
 
 FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
+PATIENCE = np.uint64(int(__import__("os").environ.get("PAT","16")))
+"""How often a line is asked about before it pays to look along all of it."""
 MANY = 64
 """Where more than one word in so many differs, everything is made anew instead of word by word."""
 
@@ -166,7 +168,7 @@ def look_along(planes: Planes, line: int) -> None:
         jumps = planes[AHEAD, line, word] & planes[FREE, line, word]
         hits, carry = _carries(mirrored(jumps), mirrored(~planes[AHEAD, line, word]), carry)
         planes[VAIN_AHEAD, line, word] = ~mirrored(hits)
-    planes[VAIN_AHEAD, line, 0] = 1
+    planes[VAIN_AHEAD, line, 0] = PATIENCE
 
 
 @inlined

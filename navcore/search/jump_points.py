@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from navcore.grid import Cell
 from navcore.search.bits import ONE, PAD, compiled, highest, inlined, lean, lowest
-from navcore.search.free_space import AHEAD, BACK, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, Planes, look_along
+from navcore.search.free_space import AHEAD, BACK, FREE, PATIENCE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, Planes, look_along
 
 Memory = npt.NDArray[np.int64]
 
@@ -419,7 +419,11 @@ def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: i
 @inlined
 def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
     """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
-    if planes[VAIN_AHEAD, line, 0] == 0:
+    asked = planes[VAIN_AHEAD, line, 0]
+    if asked < PATIENCE:
+        planes[VAIN_AHEAD, line, 0] = asked + ONE
+        if asked + ONE < PATIENCE:
+            return False
         look_along(planes, line)
     return bit_of(planes, plane, line, at) != 0
 

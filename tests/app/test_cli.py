@@ -30,6 +30,7 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "empty_room", "--goal", "100,0"), "outside the map"),
         (("drive", "--scenario", "empty_room", "--goal", "nan,0"), "outside the map"),
         (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml"), "no such file"),
+        (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
         (("evaluate", "nowhere"), "nowhere"),
     ],
 )

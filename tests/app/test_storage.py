@@ -76,6 +76,14 @@ def test_a_locked_database_refuses_the_save_and_keeps_what_was_stored(tmp_path: 
     store.close()
 
 
+def test_a_folder_serves_one_console_at_a_time(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with pytest.raises(StorageFailed, match="another console"):
+        Store(tmp_path)
+    store.close()
+    Store(tmp_path).close()
+
+
 def test_a_data_folder_that_is_a_file_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageFailed, match="file"):
