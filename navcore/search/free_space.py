@@ -6,8 +6,8 @@ west reads words of `across` and one south or north words of `along`. Each stack
 * FREE: the cell is free;
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
 * BACK: the same for a walk towards lower cells;
-* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line, once
-  searches have asked for a line several times (`look_along`). Word 0 of a line counts that, and until then nothing is in vain;
+* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line,
+  once searches have asked for a line several times (`look_along`). Word 0 of a line counts that; until then nothing is in vain;
 * SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
 
 A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
@@ -21,29 +21,53 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid, Cell
-from navcore.search.bits import ALL, ONE, PAD, Plane, blocks, compiled, inlined, lean, lowest, mirrored, pack, transpose, unpack
+from navcore.search.bits import (
+    ALL,
+    ONE,
+    PAD,
+    Plane,
+    blocks,
+    compiled,
+    highest,
+    inlined,
+    lean,
+    lowest,
+    mirrored,
+    pack,
+    transpose,
+    unpack,
+)
 
 Planes = npt.NDArray[np.uint64]
 
 FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
-PATIENCE = np.uint64(int(__import__("os").environ.get("PAT","16")))
+"""So many freed cells are noted one by one."""
+LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
+"""Cells are numbered by 16 bits a side, and lengths (`jump_points.UNIT`) have room for paths of 2^25 cells."""
+PATIENCE = np.uint64(16)
 """How often a line is asked about before it pays to look along all of it."""
 MANY = 64
 """Where more than one word in so many differs, everything is made anew instead of word by word."""
 
 
 class FreeSpace:
-    """Which cells the robot's centre may be in. It also notes what a standing path has to know of later changes:
+    """Which cells the robot's centre may be in, and notes for the owner of a path on what has changed since.
 
-    whether a cell of `tripwire` was blocked, and which cells were freed.
+    Not to be shared between threads: a search marks its goal in the planes and removes the mark again.
     """
 
     def __init__(self, rows: int, cols: int) -> None:
+        if max(rows, cols) > LONGEST_SIDE or rows * cols > MOST_CELLS:
+            raise ValueError(
+                f"grid: expected sides of at most {LONGEST_SIDE} and at most {MOST_CELLS} cells, got {rows} × {cols}; "
+                "use a coarser resolution or a smaller area"
+            )
         self.rows, self.cols = rows, cols
         self.across: Planes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
         self.along: Planes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
         self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
+        """Set bits are cells that a standing path needs free."""
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
         """Cells freed since the notes were cleared, as (row << 32 | col)."""
         self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
@@ -154,8 +178,8 @@ def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -
 def look_along(planes: Planes, line: int) -> None:
     """Make VAIN_AHEAD and VAIN_BACK for one line.
 
-    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what is
-    true of c. That is how carries run through an addition: generated at jump points, handed on by cells that stop nobody.
+    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what
+    is true of c. That is how carries run through an addition: generated at jump points, handed on by cells that stop nobody.
     """
     words = planes.shape[2]
     carry = np.uint64(0)
@@ -188,34 +212,31 @@ def write_word(
     line: int,
     word: int,
     value: np.uint64,
-) -> bool:
-    """Set one word of free cells, in the rows and in the columns; says whether it differs. The stops are not yet made anew."""
-    changed = across[FREE, line, word] ^ value
-    if changed == 0:
-        return False
+) -> np.uint64:
+    """Set one word of free cells, in the rows and in the columns; returns the bits that differ. `refresh` has to follow."""
+    changed: np.uint64 = across[FREE, line, word] ^ value
     across[FREE, line, word] = value
     notes[1] += (changed & ~value & tripwire[line, word]) != 0
-    bit = ONE << np.uint64(line & 63)
-    while changed != 0:
-        offset = lowest(changed)
+    bit, left = ONE << np.uint64(line & 63), changed
+    while left != 0:
+        offset = lowest(left)
         along[FREE, 64 * word + offset, line >> 6] ^= bit
         if value >> np.uint64(offset) & ONE:
             if notes[0] < len(freed):
                 freed[notes[0]] = (line - PAD) << 32 | (64 * word + offset - PAD)
             notes[0] += 1
-        changed &= changed - ONE
-    return True
+        left &= left - ONE
+    return changed
 
 
 @compiled
 def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
-    """Make the stops anew around free cells that were written in lines first … last-1 and words left … right-1 of the rows."""
-    lines, words = across.shape[1], across.shape[2]
-    mark_stops(across, max(first - 1, PAD), min(last + 1, lines - PAD), max(left - 1, 0), min(right + 1, words))
-    mark_squares(across, max(first - 1, PAD - 1), last, max(left - 1, 0), min(right, words - 1))
-    left, right = max(64 * left - 1, PAD), min(64 * right + 1, along.shape[1] - PAD)
-    first, last = max((first - 1) >> 6, 0), min(((last + 64) >> 6), along.shape[2])
-    mark_stops(along, left, right, first, last)
+    """Renew the marks around free cells that were written in rows first … last-1 and columns left … right-1 of the planes."""
+    over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
+    mark_stops(across, over, under, (left - 1) >> 6, (right >> 6) + 1)
+    mark_squares(across, first - 1, last, (left - 1) >> 6, ((right - 1) >> 6) + 1)
+    over, under = max(left - 1, PAD), min(right + 1, along.shape[1] - PAD)
+    mark_stops(along, over, under, (first - 1) >> 6, (last >> 6) + 1)
 
 
 @compiled
@@ -228,12 +249,12 @@ def _replace(
     plane: Plane,
 ) -> None:
     for line in range(PAD, across.shape[1] - PAD):
-        left, right = plane.shape[1], 0
+        left, right = along.shape[1], 0
         for word in range(1, plane.shape[1] - 1):
-            if plane[line, word] == across[FREE, line, word]:
-                continue
-            write_word(across, along, tripwire, freed, notes, line, word, plane[line, word])
-            left, right = min(left, word), word + 1
+            if plane[line, word] != across[FREE, line, word]:
+                changed = write_word(across, along, tripwire, freed, notes, line, word, plane[line, word])
+                left = min(left, 64 * word + lowest(changed))
+                right = max(right, 64 * word + highest(changed) + 1)
         if right > 0:
             refresh(across, along, line, line + 1, left, right)
 
@@ -254,12 +275,4 @@ def _set_cells(
         value = across[FREE, line, word]
         value = value & ~bit if blocked else value | bit
         if write_word(across, along, tripwire, freed, notes, line, word, value):
-            refresh_cell(across, along, line, col)
-
-
-@compiled
-def refresh_cell(across: Planes, along: Planes, line: int, col: int) -> None:
-    """Make the stops anew around one cell."""
-    mark_squares(across, line - 1, line + 1, (col - 1) >> 6, (col >> 6) + 1)
-    mark_stops(across, max(line - 1, PAD), min(line + 2, across.shape[1] - PAD), (col - 1) >> 6, ((col + 1) >> 6) + 1)
-    mark_stops(along, max(col - 1, PAD), min(col + 2, along.shape[1] - PAD), (line - 1) >> 6, ((line + 1) >> 6) + 1)
+            refresh(across, along, line, line + 1, col, col + 1)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid
-from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, inlined, lean, pack
+from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, highest, inlined, lean, lowest, pack
 from navcore.search.free_space import FREE, MANY, FreeSpace, Planes, complement, refresh, write_word
 
 Ints = npt.NDArray[np.int64]
@@ -41,7 +41,7 @@ class InflatedGrid:
         self._raw = fresh
         self._follow(words)
 
-    def set_cells(self, radius: int, cells: npt.NDArray[np.integer], occupied: bool) -> None:
+    def set_cells(self, radius: int, cells: Ints, occupied: bool) -> None:
         """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the grid."""
         self._make_room((radius,))
         self._follow(set_bits(self._raw[self._radii.index(radius)], cells, occupied))
@@ -174,13 +174,15 @@ def _renew(
     """Make the free cells of lines top … bottom-1 and words west … east-1 anew from the occupied ones."""
     out = np.zeros((bottom - top, east - west), dtype=np.uint64)
     inflate_into(raw, halves, out, top, west, top, bottom, west, east)
-    first, last, left, right = bottom, top, east, west
+    first, last, left, right = bottom, top, 64 * east, 64 * west
     for line in range(top, bottom):
         for word in range(west, east):
             value = ~out[line - top, word - west] & on_grid(word, cols)
             if across[FREE, line, word] != value:
-                write_word(across, along, tripwire, freed, notes, line, word, value)
-                first, last, left, right = min(first, line), line + 1, min(left, word), max(right, word + 1)
+                changed = write_word(across, along, tripwire, freed, notes, line, word, value)
+                first, last = min(first, line), line + 1
+                left = min(left, 64 * word + lowest(changed))
+                right = max(right, 64 * word + highest(changed) + 1)
     if first < last:
         refresh(across, along, first, last, left, right)
 
@@ -238,7 +240,7 @@ def any_bit(raw: Planes, layer: int, line: int, left: int, right: int) -> bool:
     found = np.uint64(0)
     for word in range(left, right):
         found |= raw[np.uint64(layer), np.uint64(line), np.uint64(word)]
-    return found != 0
+    return bool(found != 0)
 
 
 @inlined
@@ -273,9 +275,9 @@ def widen(line: npt.NDArray[np.uint64], wide: Plane, away: int, step: int) -> No
     for word in range(words):
         wide[np.uint64(away), np.uint64(word)] = line[np.uint64(word)]
     for number in range(1, words - 1):
-        word, before, after = np.uint64(number), np.uint64(number - 1), np.uint64(number + 1)
-        here, row = wide[np.uint64(away), word], np.uint64(away)
-        line[word] = here | here << by | wide[row, before] >> rest | here >> by | wide[row, after] << rest
+        at, before, after = np.uint64(number), np.uint64(number - 1), np.uint64(number + 1)
+        here, row = wide[np.uint64(away), at], np.uint64(away)
+        line[at] = here | here << by | wide[row, before] >> rest | here >> by | wide[row, after] << rest
     line[0] |= line[0] << by | line[0] >> by | (wide[away, 1] << rest if words > 1 else np.uint64(0))
     if words > 1:
         line[words - 1] |= line[words - 1] << by | wide[away, words - 2] >> rest | line[words - 1] >> by

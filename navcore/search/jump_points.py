@@ -1,15 +1,16 @@
 """Jump-point search without corner cutting over packed rows and columns: exactly optimal, deterministic.
 
 The search follows Harabor & Grastien (AAAI 2011, ICAPS 2014): of all paths of one length between two cells only the one that
-walks its diagonals first is looked at, and a straight walk is one scan over words to the next jump point. Three things are our own
-arrangement:
+walks its diagonals first is looked at, and a straight walk is one scan over words to the next jump point. Four things are
+arranged in our own way:
 
 * Lengths are integers: `UNIT` a straight step and `ROOT` a diagonal one. A sum of them does not depend on its order, so equal
-  lengths compare as equal, and different ones differ as long as a path has fewer than 400 000 diagonal steps; a longer one could
-  be taken for a tie if it is 1e-11 of its length away.
+  lengths compare as equal, and different ones compare as they should as long as a path has fewer than 400 000 diagonal steps;
+  two longer paths could be taken for equal if they differ by 1e-11 of their length.
 * A cell reached again at equal length from another side is not dropped: the directions that this side adds are walked too.
-* The open list is a ring of buckets, one cell of length wide. Inside a bucket the order is last in, first out; a cell may be
-  opened twice, and the search ends at the first bucket behind the best path known.
+* The open list is a ring of buckets, each a sixteenth of a cell wide. Inside a bucket the order is last in, first out; a cell may
+  be opened twice, and the search ends at the first bucket behind the best path known.
+* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not taken (`FreeSpace`).
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class Arena:
     """The memory of a search, kept from one to the next; it grows when a search needs more."""
 
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:
+        # One walk away from the goal lengthens a path's estimate by less than three times the grid's sides.
         self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
         self._cells = cells
         self.memory = self._new()
@@ -68,8 +70,8 @@ class Arena:
 def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search between two free cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
 
-    There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search is
-    given up.
+    There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
+    is given up.
     """
     while True:
         outcome = search(
@@ -265,15 +267,10 @@ def open_cell(across: Planes, along: Planes, memory: Memory, at: int, todo: int)
 
 
 @inlined
-def bit_at(planes: Planes, line: int, at: int) -> np.uint64:
-    """1 if a cell is free, else 0."""
-    return planes[FREE, np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
-
-
-@inlined
 def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
-    """One bit of a plane."""
-    return planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+    """One bit of a plane: 1 or 0."""
+    bit: np.uint64 = planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+    return bit
 
 
 @inlined
@@ -284,7 +281,7 @@ def stop_ahead(planes: Planes, line: int, at: int) -> int:
     while bits == 0:
         word += ONE
         bits = planes[AHEAD, np.uint64(line), word]
-    return np.int64(word << np.uint64(6)) + lowest(bits)
+    return 64 * int(word) + int(lowest(bits))
 
 
 @inlined
@@ -295,7 +292,7 @@ def stop_back(planes: Planes, line: int, at: int) -> int:
     while bits == 0:
         word -= ONE
         bits = planes[BACK, np.uint64(line), word]
-    return np.int64(word << np.uint64(6)) + highest(bits)
+    return 64 * int(word) + int(highest(bits))
 
 
 @inlined
@@ -310,16 +307,16 @@ def walk_row(
 ) -> None:
     """Walk east (side 0) or west (1) to the next jump point, if an obstacle is not first."""
     stop = stop_back(across, row, col) if side else stop_ahead(across, row, col)
-    if bit_at(across, row, stop) == 0:
+    if bit_of(across, FREE, row, stop) == 0:
         return
     at = claim(memory, row << 16 | stop, parent, length + abs(stop - col) * UNIT)
     if at < 0:
         return
     behind = stop + 1 if side else stop - 1
     walks = WEST if side else EAST
-    if bit_at(across, row + 1, stop) > bit_at(across, row + 1, behind):
+    if bit_of(across, FREE, row + 1, stop) > bit_of(across, FREE, row + 1, behind):
         walks |= SOUTH | (SOUTH_WEST if side else SOUTH_EAST)
-    if bit_at(across, row - 1, stop) > bit_at(across, row - 1, behind):
+    if bit_of(across, FREE, row - 1, stop) > bit_of(across, FREE, row - 1, behind):
         walks |= NORTH | (NORTH_WEST if side else NORTH_EAST)
     want(memory, at, walks)
 
@@ -336,16 +333,16 @@ def walk_col(
 ) -> None:
     """Walk south (side 0) or north (1) to the next jump point, if an obstacle is not first."""
     stop = stop_back(along, col, row) if side else stop_ahead(along, col, row)
-    if bit_at(along, col, stop) == 0:
+    if bit_of(along, FREE, col, stop) == 0:
         return
     at = claim(memory, stop << 16 | col, parent, length + abs(stop - row) * UNIT)
     if at < 0:
         return
     behind = stop + 1 if side else stop - 1
     walks = NORTH if side else SOUTH
-    if bit_at(along, col + 1, stop) > bit_at(along, col + 1, behind):
+    if bit_of(along, FREE, col + 1, stop) > bit_of(along, FREE, col + 1, behind):
         walks |= EAST | (NORTH_EAST if side else SOUTH_EAST)
-    if bit_at(along, col - 1, stop) > bit_at(along, col - 1, behind):
+    if bit_of(along, FREE, col - 1, stop) > bit_of(along, FREE, col - 1, behind):
         walks |= WEST | (NORTH_WEST if side else SOUTH_WEST)
     want(memory, at, walks)
 
@@ -363,7 +360,7 @@ def walk_diagonal(
 ) -> int:
     """Walk diagonally until a corner or obstacle is in the way, with a straight walk to both sides from every cell.
 
-    `corner`: 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of straight walks.
+    `corner`: 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of steps.
     """
     west, north = corner & 1, corner >> 1
     step_row, step_col = 1 - 2 * north, 1 - 2 * west
@@ -425,7 +422,7 @@ def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
         if asked + ONE < PATIENCE:
             return False
         look_along(planes, line)
-    return bit_of(planes, plane, line, at) != 0
+    return bool(bit_of(planes, plane, line, at) != 0)
 
 
 @compiled
@@ -462,7 +459,7 @@ def lay(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool
     else:
         lay_line(cells, at, diagonal, sign(rows), sign(cols))
         lay_line(cells, at + diagonal, straight, sign(rows) * (abs(rows) > diagonal), sign(cols) * (abs(cols) > diagonal))
-    return at + diagonal + straight
+    return int(at + diagonal + straight)
 
 
 @lean
@@ -503,7 +500,7 @@ def fewest_turns(across: Planes, corners: npt.NDArray[np.int64]) -> npt.NDArray[
         if turns[leg, 1] > turns[leg, 0] or not is_clear(across, corners[leg], corners[leg + 1]):
             turns[leg, 1] = turns[leg, 0] + 2
     chosen = np.zeros(legs, dtype=np.bool_)
-    order = np.int64(legs > 0 and turns[0, 1] < turns[0, 0])
+    order = int(legs > 0 and turns[0, 1] < turns[0, 0])
     for leg in range(legs):
         chosen[leg] = order == 1
         order = then[leg, order]
@@ -526,7 +523,7 @@ def is_clear(across: Planes, here: int, there: int) -> bool:
     """Whether one can walk from one cell to another, first straight and then diagonally."""
     row, col = here >> 16, here & 0xFFFF
     rows, cols = (there >> 16) - row, (there & 0xFFFF) - col
-    north, west = np.int64(rows < 0), np.int64(cols < 0)
+    north, west = int(rows < 0), int(cols < 0)
     diagonal = min(abs(rows), abs(cols))
     straight = max(abs(rows), abs(cols)) - diagonal
     for _ in range(straight):

@@ -11,8 +11,8 @@ from navcore.grid import BoolGrid, Cell
 def nearest_reachable(blocked: BoolGrid, start: Cell, goal: Cell) -> Cell | None:
     """The cell nearest to the goal, in a straight line, to which there is a path from start; the goal itself if there is one.
 
-    `blocked` is bool (rows, cols); `start` and `goal` are (row, col), the goal may be blocked or lie outside. None if the start is
-    blocked or outside. Of cells equally near the first in reading order is taken.
+    `blocked` is bool (rows, cols); `start` and `goal` are (row, col), the goal may be blocked or lie outside. None if the start
+    is blocked or outside. Of cells equally near the first in reading order is taken.
     """
     rows, cols = blocked.shape
     if not (0 <= start[0] < rows and 0 <= start[1] < cols) or blocked[start]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -99,7 +100,8 @@ def test_a_walk_is_in_vain_where_walking_it_cell_by_cell_meets_an_obstacle_first
     look_along(space.across, row + PAD)
     for col in np.nonzero(~blocked[row])[0]:
         for plane, step in ((VAIN_AHEAD, 1), (VAIN_BACK, -1)):
-            vain = int(space.across[plane, row + PAD, (col + PAD) >> 6]) >> (col & 63) & 1
+            word = int(space.across[plane, row + PAD, (col + PAD) >> 6])
+            vain = word >> (int(col) & 63) & 1
             assert vain != ends_at_a_jump_point(space, blocked, row, int(col), step)
 
 
@@ -111,6 +113,11 @@ def test_a_change_makes_the_lines_around_it_forget_which_walks_are_in_vain() -> 
     forgotten = np.nonzero(space.across[VAIN_AHEAD, PAD : PAD + 100, 0] == 0)[0]
     assert forgotten.tolist() == [49, 50, 51]
     assert (space.across[VAIN_AHEAD, PAD + 49 : PAD + 52] == 0).all()
+
+
+def test_a_grid_too_large_for_the_numbering_of_its_cells_is_refused() -> None:
+    with pytest.raises(ValueError, match="use a coarser resolution"):
+        FreeSpace(70_000, 10)
 
 
 def test_an_empty_grid_stops_walks_only_at_its_rim() -> None:
