@@ -12,15 +12,17 @@ from typing import Any
 
 from app.pilot import Intent, Pilot
 from app.recorder import Recorder
+from app.segmenter import Perception
 from app.storage import Store
 from app.timing import Stopwatch
-from navcore.beware import BewareList
+from navcore.beware import BewareClass, BewareList
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Decision
 from navcore.path import NoPath, Path
 from navcore.robot import STANDSTILL, Robot, RobotProfile
 from navcore.safety import Verdict
+from navcore.segment import Finder
 from navcore.zones import Zone, check_polygon, rasterise
 from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
 
@@ -34,10 +36,18 @@ class LiveOperations:
     """Satisfies `web.port.Operations` for a running robot."""
 
     def __init__(
-        self, *, robot: Robot, pilot: Pilot, store: Store, recorder: Recorder, world: str, robot_urdf: FilePath | None
+        self,
+        *,
+        robot: Robot,
+        pilot: Pilot,
+        store: Store,
+        recorder: Recorder,
+        world: str,
+        robot_urdf: FilePath | None,
+        perception: Perception,
     ) -> None:
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
-        self._world, self._urdf = world, robot_urdf
+        self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._stopwatch = Stopwatch(pilot.navigator)
         self._verdict = Verdict(twist=STANDSTILL, reasons=())
         self._editing = threading.Lock()
@@ -89,6 +99,8 @@ class LiveOperations:
             frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
             zones_version=self._zones_version,
             beware_version=intent.beware.version,
+            segmenter=self._perception.title,
+            segmenter_warning=self._perception.warning,
         )
 
     def picture(self) -> Picture | None:
@@ -201,18 +213,28 @@ class LiveOperations:
         """The list in force."""
         return self._pilot.intent.beware
 
-    def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
+    def finder(self, entry: BewareClass) -> Finder:
+        """What finds an entry in the pictures."""
+        return self._perception.segmenter.finds(entry)
+
+    def edit_beware(
+        self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
+    ) -> BewareList:
         """Change fields of one class."""
         with self._editing:
+            self._expect(expected_version)
             return self._put(self.beware().edited(name, **changes))
 
     def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
         """Put another list in force."""
         with self._editing:
-            version = self.beware().version
-            if expected_version is not None and expected_version != version:
-                raise Outdated(f"the beware list is at version {version}, the edit was made on {expected_version}")
+            self._expect(expected_version)
             return self._put(self.beware().replaced(beware.classes))
+
+    def _expect(self, expected_version: int | None) -> None:
+        version = self.beware().version
+        if expected_version is not None and expected_version != version:
+            raise Outdated(f"the beware list is at version {version}, the edit was made on {expected_version}")
 
     def _put(self, beware: BewareList) -> BewareList:
         self._store.save_beware(beware)
@@ -230,13 +252,12 @@ class LiveOperations:
             raise Refused("there is no goal to preview a path to; give one")
         if decision is None:
             raise Refused("there is no map yet; the camera has not delivered a picture")
-        blocked = decision.occupancy.blocked
+        occupancy = decision.occupancy
         if polygon is not None:
-            spec = navigator.map.spec
-            grid = decision.occupancy.grid
+            spec, grid = navigator.map.spec, occupancy.grid
             grid = dataclasses.replace(grid, zones=grid.zones | rasterise(check_polygon(polygon, spec), spec))
-            blocked = navigator.blocked(grid)
-        route = navigator.plan(blocked, decision.frame.pose, target)
+            occupancy = navigator.drafted(grid)
+        route = navigator.preview(occupancy, decision.frame.pose, target)
         length = route.outcome.length * navigator.map.spec.resolution_m if isinstance(route.outcome, Path) else None
         return PathPreview(outcome=route.outcome, points=route.points, length_m=length)
 
@@ -252,7 +273,7 @@ class LiveOperations:
 def _length_m(decision: Decision | None) -> float | None:
     if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
         return None
-    return decision.route.outcome.length * decision.occupancy.grid.spec.resolution_m
+    return decision.route.outcome.length * decision.occupancy.spec.resolution_m
 
 
 def _occupant(picture: Picture, cell: tuple[int, int]) -> str:

@@ -8,26 +8,40 @@ Three rules make that safe for a camera that sees only a part of the world at a 
 * a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so that the map is bounded by
   the world's surface, not by the time driven.
 
-The points are the truth. The layers of bits (one 64-bit column of 5 cm heights per cell and class) are kept up to date with
-every insertion and removal and always equal those rebuilt from the points.
+The points are the truth. The occupied cells of each class, one bit a cell, are kept up to date with every insertion and
+removal and always equal those rebuilt from the points. Every change of one is handed on (`take_changes`), so that whoever
+follows the map pays for what changed and not for its size.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
+from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.map_points import MapPoints, PointTable
-from navcore.points import BIN_M, LOWEST_M, Observation
+from navcore.map_points import (
+    POINT,
+    Cells,
+    MapPoints,
+    PointTable,
+    Records,
+    coarse_doubles,
+    levels_of,
+    refresh_planes,
+)
+from navcore.mask import Mask, window
+from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Box, Observation, PointRules, frustum_box
+from navcore.raycast import BLOCK, look
+from navcore.search.bits import ONE, PAD, Plane, compiled, empty_plane, unpack
+from navcore.search.free_space import MOST_CELLS, Planes
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
 from navcore.zones import Zone, rasterise
@@ -35,11 +49,12 @@ from navcore.zones import Zone, rasterise
 FLAT_M = 0.05
 """Beware points below this lie on the floor, as far as depth can tell."""
 Bits = npt.NDArray[np.uint64]
+Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapRules:
-    """How poses are told apart and when a point is given up."""
+    """How poses are told apart, when a point is given up, and how much may be kept."""
 
     pose_spacing_m: float = between(0.01, 5.0, default=0.25)
     """A new pose ID begins after this distance …"""
@@ -49,22 +64,42 @@ class MapRules:
     """How far behind a point the camera must see, at no distance, before the point is taken for gone …"""
     clearing_per_m2: float = between(0.0, 0.2, default=0.012)
     """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
+    budget_mb: float = between(0.01, 16_384.0, default=256.0)
+    """Memory of the points. Beyond it the oldest are thinned to one a cell and class: detail goes, obstacles stay."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Changes:
+    """Cells that became occupied or free in the layer of a class since the last look; a cell may be named more than once."""
+
+    class_ids: npt.NDArray[np.uint8]
+    """(N,) whose layer."""
+    cells: Indices
+    """(N,) row · cols + col."""
 
 
 class CloudMap:
     """Points by pose ID, and the layers of occupied cells they make."""
 
     def __init__(self, spec: GridSpec, rules: MapRules) -> None:
+        if spec.rows * spec.cols > MOST_CELLS:
+            raise BadConfiguration(
+                f"the map would have {spec.rows} × {spec.cols} cells, at most {MOST_CELLS} in all; "
+                "take a coarser resolution or a smaller area"
+            )
         self.spec = spec
         self._rules = rules
-        self._points = PointTable()
-        self._bits: dict[int, Bits] = {}
-        self._seen: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        self._points = PointTable(spec.rows * spec.cols)
+        self._class_ids = np.array([NOTHING], dtype=np.uint8)
+        self._planes: Planes = empty_plane(spec.rows, spec.cols)[None]
+        self._least = np.zeros(64, dtype=np.float32)
+        self._changes: list[Changes] | None = None
+        self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
+        self._seen, self._looked, self._trodden = (empty_plane(spec.rows, spec.cols) for _ in range(3))
+        self._volume: Bits = np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64)
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
-        self._trodden: BoolGrid = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
-        self._seen_volume: Bits = np.zeros((-(-spec.rows // 4), -(-spec.cols // 4)), dtype=np.uint64)
-        self._pose_id = -1
-        self._keyframe: Pose2 | None = None
+        self._poses: list[Pose2] = []
+        self._over_budget = False
         self.version = 0
         """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
 
@@ -72,31 +107,98 @@ class CloudMap:
         """Replace or append the points of the frame's pose ID, and clear what the frame sees through."""
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
-        leaving, coming = self._points.class_ids[outdated], observation.class_ids
-        fresh, changed = [np.empty(0, dtype=np.int64)], False
-        for class_id in np.union1d(leaving, coming):
-            new = np.nonzero(coming == class_id)[0]
-            kept, differs = self._update_layer(int(class_id), outdated[leaving == class_id], observation, new)
-            fresh.append(new[kept])
-            changed |= differs
+        new = self._records(observation, pose_id)
+        self._make_layers(new["class_id"])
+        touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
+        ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
         self._points.remove(outdated)
-        self._points.append(observation, np.concatenate(fresh), pose_id)
-        self._note_seen(observation.voxels_seen)
-        self.version += changed
+        self._points.add(new, one_per_cell=self._over_budget)
+        freed = _note_seen(observation.voxels_seen, self.spec.cols, self._seen, self._volume, self._prior)
+        changed = self._refresh(np.concatenate([touched, freed]))
+        self.version += changed or ruled
+        self._keep_to_budget()
+
+    def look(self, frame: Frame, rules: PointRules) -> None:
+        """Note which space lies open between the camera and what it measured; for pictures and the explored area."""
+        look(
+            frame,
+            self.spec,
+            max_range_m=rules.max_range_m,
+            ceiling_m=rules.ceiling_m,
+            looked=self._looked,
+            volume=self._volume,
+        )
+
+    def correct(self, poses: Mapping[int, Pose2]) -> None:
+        """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
+
+        Raises `BadConfiguration` for a pose ID that is not on the map, and then has moved nothing. What leaves the map's area
+        is forgotten. Where two points come to lie in one voxel the surer stays.
+        """
+        unknown = [pose_id for pose_id in poses if not 0 <= pose_id < len(self._poses)]
+        if unknown:
+            raise BadConfiguration(f"pose ID {unknown[0]} is not on the map, which has {len(self._poses)}")
+        moving = np.flatnonzero(np.isin(self._points.live["pose_id"], np.array(list(poses), dtype=np.int32)))
+        taken = self._points.live[moving].copy()
+        self._points.remove(moving)
+        before = taken["cell"].astype(np.int64)
+        for pose_id, pose in poses.items():
+            own = taken["pose_id"] == pose_id
+            T_new_old = pose.matrix() @ invert(self._poses[pose_id].matrix())
+            xy = np.column_stack([taken["x"][own], taken["y"][own]]).astype(np.float64) @ T_new_old[:2, :2].T + T_new_old[:2, 3]
+            taken["x"][own], taken["y"][own] = xy[:, 0], xy[:, 1]
+            self._poses[pose_id] = pose
+        kept = self._placed(taken)
+        self._points.add(kept, one_per_cell=self._over_budget)
+        self.version += self._refresh(np.concatenate([before, kept["cell"].astype(np.int64)])) or len(moving) > 0
+
+    def load_prior(self, occupied: BoolGrid) -> None:
+        """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their floor free."""
+        if occupied.shape != (self.spec.rows, self.spec.cols):
+            raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self.spec.rows, self.spec.cols)}")
+        before = np.flatnonzero(self._prior)
+        self._prior = occupied.reshape(-1).copy()
+        self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
 
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
-        drawn, wide = self._drawn(tuple(zone for zone in zones if zone.enabled))
+        self.use(beware)
+        drawn, wide = self.drawn(tuple(zone for zone in zones if zone.enabled))
         return OccupancyGrid(
             spec=self.spec,
-            geometric=self._layer(NOTHING, 0.0),
-            beware={entry.class_id: self._layer(entry.class_id, entry.min_confidence) for entry in beware.enabled},
+            geometric=self._layer(NOTHING),
+            beware={entry.class_id: self._layer(entry.class_id) for entry in beware.enabled},
             margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
             zones=drawn,
             wide_zones=wide,
         )
 
-    def _drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
+    def use(self, beware: BewareList) -> None:
+        """Count, from now on and in all that was seen, only points as sure as the list wants them."""
+        least = np.zeros(64, dtype=np.float32)
+        for entry in beware.classes:
+            least[entry.class_id] = entry.min_confidence
+        stale = np.flatnonzero(least != self._least)
+        if len(stale):
+            self._least = least
+            self._refresh(np.unique(self._points.live["cell"][np.isin(self._points.live["class_id"], stale)]).astype(np.int64))
+
+    def take_changes(self) -> Changes | None:
+        """What changed in the layers since the last call; None at the first, when everything has to be looked at."""
+        taken, self._changes = self._changes, []
+        if taken is None:
+            return None
+        return Changes(
+            class_ids=np.concatenate([np.empty(0, dtype=np.uint8), *(change.class_ids for change in taken)]),
+            cells=np.concatenate([np.empty(0, dtype=np.int64), *(change.cells for change in taken)]),
+        )
+
+    def plane(self, class_id: int) -> Plane | None:
+        """The live layer of a class, to be read only until the map changes; None when nothing of it was ever seen."""
+        at = np.flatnonzero(self._class_ids == class_id)
+        return self._planes[at[0]] if len(at) else None
+
+    def drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
         """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
         if self._zones is None or self._zones[0] != zones:
             union = np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
@@ -117,139 +219,156 @@ class CloudMap:
         return self._points.copied()
 
     @property
-    def seen(self) -> BoolGrid:
-        """(rows, cols) copy: cells in which the camera has measured anything, the floor included."""
-        return self._seen.copy()
+    def poses(self) -> tuple[Pose2, ...]:
+        """T_map_base of every pose ID, in their order."""
+        return tuple(self._poses)
 
-    def known(self) -> BoolGrid:
-        """(rows, cols) cells that the camera has seen or the robot has stood on: nothing unseen can hide there."""
+    @property
+    def memory_mb(self) -> float:
+        """Of the points; `MapRules.budget_mb` bounds it unless every cell and class is down to one point."""
+        return self._points.bytes_used / 1e6
+
+    @property
+    def seen(self) -> Mask:
+        """Snapshot of the cells into which the camera has looked: measured there, or over them at something beyond."""
+        return Mask(self._seen | self._looked, self.spec.rows, self.spec.cols)
+
+    def known(self, part: GridSpec) -> BoolGrid:
+        """(rows, cols) of a part of the grid that the camera measured or the robot stood on: nothing unseen hides there."""
+        top, left = self.spec.cell(part.origin_x_m + part.resolution_m / 2, part.origin_y_m + part.resolution_m / 2)
+        bottom, right = top + part.rows, left + part.cols
+        over, beside = max(top - 2, 0), max(left - 2, 0)
+        around = (over, beside, min(bottom + 2, self.spec.rows), min(right + 2, self.spec.cols))
+        known = (window(self._seen, *around) | window(self._trodden, *around)).view(np.uint8)
         # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place: single cells are closed.
-        known = (self._seen | self._trodden).view(np.uint8)
-        return cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
+        closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
+        return closed[top - over :, left - beside :][: part.rows, : part.cols].view(np.bool_)
 
     def tread(self, outline: npt.NDArray[np.float64]) -> None:
         """Note that the robot stands on, or is known to stand clear within, a convex outline (N, 2) of the map frame."""
-        origin = np.array([self.spec.origin_x_m, self.spec.origin_y_m])
-        corners = np.round(((outline - origin) / self.spec.resolution_m - 0.5) * 256).astype(np.int32)
-        cv2.fillConvexPoly(self._trodden.view(np.uint8), corners, 1, shift=8)
+        spec = self.spec
+        cells = (outline - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
+        (left, top), (right, bottom) = np.floor(cells.min(axis=0)).astype(int), np.ceil(cells.max(axis=0)).astype(int) + 1
+        left, top = max(left, 0), max(top, 0)
+        right, bottom = min(right, spec.cols), min(bottom, spec.rows)
+        if left >= right or top >= bottom:
+            return
+        canvas = np.zeros((bottom - top, right - left), dtype=np.uint8)
+        corners = np.round((cells - (left + 0.5, top + 0.5)) * 256).astype(np.int32)
+        cv2.fillConvexPoly(canvas, corners, 1, shift=8)
+        _set_cells(self._trodden, np.argwhere(canvas) + np.array([top, left]))
 
     @property
     def explored_m2(self) -> float:
-        """Area of the cells seen."""
-        return float(np.count_nonzero(self._seen)) * self.spec.resolution_m**2
+        """Area of the cells looked into."""
+        return int(np.bitwise_count(self._seen | self._looked).sum()) * self.spec.resolution_m**2
 
     @property
     def explored_m3(self) -> float:
-        """Volume of the voxels of 4 cells × 4 cells × 5 cm in which anything was measured."""
-        return float(np.bitwise_count(self._seen_volume).sum()) * (4 * self.spec.resolution_m) ** 2 * BIN_M
+        """Volume of the blocks of 4 cells × 4 cells × 5 cm that a line of sight passed through or ended in."""
+        return int(np.bitwise_count(self._volume).sum()) * (BLOCK * self.spec.resolution_m) ** 2 * BIN_M
 
     def _pose_id_of(self, pose: Pose2) -> int:
-        near = self._keyframe is not None and (
-            self._keyframe.distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
-            and abs(wrap_angle(pose.yaw_rad - self._keyframe.yaw_rad)) < math.radians(self._rules.pose_spacing_deg)
+        near = bool(self._poses) and (
+            self._poses[-1].distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
+            and abs(wrap_angle(pose.yaw_rad - self._poses[-1].yaw_rad)) < math.radians(self._rules.pose_spacing_deg)
         )
         if not near:
-            self._keyframe = pose
-            self._pose_id += 1
-        return self._pose_id
+            self._poses.append(pose)
+        return len(self._poses) - 1
 
-    def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> npt.NDArray[np.int64]:
-        intrinsics = frame.intrinsics
+    def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
+        lens = frame.intrinsics
         return _find_outdated(
-            self._points.xyz[: self._points.count],
-            self._points.range_m[: self._points.count],
-            self._points.class_ids[: self._points.count],
-            self._points.pose_ids[: self._points.count],
+            self._points.records,
+            self._points.count,
+            self._points.first,
+            self.spec.cols,
+            frustum_box(frame, self.spec, observation.max_range_m),
             frame.depth_m,
             invert(frame.T_map_camera),
-            np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy]),
+            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
             np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
             observation.max_range_m,
             pose_id,
         )
 
-    def _update_layer(
-        self, class_id: int, outdated: npt.NDArray[np.int64], observation: Observation, new: npt.NDArray[np.int64]
-    ) -> tuple[npt.NDArray[np.int64], bool]:
-        """Take points out of a class's layer and put others in; which of the others are the first in their voxel, and whether
-        anything has changed for the planners."""
-        layer = self._bits.setdefault(class_id, np.zeros((self.spec.rows, self.spec.cols), dtype=np.uint64)).reshape(-1)
-        old_cells, old_bits = self._places(self._points.xyz[outdated])
-        new_cells, new_bits = self._places(observation.points_map[new])
-        touched = np.concatenate([old_cells, new_cells])
-        before = layer[touched] != 0
-        _clear_bits(layer, old_cells, old_bits)
-        fresh = _set_bits(layer, new_cells, new_bits)
-        changed = bool(((layer[touched] != 0) != before).any())
-        if class_id != NOTHING:
-            # What is surer now than when it was first seen counts as the surer of the two.
-            changed |= len(fresh) > 0 or len(outdated) > 0
-            changed |= self._raise_confidence(class_id, new_cells, new_bits, observation.confidence[new])
-        return fresh, changed
-
-    def _raise_confidence(
-        self, class_id: int, cells: npt.NDArray[np.int64], bits: Bits, confidence: npt.NDArray[np.float32]
-    ) -> bool:
-        """Let stored points of a class take over a higher confidence measured in their voxel; whether any did."""
-        unsure = np.nonzero(self._points.of_class(class_id) & (self._points.confidence[: self._points.count] < 1.0))[0]
-        if len(unsure) == 0 or len(cells) == 0:
-            return False
-        measured, stored = _voxel_keys(cells, bits), _voxel_keys(*self._places(self._points.xyz[unsure]))
-        keys, index = np.unique(measured, return_inverse=True)
-        best = np.zeros(len(keys), dtype=np.float32)
-        np.maximum.at(best, index, confidence)
-        at = np.minimum(np.searchsorted(keys, stored), len(keys) - 1)
-        seen = np.where(keys[at] == stored, best[at], np.float32(0))
-        surer = seen > self._points.confidence[unsure]
-        self._points.confidence[unsure[surer]] = seen[surer]
-        return bool(surer.any())
-
-    def _places(self, points_map: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], Bits]:
-        """Flat cell index and height bit of points that are known to lie on the grid."""
-        points = points_map.astype(np.float64)
-        cols = np.floor((points[:, 0] - self.spec.origin_x_m) / self.spec.resolution_m).astype(np.int64)
-        rows = np.floor((points[:, 1] - self.spec.origin_y_m) / self.spec.resolution_m).astype(np.int64)
-        levels = np.floor((points[:, 2] - LOWEST_M) / BIN_M).astype(np.uint64)
+    def _records(self, observation: Observation, pose_id: int) -> Records:
+        new = np.zeros(len(observation.class_ids), dtype=POINT)
+        new["x"], new["y"], new["z"] = observation.points_map.T
+        new["r"], new["g"], new["b"] = observation.rgb.T
+        new["class_id"], new["confidence"] = observation.class_ids, observation.confidence
+        new["range_m"], new["pose_id"] = observation.range_m, pose_id
+        new["level"] = levels_of(new["z"])
         # A point measured a rounding error inside the border may be stored a rounding error outside.
-        cells = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(cols, 0, self.spec.cols - 1)
-        return cells, np.uint64(1) << np.minimum(levels, np.uint64(63))
+        rows, cols = self._rows_cols(new)
+        new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(cols, 0, self.spec.cols - 1)
+        return new
 
-    def _layer(self, class_id: int, min_confidence: float) -> BoolGrid:
-        if class_id not in self._bits:
-            return np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
-        unsure = self._points.of_class(class_id) & (self._points.confidence[: self._points.count] < min_confidence)
-        if not unsure.any():
-            return np.not_equal(self._bits[class_id], 0)
-        sure = self._points.of_class(class_id) & ~unsure
-        mask = np.zeros(self.spec.rows * self.spec.cols, dtype=np.bool_)
-        mask[self._places(self._points.xyz[: self._points.count][sure])[0]] = True
-        return mask.reshape(self.spec.rows, self.spec.cols)
+    def _placed(self, records: Records) -> Records:
+        """Those that lie on the grid, with their cells."""
+        rows, cols = self._rows_cols(records)
+        inside = (rows >= 0) & (rows < self.spec.rows) & (cols >= 0) & (cols < self.spec.cols)
+        records["cell"][inside] = (rows * self.spec.cols + cols)[inside]
+        return records[inside]
 
-    def _note_seen(self, voxels: npt.NDArray[np.int64]) -> None:
-        rows, cols = np.divmod(voxels >> 6, self.spec.cols)
-        self._seen[rows, cols] = True
-        bits = np.uint64(1) << (voxels & 63).astype(np.uint64)
-        np.bitwise_or.at(self._seen_volume, (rows // 4, cols // 4), bits)
+    def _rows_cols(self, records: Records) -> tuple[Indices, Indices]:
+        spec = self.spec
+        rows = np.floor((records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
+        cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
+        return rows, cols
+
+    def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:
+        """Have a layer for each of these classes."""
+        new = np.setdiff1d(class_ids, self._class_ids)
+        if len(new):
+            self._class_ids = np.concatenate([self._class_ids, new])
+            self._planes = np.concatenate([self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)])
+
+    def _refresh(self, cells: Indices) -> bool:
+        """Follow the points in some cells; whether any layer has changed."""
+        class_ids, changed = refresh_planes(
+            self._points.records,
+            self._points.first,
+            cells,
+            self.spec.cols,
+            self._prior,
+            self._least,
+            self._class_ids,
+            self._planes,
+        )
+        if self._changes is not None and len(changed):
+            self._changes.append(Changes(class_ids=class_ids, cells=changed))
+        return len(changed) > 0
+
+    def _layer(self, class_id: int) -> BoolGrid:
+        plane, shape = self.plane(class_id), (self.spec.rows, self.spec.cols)
+        return np.zeros(shape, dtype=np.bool_) if plane is None else unpack(plane, *shape)
+
+    def _keep_to_budget(self) -> None:
+        """Thin the older half of the points, then all of them; a cell never loses its last point of a class."""
+        for share in (0.5, 1.0):
+            if self.memory_mb <= self._rules.budget_mb or self._over_budget:
+                return
+            newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
+            self._points.remove(coarse_doubles(self._points.records, self._points.count, self._points.first, newest))
+        self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
 
 
-def _voxel_keys(cells: npt.NDArray[np.int64], bits: Bits) -> npt.NDArray[np.int64]:
-    """One number for each voxel: cell · 64 + height bin."""
-    return np.asarray(cells * 64 + np.bitwise_count(bits - np.uint64(1)), dtype=np.int64)
-
-
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _find_outdated(
-    xyz: npt.NDArray[np.float32],
-    range_m: npt.NDArray[np.float32],
-    class_ids: npt.NDArray[np.uint8],
-    pose_ids: npt.NDArray[np.int32],
+    records: Records,
+    count: int,
+    first: Cells,
+    cols: int,
+    box: Box,
     depth_m: npt.NDArray[np.float32],
     T_camera_map: npt.NDArray[np.float64],
     lens: npt.NDArray[np.float64],
     clearing: npt.NDArray[np.float64],
     max_range_m: float,
     pose_id: int,
-) -> npt.NDArray[np.int64]:
+) -> Indices:
     """Indices of the points that the frame sees through, or measures again for the same pose or from much nearer.
 
     A point's pixel and its eight neighbours are looked at: one that measures something nearer hides the point, and the point is
@@ -257,52 +376,71 @@ def _find_outdated(
     by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost at a
     grazing angle nor a nod of the robot when it brakes must free it.
     """
+    found = np.empty(count, dtype=np.int64)
+    found_count = 0
+    for row in range(box[0], box[2]):
+        for col in range(box[1], box[3]):
+            at = first[row * cols + col]
+            while at > 0:
+                point = records[at - 1]
+                if _is_outdated(point, depth_m, T_camera_map, lens, clearing, max_range_m, pose_id):
+                    found[found_count] = at - 1
+                    found_count += 1
+                at = point.next
+    return found[:found_count]
+
+
+@compiled
+def _is_outdated(
+    point: np.void,
+    depth_m: npt.NDArray[np.float32],
+    t: npt.NDArray[np.float64],
+    lens: npt.NDArray[np.float64],
+    clearing: npt.NDArray[np.float64],
+    max_range_m: float,
+    pose_id: int,
+) -> bool:
     height, width = depth_m.shape
-    found = np.empty(len(xyz), dtype=np.int64)
+    x, y, z = float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
+    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+    if depth < 0.2 or depth > max_range_m:
+        return False
+    j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
+    i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
+    if i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
+        return False
+    tolerance = clearing[0] + clearing[1] * depth * depth
+    nearest = np.inf
+    for r in range(i - 1, i + 2):
+        for c in range(j - 1, j + 2):
+            if 0.0 < depth_m[r, c] < nearest:
+                nearest = depth_m[r, c]
+    beware = point.class_id != NOTHING  # type: ignore[attr-defined]
+    if nearest == np.inf or nearest < depth - tolerance or (beware and z < FLAT_M):
+        return False
+    again = not beware and (point.pose_id == pose_id or depth < 0.7 * point.range_m)  # type: ignore[attr-defined]
+    return bool(nearest > depth + tolerance or again)
+
+
+@compiled
+def _note_seen(voxels: Indices, cols: int, seen: Plane, volume: Bits, prior: npt.NDArray[np.bool_]) -> Indices:
+    """Note where anything was measured; returns the cells of the prior map whose floor this shows."""
+    freed = np.empty(len(voxels), dtype=np.int64)
     count = 0
-    t = T_camera_map
-    for index in range(len(xyz)):
-        x, y, z = float(xyz[index, 0]), float(xyz[index, 1]), float(xyz[index, 2])
-        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
-        if depth < 0.2 or depth > max_range_m:
-            continue
-        j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
-        i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
-        if i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
-            continue
-        tolerance = clearing[0] + clearing[1] * depth * depth
-        nearest = np.inf
-        for r in range(i - 1, i + 2):
-            for c in range(j - 1, j + 2):
-                if 0.0 < depth_m[r, c] < nearest:
-                    nearest = depth_m[r, c]
-        if nearest == np.inf or nearest < depth - tolerance or (class_ids[index] != 0 and z < FLAT_M):
-            continue
-        again = class_ids[index] == 0 and (pose_ids[index] == pose_id or depth < 0.7 * range_m[index])
-        if nearest > depth + tolerance or again:
-            found[count] = index
+    for voxel in voxels:
+        cell, level = voxel // HEIGHT_BINS, voxel % HEIGHT_BINS
+        row, col = cell // cols, cell % cols
+        seen[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
+        volume[row // BLOCK, col // BLOCK] |= ONE << np.uint64(level)
+        if prior[cell] and abs(LOWEST_M + (level + 0.5) * BIN_M) < FLAT_M:
+            prior[cell] = False
+            freed[count] = cell
             count += 1
-    return found[:count]
+    return freed[:count]
 
 
-@numba.njit(cache=True, nogil=True)
-def _set_bits(
-    layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]
-) -> npt.NDArray[np.int64]:
-    """Set each point's bit; returns which points were the first in their voxel."""
-    fresh = np.empty(len(cells), dtype=np.int64)
-    count = 0
-    for k in range(len(cells)):
-        if layer[cells[k]] & bits[k]:
-            continue
-        layer[cells[k]] |= bits[k]
-        fresh[count] = k
-        count += 1
-    return fresh[:count]
-
-
-@numba.njit(cache=True, nogil=True)
-def _clear_bits(layer: npt.NDArray[np.uint64], cells: npt.NDArray[np.int64], bits: npt.NDArray[np.uint64]) -> None:
-    """Clear each point's bit."""
-    for k in range(len(cells)):
-        layer[cells[k]] &= ~bits[k]
+@compiled
+def _set_cells(plane: Plane, cells: Indices) -> None:
+    for index in range(len(cells)):
+        row, col = cells[index, 0], cells[index, 1]
+        plane[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)

@@ -21,6 +21,9 @@ class NavigatorConfig:
     """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper."""
     start_relief_m: float = between(0.0, 2.0, default=0.6)
     """A robot that stands inside the inflation plans from the nearest free cell within this distance."""
+    plan_budget: int = between(1_000, 1_000_000_000, default=2_000_000)
+    """Work after which a search is given up ("time budget exceeded"), in straight walks and diagonal steps; a large maze has
+    some ten thousand, so that this is some seconds. A count and not a clock, so that the same run takes the same turn."""
     start_clear_m: float = between(0.0, 5.0, default=1.2)
     """Within this distance of where it is put down the robot has room; the camera cannot look there."""
     points: PointRules = field(default_factory=PointRules)

@@ -13,12 +13,18 @@ from navcore.beware import BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
-from navcore.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflate_layers
+from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
 from navcore.local_planner import IDLE, Motion, Outcome, Points, hard_cells, nearby, plan_motion, rim_of_unseen, stands_in
-from navcore.path import NoPath, Path, Reason, plan
+from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
+from navcore.path import NoPath, Path, Reason, plan_in
 from navcore.points import observe
 from navcore.robot import STANDSTILL, RobotProfile
+from navcore.search.bits import Plane
+from navcore.search.free_space import FREE, FreeSpace
+from navcore.search.jump_points import Arena
+from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
+from navcore.taut import pull_taut
 from navcore.transform import Pose2
 from navcore.waypoints import choose_waypoints
 from navcore.zones import Zone
@@ -40,22 +46,6 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Occupancy:
-    """The map as the planners see it under one order."""
-
-    grid: OccupancyGrid
-    """Occupied cells by layer."""
-    blocked: BoolGrid
-    """(rows, cols) where the robot's centre may not be."""
-    geometric: BoolGrid
-    """(rows, cols) cells no part of the robot may touch because something stands there."""
-    ruled: BoolGrid
-    """(rows, cols) cells no part of the robot may touch because the operator says so."""
-    version: int
-    """Grows with every change."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Route:
     """The way to the goal, from the robot's place."""
 
@@ -65,6 +55,8 @@ class Route:
     """(N, 2) the path in metres of the map frame; (0, 2) without one."""
     waypoints: Points
     """(M, 2) its corners and its end."""
+    track: Points
+    """(K, 2) what the local planner follows: the path, pulled taut where the robot is next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,7 +83,8 @@ class Navigator:
         self._profile = profile
         self._segmenter = segmenter
         self._config = config
-        self._occupancy: tuple[tuple[object, ...], Occupancy] | None = None
+        self._occupancy = LiveOccupancy(self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m)
+        self._replanner = Replanner(self._occupancy.space)
         self._route: tuple[tuple[object, ...], Route] | None = None
         self._motion = IDLE
         self._placed = False
@@ -114,63 +107,83 @@ class Navigator:
         """Put the frame's points on the map, under its pose ID, and note the ground the robot stands on."""
         self._tread(frame.pose)
         self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame)
+        self.map.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:
-        """The occupied and the blocked cells; made anew only when the map, the list or the zones have changed."""
-        key = (self.map.version, order.beware, order.zones)
-        if self._occupancy is None or self._occupancy[0] != key:
-            grid = self.map.grid(order.beware, order.zones)
-            geometric, ruled = hard_cells(grid)
-            version = 0 if self._occupancy is None else self._occupancy[1].version + 1
-            made = Occupancy(
-                grid=grid,
-                blocked=read_only(self.blocked(grid)),
-                geometric=read_only(geometric),
-                ruled=read_only(ruled),
-                version=version,
-            )
-            self._occupancy = (key, made)
-        return self._occupancy[1]
+        """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
+        return self._occupancy.follow(order.beware, order.zones)
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
-        """The shortest path from here, searched in full whenever the map, the goal or the robot's cell has changed."""
+        """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""
         if order.goal is None:
             return None
         key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
         if self._route is None or self._route[0] != key:
-            self._route = (key, self.plan(occupancy.blocked, pose, order.goal))
+            self._route = (key, self.plan(occupancy, pose, order.goal))
         return self._route[1]
 
-    def plan(self, blocked: BoolGrid, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """The shortest path from a pose to a goal over a given grid; changes nothing."""
+    def plan(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
+        """The shortest path from a pose to a goal over the present map."""
+        start = self._start(occupancy, pose)
+        if start is None:
+            return _no_route(Reason.START_BLOCKED)
+        space = self._occupancy.space
+        outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
+        return self._laid(outcome, goal, space.across[FREE])
+
+    def preview(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
+        """The shortest path over any given occupancy, from scratch; changes nothing and may be called from any thread."""
+        start = self._start(occupancy, pose)
+        if start is None:
+            return _no_route(Reason.START_BLOCKED)
+        space = FreeSpace.of(occupancy.blocked)
+        outcome = plan_in(space, Arena(space), start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
+        return self._laid(outcome, goal, space.across[FREE])
+
+    def drafted(self, grid: OccupancyGrid) -> Occupancy:
+        """A given grid as the planners would see it: for previews."""
+        blocked = inflate_layers(grid, vehicle_width_m=self._profile.width_m, safety_margin_m=self._config.safety_margin_m)
+        return Occupancy.of(grid, blocked, version=-1)
+
+    def _start(self, occupancy: Occupancy, pose: Pose2) -> Cell | None:
         spec = self.map.spec
-        start = nearest_free(blocked, spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
-        outcome = NoPath(reason=Reason.START_BLOCKED) if start is None else plan(blocked, start, spec.cell(*goal))
+        return nearest_free(occupancy.free, spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
+
+    def _laid(self, outcome: Path | NoPath, goal: tuple[float, float], free: Plane) -> Route:
         if isinstance(outcome, NoPath):
-            return Route(outcome=outcome, points=NO_POINTS, waypoints=NO_POINTS)
+            return _no_route(outcome.reason)
+        spec = self.map.spec
         corners = choose_waypoints(outcome, spec, max_vertex_angle_rad=math.radians(self._config.max_vertex_angle_deg))
+        taut = pull_taut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
         # The goal is a point, not a cell: the last centre gives way to it.
-        points = np.vstack([spec.centres(outcome.cells[:-1]), goal])
-        return Route(outcome=outcome, points=read_only(points), waypoints=read_only(np.vstack([corners[:-1], goal])))
+        points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
+        return Route(
+            outcome=outcome,
+            points=read_only(points),
+            waypoints=read_only(np.vstack([corners[:-1], goal])),
+            track=read_only(_evenly(track, spec.resolution_m)),
+        )
 
     def move(self, occupancy: Occupancy, pose: Pose2, route: Route | None) -> Motion:
         """The velocity that follows the route and touches nothing; standing without a route."""
-        grid, reach = occupancy.grid, _REACH_M + self._profile.circumscribed_radius_m
-        ruled = nearby(occupancy.ruled, grid, pose, reach)
+        reach = _REACH_M + self._profile.circumscribed_radius_m
+        around = occupancy.around(pose, reach)
+        hard, forbidden = hard_cells(around)
+        ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
-            trapped = route is not None and stands_in(ruled, self._profile, grid.spec.resolution_m)
+            trapped = route is not None and stands_in(ruled, self._profile, around.spec.resolution_m)
             self._motion = Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE) if trapped else IDLE
             return self._motion
         self._motion = plan_motion(
-            geometric=nearby(occupancy.geometric, grid, pose, reach),
+            geometric=nearby(hard, around, pose, reach),
             ruled=ruled,
-            unseen=nearby(rim_of_unseen(self.map.known()), grid, pose, reach),
-            path_map=route.points,
+            unseen=nearby(rim_of_unseen(self.map.known(around.spec)), around, pose, reach),
+            path_map=route.track,
             pose=pose,
             previous=self._motion,
             profile=self._profile,
             rules=self._config.local,
-            cell_m=grid.spec.resolution_m,
+            cell_m=around.spec.resolution_m,
         )
         return self._motion
 
@@ -184,29 +197,21 @@ class Navigator:
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         self.map.tread(outline @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
 
-    def blocked(self, grid: OccupancyGrid) -> BoolGrid:
-        """(rows, cols) where this robot's centre may not be on the given grid."""
-        return inflate_layers(grid, vehicle_width_m=self._profile.width_m, safety_margin_m=self._config.safety_margin_m)
-
 
 _REACH_M = 2.0
+TAUT_M = 8.0
+"""As far ahead as this the path is pulled taut; the local planner looks no further."""
 
 
-def nearest_free(blocked: BoolGrid, cell: Cell, within: float) -> Cell | None:
-    """The free cell nearest to `cell`, itself if free; None when all within that many cells are blocked or it is outside."""
-    rows, cols = blocked.shape
-    if not (0 <= cell[0] < rows and 0 <= cell[1] < cols):
-        return cell
-    if not blocked[cell]:
-        return cell
-    reach = math.floor(within)
-    top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
-    free = np.argwhere(~blocked[top : cell[0] + reach + 1, left : cell[1] + reach + 1]) + np.array([top, left])
-    distance = np.hypot(*(free - np.array(cell)).T)
-    if len(free) == 0 or distance.min() > within:
-        return None
-    row, col = free[int(np.argmin(distance))]
-    return int(row), int(col)
+def _no_route(reason: Reason) -> Route:
+    return Route(outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS)
+
+
+def _evenly(corners: Points, spacing_m: float) -> Points:
+    """(K, 2) points along a line of corners, so far apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
+    return np.column_stack([np.interp(stations, along, corners[:, axis]) for axis in (0, 1)])
 
 
 def read_only(array: Array) -> Array:

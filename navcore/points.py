@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
+import threading
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -13,11 +12,14 @@ from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareList
 from navcore.errors import BadConfiguration
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
+from navcore.search.bits import compiled
 from navcore.segment import Labels
 from navcore.settings import between
 
 HEIGHT_BINS = 64
 BIN_M = 0.05
+Box = tuple[int, int, int, int]
+"""First row and column of some cells of the grid, and those after the last."""
 LOWEST_M = -0.425
 """Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin, not the border of two."""
 
@@ -82,22 +84,15 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
     if labels.class_ids.shape != frame.depth_m.shape or int(labels.class_ids.max(initial=0)) > LARGEST_CLASS_ID:
         raise ValueError(f"labels must be {frame.depth_m.shape} class ids of 0 to {LARGEST_CLASS_ID}")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
-    keys, pixels = _voxelise(
-        frame.depth_m,
-        labels.class_ids,
-        _max_heights(beware),
-        camera,
-        np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy]),
-        np.array([spec.origin_x_m, spec.origin_y_m, spec.resolution_m]),
-        spec.rows,
-        spec.cols,
-        np.array([rules.obstacle_height_m, rules.ceiling_m, rules.max_range_m]),
-        rules.min_support,
-    )
-    kinds = keys & 63
-    chosen = kinds != _SEEN
-    rows, cols = np.divmod(pixels[chosen], intrinsics.width)
-    class_ids = kinds[chosen].astype(np.uint8)
+    box = frustum_box(frame, spec, rules.max_range_m)
+    voxels = _locate(frame, spec, box, rules)
+    counts = _scratch.room(2 * HEIGHT_BINS * max(box[2] - box[0], 0) * max(box[3] - box[1], 0) + 1)
+    geometric, seen = _tally(voxels.keys, voxels.z_m, rules.obstacle_height_m, rules.ceiling_m, counts, rules.min_support)
+    found = [geometric, *_labelled(labels.class_ids, voxels, beware, counts, rules.min_support)]
+    pixels = np.concatenate(found).astype(np.int64)
+    class_ids = labels.class_ids.reshape(-1)[pixels]
+    class_ids[: len(geometric)] = NOTHING
+    rows, cols = np.divmod(pixels, intrinsics.width)
     depth = frame.depth_m[rows, cols]
     optical = np.column_stack(
         [(cols - intrinsics.cx) * depth / intrinsics.fx, (rows - intrinsics.cy) * depth / intrinsics.fy, depth]
@@ -109,13 +104,178 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
         rgb=frame.rgb[rows, cols],
         range_m=depth,
         max_range_m=rules.max_range_m,
-        voxels_seen=keys[~chosen] >> 6,
+        voxels_seen=_on_the_grid(seen, spec, box),
     )
 
 
-_SEEN = 63
-"""Kind of a hash entry that says: something was measured here. All other kinds are class ids."""
-assert LARGEST_CLASS_ID < _SEEN
+def _labelled(
+    class_ids: npt.NDArray[np.uint8], voxels: _Voxels, beware: BewareList, counts: npt.NDArray[np.uint8], min_support: int
+) -> list[npt.NDArray[np.int32]]:
+    """For each class in the picture one pixel of each of its voxels."""
+    flat, heights = class_ids.reshape(-1), _max_heights(beware)
+    named = np.flatnonzero(flat != NOTHING)
+    kinds = flat[named]
+    return [
+        _tally_some(voxels.keys, voxels.z_m, named[kinds == kind], heights[kind], counts, min_support)
+        for kind in np.flatnonzero(np.bincount(kinds, minlength=64))
+    ]
+
+
+def _on_the_grid(keys: npt.NDArray[np.int32], spec: GridSpec, box: Box) -> npt.NDArray[np.int64]:
+    """Voxels of the box as voxels of the grid."""
+    cells, levels = np.divmod(keys.astype(np.int64), HEIGHT_BINS)
+    rows, cols = np.divmod(cells, max(box[3] - box[1], 1))
+    return np.asarray(((rows + box[0]) * spec.cols + cols + box[1]) * HEIGHT_BINS + levels)
+
+
+def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
+    """(top, left, bottom, right) cells of the grid within which everything lies that the camera can measure; may be empty."""
+    lens = frame.intrinsics
+    a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
+    b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
+    corners = max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
+    points = corners @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]
+    (top, left), (bottom, right) = (spec.cell(*points[:, :2].min(axis=0)), spec.cell(*points[:, :2].max(axis=0)))
+    return max(top, 0), max(left, 0), min(bottom + 1, spec.rows), min(right + 1, spec.cols)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Voxels:
+    """Where each pixel's point lies."""
+
+    keys: npt.NDArray[np.int32]
+    """(H · W,) voxel within the box, cell · 64 + height bin; −1 where nothing usable was measured."""
+    z_m: npt.NDArray[np.float32]
+    """(H · W,) height above the floor."""
+
+
+class _Scratch(threading.local):
+    """Two counters for every voxel of a box, all 0 between two uses: clearing what was touched beats asking for new memory."""
+
+    def __init__(self) -> None:
+        self.counts: npt.NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
+
+    def room(self, size: int) -> npt.NDArray[np.uint8]:
+        if len(self.counts) < size:
+            self.counts = np.zeros(size, dtype=np.uint8)
+        return self.counts
+
+
+_scratch = _Scratch()
+
+
+def _locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> _Voxels:
+    lens, t = frame.intrinsics, frame.T_map_camera
+    cells = 1.0 / spec.resolution_m
+    # From optical coordinates to cells of the box and bins of height, in one affine map.
+    scale = np.array([[cells], [cells], [1.0]])
+    offset = np.array([spec.origin_x_m + box[1] * spec.resolution_m, spec.origin_y_m + box[0] * spec.resolution_m, 0.0])
+    affine = (np.column_stack([t[:3, :3], t[:3, 3] - offset]) * scale).astype(np.float32)
+    across = ((np.arange(lens.width) - lens.cx) / lens.fx).astype(np.float32)
+    keys, z_m = np.empty(frame.depth_m.shape, dtype=np.int32), np.empty(frame.depth_m.shape, dtype=np.float32)
+    shape = (box[2] - box[0], box[3] - box[1])
+    if min(shape) <= 0:
+        keys[:] = -1
+    else:
+        _project(frame.depth_m, affine, across, lens.cy, lens.fy, *shape, np.float32(rules.max_range_m), keys, z_m)
+    return _Voxels(keys=keys.reshape(-1), z_m=z_m.reshape(-1))
+
+
+@compiled
+def _project(
+    depth_m: npt.NDArray[np.float32],
+    t: npt.NDArray[np.float32],
+    across: npt.NDArray[np.float32],
+    cy: float,
+    fy: float,
+    rows: int,
+    cols: int,
+    max_range_m: np.float32,
+    keys: npt.NDArray[np.int32],
+    z_m: npt.NDArray[np.float32],
+) -> None:
+    """Without a branch and without doubles, so that the compiler makes vectors of it."""
+    height, width = depth_m.shape
+    zero, bins, lowest = np.float32(0), np.float32(1.0 / BIN_M), np.float32(LOWEST_M)
+    for i in range(height):
+        b = np.float32((i - cy) / fy)
+        x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
+        x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
+        x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
+        for j in range(width):
+            depth, a = depth_m[i, j], across[j]
+            x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
+            level = (z - lowest) * bins
+            # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would be a branch.
+            inside = (depth > zero) & (depth <= max_range_m) & (x >= zero) & (y >= zero) & (level >= zero)
+            row, col, bin_ = np.int32(y), np.int32(x), np.int32(level)
+            inside &= (row < rows) & (col < cols) & (bin_ < HEIGHT_BINS)
+            keys[i, j] = (row * np.int32(cols) + col) * np.int32(HEIGHT_BINS) + bin_ if inside else np.int32(-1)
+            z_m[i, j] = z
+
+
+@compiled
+def _tally(
+    keys: npt.NDArray[np.int32],
+    z_m: npt.NDArray[np.float32],
+    low_m: float,
+    high_m: float,
+    counts: npt.NDArray[np.uint8],
+    min_support: int,
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """One pixel of each voxel in which enough lie between two heights, and every voxel in which anything was measured."""
+    touched, pixels = np.empty(len(keys) + 1, dtype=np.int32), np.empty(len(keys) + 1, dtype=np.int32)
+    low, high, count = np.float32(low_m), np.float32(high_m), 0
+    # Without a branch: noise makes it unforeseeable whether a pixel is the first of its voxel, and which pixels fall outside.
+    outside = np.uint32(len(counts) - 1)
+    counts[outside] = 255
+    for pixel in range(len(keys)):
+        key = keys[pixel]
+        slot = np.uint32(2 * key + np.int32((z_m[pixel] > low) & (z_m[pixel] < high)))
+        slot = slot if key >= 0 else outside
+        seen = counts[slot]
+        touched[np.uint32(count)], pixels[np.uint32(count)] = slot, pixel
+        count += seen == 0
+        counts[slot] = seen + np.uint8(seen < 255)
+    counts[outside] = 0
+    found = 0
+    for index in range(count):
+        slot = touched[index]
+        if slot & 1 and counts[slot] >= min_support:
+            pixels[found] = pixels[index]
+            found += 1
+        counts[slot] = 0
+        touched[index] = slot >> 1
+    return pixels[:found], touched[:count]
+
+
+@compiled
+def _tally_some(
+    keys: npt.NDArray[np.int32],
+    z_m: npt.NDArray[np.float32],
+    some: npt.NDArray[np.int64],
+    high_m: float,
+    counts: npt.NDArray[np.uint8],
+    min_support: int,
+) -> npt.NDArray[np.int32]:
+    """One pixel of each voxel in which enough of `some` pixels lie, not higher than `high_m`."""
+    touched, pixels = np.empty(len(some), dtype=np.int32), np.empty(len(some), dtype=np.int32)
+    count = 0
+    for pixel in some:
+        key = keys[pixel]
+        if key < 0 or z_m[pixel] > high_m:
+            continue
+        if counts[key] == 0:
+            touched[count], pixels[count] = key, pixel
+            count += 1
+        counts[key] += np.uint8(counts[key] < 255)
+    found = 0
+    for index in range(count):
+        if counts[touched[index]] >= min_support:
+            pixels[found] = pixels[index]
+            found += 1
+        counts[touched[index]] = 0
+    return pixels[:found]
 
 
 def _max_heights(beware: BewareList) -> npt.NDArray[np.float64]:
@@ -125,114 +285,3 @@ def _max_heights(beware: BewareList) -> npt.NDArray[np.float64]:
         if entry.colour is not None:
             heights[entry.class_id] = entry.colour.max_height_m
     return heights
-
-
-@numba.njit(cache=True, nogil=True)
-def _voxelise(
-    depth_m: npt.NDArray[np.float32],
-    class_ids: npt.NDArray[np.uint8],
-    max_heights: npt.NDArray[np.float64],
-    T_map_camera: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
-    place: npt.NDArray[np.float64],
-    rows: int,
-    cols: int,
-    limits: npt.NDArray[np.float64],
-    min_support: int,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Count pixels per (voxel, kind) in a hash table; returns the keys with enough support and one pixel of each."""
-    height, width = depth_m.shape
-    table, counts, pixels = _empty_table(1 << 15)
-    entries = 0
-    for i in range(height):
-        # A pixel makes at most three entries; the table stays at most half full.
-        while 2 * (entries + 3 * width) > len(table):
-            table, counts, pixels = _doubled(table, counts, pixels)
-        entries += _count_row(
-            i, depth_m, class_ids, max_heights, T_map_camera, lens, place, rows, cols, limits, table, counts, pixels
-        )
-    slots = np.nonzero((counts >= min_support) | ((counts > 0) & ((table & 63) == _SEEN)))[0]
-    return table[slots], pixels[slots].astype(np.int64)
-
-
-@numba.njit(cache=True, nogil=True)
-def _count_row(
-    i: int,
-    depth_m: npt.NDArray[np.float32],
-    class_ids: npt.NDArray[np.uint8],
-    max_heights: npt.NDArray[np.float64],
-    T_map_camera: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
-    place: npt.NDArray[np.float64],
-    rows: int,
-    cols: int,
-    limits: npt.NDArray[np.float64],
-    table: npt.NDArray[np.int64],
-    counts: npt.NDArray[np.int32],
-    pixels: npt.NDArray[np.int32],
-) -> int:
-    """Count the pixels of one row; returns how many keys were new."""
-    width, new = depth_m.shape[1], 0
-    t, per_metre, b = T_map_camera, 1.0 / place[2], (i - lens[3]) / lens[1]
-    for j in range(width):
-        depth = depth_m[i, j]
-        if depth <= 0.0 or depth > limits[2]:
-            continue
-        a = (j - lens[2]) / lens[0]
-        x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
-        y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
-        z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
-        row, col = math.floor((y - place[1]) * per_metre), math.floor((x - place[0]) * per_metre)
-        level = math.floor((z - LOWEST_M) * (1.0 / BIN_M))
-        if row < 0 or row >= rows or col < 0 or col >= cols or level < 0 or level >= HEIGHT_BINS:
-            continue
-        voxel = ((row * cols + col) * HEIGHT_BINS + level) << 6
-        pixel = i * width + j
-        new += _count(table, counts, pixels, voxel | _SEEN, pixel)
-        if limits[0] < z < limits[1]:
-            new += _count(table, counts, pixels, voxel | NOTHING, pixel)
-        kind = class_ids[i, j]
-        if kind != NOTHING and z <= max_heights[kind]:
-            new += _count(table, counts, pixels, voxel | kind, pixel)
-    return new
-
-
-@numba.njit(cache=True, nogil=True)
-def _empty_table(size: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Keys (−1 where empty), counts and one pixel of each key; `size` is a power of two."""
-    return np.full(size, -1, dtype=np.int64), np.zeros(size, dtype=np.int32), np.zeros(size, dtype=np.int32)
-
-
-@numba.njit(cache=True, nogil=True)
-def _doubled(
-    table: npt.NDArray[np.int64], counts: npt.NDArray[np.int32], pixels: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    larger, larger_counts, larger_pixels = _empty_table(2 * len(table))
-    for slot in range(len(table)):
-        if counts[slot] > 0:
-            place = _slot(larger, table[slot])
-            larger[place], larger_counts[place], larger_pixels[place] = table[slot], counts[slot], pixels[slot]
-    return larger, larger_counts, larger_pixels
-
-
-@numba.njit(cache=True, nogil=True)
-def _slot(table: npt.NDArray[np.int64], key: int) -> int:
-    """Where a key is in the table, or the empty place where it belongs."""
-    mask = len(table) - 1
-    slot = ((key * 0x2545F4914F6CDD1D) >> 20) & mask
-    while table[slot] != key and table[slot] != -1:
-        slot = (slot + 1) & mask
-    return slot
-
-
-@numba.njit(cache=True, nogil=True)
-def _count(
-    table: npt.NDArray[np.int64], counts: npt.NDArray[np.int32], pixels: npt.NDArray[np.int32], key: int, pixel: int
-) -> int:
-    """Count one more pixel of a key, the first of which stands for it; returns 1 if the key is new, else 0."""
-    slot = _slot(table, key)
-    counts[slot] += 1
-    if counts[slot] > 1:
-        return 0
-    table[slot], pixels[slot] = key, pixel
-    return 1

@@ -15,7 +15,9 @@ import numpy.typing as npt
 from navcore.beware import BewareList
 from navcore.frame import Intrinsics
 from navcore.grid import OccupancyGrid
+from navcore.mask import Mask
 from navcore.mission import Goal, Phase
+from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path
 from navcore.robot import RobotProfile, Twist
 from navcore.transform import Matrix, Pose2
@@ -98,20 +100,33 @@ class Picture:
     """(H, W, 3) the camera's picture."""
     labels: npt.NDArray[np.uint8]
     """(H, W) class id of the beware list per pixel, 0 for nothing."""
-    grid: OccupancyGrid
-    """Occupied cells by layer."""
-    blocked: npt.NDArray[np.bool_]
-    """(rows, cols) where the robot's centre may not be."""
-    seen: npt.NDArray[np.bool_]
-    """(rows, cols) cells the camera has seen; the rest is unknown (and counts as free)."""
+    occupancy: Occupancy
+    """Occupied and blocked cells, packed."""
+    seen_mask: Mask
+    """Cells into which the camera has looked, packed."""
     grid_version: int
-    """Changes whenever `grid`, `blocked` or `seen` do."""
+    """Changes whenever `occupancy` or `seen_mask` do."""
     path: npt.NDArray[np.float64]
     """(N, 2) planned path in metres of the map frame; (0, 2) without one."""
     waypoints: npt.NDArray[np.float64]
     """(M, 2) the path's corners and its end."""
     driven: npt.NDArray[np.float64]
     """(K, 2) where the robot has been."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """Occupied cells by layer."""
+        return self.occupancy.grid
+
+    @property
+    def blocked(self) -> npt.NDArray[np.bool_]:
+        """(rows, cols) where the robot's centre may not be."""
+        return self.occupancy.blocked
+
+    @property
+    def seen(self) -> npt.NDArray[np.bool_]:
+        """(rows, cols) cells into which the camera has looked; the rest is unknown (and counts as free)."""
+        return self.seen_mask.bools
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

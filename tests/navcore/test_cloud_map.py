@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from navcore.beware import NOTHING, BewareClass, BewareList
 from navcore.cloud_map import CloudMap, MapRules
+from navcore.errors import BadConfiguration
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import BoolGrid, GridSpec
 from navcore.points import BIN_M, LOWEST_M, Observation, PointRules, observe
@@ -323,12 +324,95 @@ RED_COLOUR = RED_FLOOR.colour
 def test_exploring_only_grows_and_points_are_copies() -> None:
     cloud = drive(picture(TALL))
     area, volume = cloud.explored_m2, cloud.explored_m3
-    assert area == pytest.approx(float(cloud.seen.sum()) * 0.01)
+    assert area == pytest.approx(float(cloud.seen.bools.sum()) * 0.01)
     assert volume > 0
     drive(picture(TALL, pose=Pose2(x_m=0, y_m=0, yaw_rad=2.0)), cloud=cloud)
     assert cloud.explored_m2 > area
     assert cloud.explored_m3 > volume
     cloud.points.points_map[:] = 0
-    cloud.seen[:] = False
-    assert cloud.explored_m2 > area
+    assert not cloud.seen.bools.flags.writeable
     assert np.any(np.not_equal(cloud.points.points_map, 0))
+
+
+@law(25)
+@given(st.integers(0, 2**32 - 1))
+def test_after_a_correction_of_poses_the_layers_equal_those_rebuilt_from_the_points(seed: int) -> None:
+    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    for _ in range(6):
+        frame, observation = random_step(rng, confident=False)
+        cloud.insert(observation, frame)
+        if rng.random() < 0.4:
+            moved = {
+                int(pose_id): Pose2(x_m=rng.uniform(-1, 1), y_m=rng.uniform(-1, 1), yaw_rad=rng.uniform(-3, 3))
+                for pose_id in rng.choice(len(cloud.poses), size=rng.integers(1, len(cloud.poses) + 1), replace=False)
+            }
+            cloud.correct(moved)
+            assert all(cloud.poses[pose_id] == pose for pose_id, pose in moved.items())
+        assert_same(layers(cloud, ALL), rebuilt(cloud, ALL))
+        assert_same(layers(cloud, SURE), rebuilt(cloud, SURE))
+
+
+def test_a_corrected_pose_takes_what_was_seen_from_it_along_and_nothing_else() -> None:
+    cloud = drive(picture(TALL))
+    cloud = drive(picture(TALL, pose=Pose2(x_m=0, y_m=0, yaw_rad=2.0)), cloud=cloud)
+    before = cloud.points
+    first = before.pose_ids == 0
+    cloud.correct({0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0)})
+    after = cloud.points
+    moved = after.points_map[after.pose_ids == 0]
+    np.testing.assert_allclose(np.sort(moved[:, 0]), np.sort(before.points_map[first][:, 0] + 0.5), atol=1e-5)
+    stayed = after.points_map[after.pose_ids == 1]
+    np.testing.assert_array_equal(np.sort(stayed[:, 0]), np.sort(before.points_map[~first][:, 0]))
+
+
+def test_a_correction_of_an_unknown_pose_is_refused_and_moves_nothing() -> None:
+    cloud = drive(picture(TALL))
+    before = cloud.points.points_map
+    with pytest.raises(BadConfiguration, match="pose ID 7"):
+        cloud.correct({0: ORIGIN, 7: ORIGIN})
+    np.testing.assert_array_equal(before, cloud.points.points_map)
+
+
+def test_over_its_budget_the_map_gives_up_detail_but_no_obstacle() -> None:
+    rng = np.random.default_rng(3)
+    steps = [random_step(rng, confident=True) for _ in range(12)]
+    rich, poor = CloudMap(SMALL, MapRules()), CloudMap(SMALL, MapRules(budget_mb=0.02))
+    for frame, observation in steps:
+        rich.insert(observation, frame)
+        poor.insert(observation, frame)
+        assert_same(layers(poor, ALL), rebuilt(poor, ALL))
+    assert rich.memory_mb > 0.02
+    assert 0 < poor.memory_mb < rich.memory_mb
+
+
+def test_thinning_changes_no_layer() -> None:
+    rng = np.random.default_rng(4)
+    rich, poor = CloudMap(SMALL, MapRules()), CloudMap(SMALL, MapRules(budget_mb=0.01))
+    # From one pose each, and nothing sees through anything: what the two hold differs by the thinning alone.
+    for index in range(3):
+        frame, observation = random_step(rng, confident=True)
+        blind = dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m), pose=Pose2(x_m=index, y_m=0.0, yaw_rad=0.0))
+        rich.insert(observation, blind)
+        poor.insert(observation, blind)
+    assert poor.memory_mb < rich.memory_mb
+    assert_same(layers(poor, ALL), layers(rich, ALL))
+
+
+def test_a_prior_map_is_occupied_until_the_camera_sees_its_floor_free() -> None:
+    cloud = CloudMap(SPEC, MapRules())
+    prior = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    ahead, behind = SPEC.cell(1.5, 0.0), SPEC.cell(-3.0, 0.0)
+    prior[ahead] = prior[behind] = True
+    cloud.load_prior(prior)
+    np.testing.assert_array_equal(cloud.grid(RED_LIST, ()).geometric, prior)
+    drive(picture(), cloud=cloud)
+    now = cloud.grid(RED_LIST, ()).geometric
+    assert not now[ahead]
+    assert now[behind]
+
+
+def test_a_prior_map_of_another_size_and_a_map_that_is_too_large_are_refused() -> None:
+    with pytest.raises(BadConfiguration, match="prior map: is"):
+        CloudMap(SPEC, MapRules()).load_prior(np.zeros((3, 3), dtype=np.bool_))
+    with pytest.raises(BadConfiguration, match="coarser resolution"):
+        CloudMap(GridSpec.centred(size_m=(2000.0, 2000.0), resolution_m=0.05), MapRules())

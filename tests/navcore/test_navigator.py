@@ -11,7 +11,9 @@ from navcore.config import NavigatorConfig
 from navcore.errors import BadFrame
 from navcore.grid import GridSpec
 from navcore.local_planner import Outcome
-from navcore.navigator import Decision, Navigator, Order, nearest_free
+from navcore.mask import Mask
+from navcore.navigator import Decision, Navigator, Order
+from navcore.occupancy import nearest_free
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import HUSKY, STANDSTILL
 from navcore.segment import ColourSegmenter
@@ -112,7 +114,7 @@ def test_the_nearest_free_cell_is_the_nearest_by_brute_force() -> None:
     for _ in range(50):
         blocked = rng.random((20, 20)) < 0.9
         cell = (int(rng.integers(20)), int(rng.integers(20)))
-        found = nearest_free(blocked, cell, 6.0)
+        found = nearest_free(Mask.of(~blocked), cell, 6.0)
         free = np.argwhere(~blocked)
         least = np.hypot(*(free - cell).T).min(initial=np.inf)
         assert (found is None) == (least > 6.0)

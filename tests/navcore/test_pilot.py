@@ -13,8 +13,10 @@ from navcore.config import NavigatorConfig
 from navcore.errors import BadFrame, Refused
 from navcore.frame import Frame
 from navcore.local_planner import Outcome
+from navcore.mask import Mask
 from navcore.mission import Mission, Phase
-from navcore.navigator import Navigator, Order, nearest_free
+from navcore.navigator import Navigator, Order
+from navcore.occupancy import Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.safety import Cause, Verdict
@@ -161,11 +163,11 @@ def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_rea
     driver = pilot((3.0, 0.0))
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
-    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.seen
+    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.seen.bools
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
     np.testing.assert_array_equal(before.points_map, after.points_map)
-    np.testing.assert_array_equal(seen, driver.navigator.map.seen)
+    np.testing.assert_array_equal(seen, driver.navigator.map.seen.bools)
     assert driver.navigator.map.version == version
     verdict = command(driver)
     assert verdict.twist == STANDSTILL
@@ -228,7 +230,7 @@ def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
     with pytest.raises(BadFrame):
         loop.tick(NAN, order())
     assert loop.map.version == 0
-    assert not loop.map.seen.any()
+    assert not loop.map.seen.bools.any()
 
 
 def test_without_a_goal_the_robot_looks_and_stands() -> None:
@@ -252,7 +254,8 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
     loop = navigator()
     decision = loop.tick(OPEN, order())
     everything = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    assert loop.plan(everything, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
+    walled = Occupancy.of(decision.occupancy.grid, everything, version=-1)
+    assert loop.preview(walled, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
     again = loop.tick(OPEN, order())
     assert again.route is decision.route
     assert again.occupancy is decision.occupancy
@@ -261,8 +264,8 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
 def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> None:
     blocked = np.zeros((20, 20), dtype=np.bool_)
     blocked[5:12, 5:12] = True
-    assert nearest_free(blocked, (3, 3), 0.0) == (3, 3)
-    assert nearest_free(blocked, (8, 6), 2.0) == (8, 4)
-    assert nearest_free(blocked, (8, 8), 3.9) is None
-    assert nearest_free(blocked, (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
-    assert nearest_free(blocked, (-1, 30), 4.0) == (-1, 30)
+    assert nearest_free(Mask.of(~blocked), (3, 3), 0.0) == (3, 3)
+    assert nearest_free(Mask.of(~blocked), (8, 6), 2.0) == (8, 4)
+    assert nearest_free(Mask.of(~blocked), (8, 8), 3.9) is None
+    assert nearest_free(Mask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
+    assert nearest_free(Mask.of(~blocked), (-1, 30), 4.0) == (-1, 30)

@@ -15,7 +15,9 @@ from navcore.beware import BewareList, default_beware_list
 from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mask import Mask
 from navcore.mission import Goal, Mission, Phase
+from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, plan
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
 from navcore.transform import Pose2, camera_mount
@@ -295,9 +297,8 @@ class FakeOperations:
             intrinsics=INTRINSICS,
             rgb=rgb,
             labels=labels,
-            grid=grid,
-            blocked=blocked,
-            seen=self._seen,
+            occupancy=Occupancy.of(grid, blocked, version=counts["grid"]),
+            seen_mask=Mask.of(self._seen),
             grid_version=counts["grid"],
             path=self._path,
             waypoints=waypoints,

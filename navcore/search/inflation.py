@@ -1,0 +1,300 @@
+"""Inflation by the disc on packed bits, and only where cells have changed; equal bit for bit to `navcore.grid.inflate`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid import BoolGrid
+from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, highest, inlined, lean, lowest, pack
+from navcore.search.free_space import FREE, MANY, FreeSpace, Planes, complement, refresh, write_word
+
+Ints = npt.NDArray[np.int64]
+
+
+class InflatedGrid:
+    """Occupied cells in layers, each inflated by a disc of its own radius, and the space that they leave free."""
+
+    def __init__(self, rows: int, cols: int) -> None:
+        self.space = FreeSpace(rows, cols)
+        """Where the robot's centre may be; everywhere at first."""
+        self._radii: tuple[int, ...] = ()
+        self._raw: Planes = np.zeros((0, *self.space.across.shape[1:]), dtype=np.uint64)
+        self._fresh = self._raw.copy()
+        self._halves: Ints = np.zeros((0, 1), dtype=np.int64)
+        complement(self.space.across[FREE], rows, cols)
+        self.space.rebuild()
+
+    def update(self, masks: Mapping[int, BoolGrid]) -> None:
+        """Follow the occupied cells: a bool (rows, cols) grid for each radius in cells; a radius not named has none.
+
+        Costs one look at every cell and then only what the changes cost.
+        """
+        self._make_room(tuple(masks))
+        for layer, radius in enumerate(self._radii):
+            if radius in masks:
+                self._check(masks[radius])
+                pack(masks[radius], self._fresh[layer])
+            else:
+                self._fresh[layer] = 0
+        self._take_fresh()
+
+    def replace(self, planes: Mapping[int, Plane]) -> None:
+        """The same for packed cells (`navcore.search.bits`), which are copied."""
+        self._make_room(tuple(planes))
+        for layer, radius in enumerate(self._radii):
+            self._fresh[layer] = planes.get(radius, 0)
+        self._take_fresh()
+
+    def set_cells(self, radius: int, cells: Ints, occupied: bool) -> None:
+        """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the grid."""
+        self._make_room((radius,))
+        self._follow(set_bits(self._raw[self._radii.index(radius)], cells, occupied))
+
+    def _take_fresh(self) -> None:
+        most = self._raw.shape[1] * self._raw.shape[2] // MANY
+        words = differing_words(self._raw, self._fresh, most) if self._radii else np.empty((0, 2), np.int64)
+        self._raw, self._fresh = self._fresh, self._raw
+        self._follow(words)
+
+    def _make_room(self, radii: tuple[int, ...]) -> None:
+        """Have a layer for each of these radii."""
+        new = tuple(radius for radius in radii if radius not in self._radii)
+        if new:
+            self._radii += new
+            self._raw = np.concatenate([self._raw, np.zeros((len(new), *self._raw.shape[1:]), dtype=np.uint64)])
+            self._fresh = np.zeros_like(self._raw)
+            self._halves = half_widths(self._radii)
+
+    def _check(self, mask: BoolGrid) -> None:
+        if mask.shape != (self.space.rows, self.space.cols):
+            raise ValueError(
+                f"mask: expected the grid's shape ({self.space.rows}, {self.space.cols}), got {mask.shape}; "
+                "make a new InflatedGrid for another grid"
+            )
+
+    def _follow(self, words: Ints) -> None:
+        space = self.space
+        if len(words) * MANY > space.tripwire.size:
+            free = space.across[FREE]
+            free[:] = 0
+            inflate_into(self._raw, self._halves, free, 0, 0, PAD, PAD + space.rows, 1, free.shape[1] - 1)
+            complement(free, space.rows, space.cols)
+            space.rebuild()
+        elif len(words):
+            follow(
+                self._raw,
+                self._halves,
+                words,
+                space.rows,
+                space.cols,
+                space.across,
+                space.along,
+                space.tripwire,
+                space.freed,
+                space.notes,
+            )
+
+
+def half_widths(radii: tuple[int, ...]) -> Ints:
+    """(layers, largest radius + 1) how many cells the disc reaches to the side at each distance in rows; -1 beyond it."""
+    rows = np.full((len(radii), max(radii) + 1), -1, dtype=np.int64)
+    for layer, radius in enumerate(radii):
+        rows[layer, : radius + 1] = [math.isqrt(radius**2 - away**2) for away in range(radius + 1)]
+    return rows
+
+
+@compiled
+def differing_words(old: Planes, new: Planes, most: int) -> Ints:
+    """(N, 2) lines and words at which any layer differs, in order; no more than one beyond `most`."""
+    found = np.empty((most + 1, 2), dtype=np.int64)
+    count = 0
+    for line in range(PAD, old.shape[1] - PAD):
+        for word in range(1, old.shape[2] - 1):
+            differs = np.uint64(0)
+            for layer in range(old.shape[0]):
+                differs |= old[layer, line, word] ^ new[layer, line, word]
+            if differs == 0:
+                continue
+            found[count, 0], found[count, 1] = line, word
+            count += 1
+            if count > most:
+                return found
+    return found[:count]
+
+
+@compiled
+def set_bits(plane: Plane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints:
+    """Set or clear (N, 2) cells; returns the (N, 2) lines and words that changed, in order of the cells."""
+    changed = np.empty((len(cells), 2), dtype=np.int64)
+    count = 0
+    for index in range(len(cells)):
+        line, word = cells[index, 0] + PAD, (cells[index, 1] + PAD) >> 6
+        bit = ONE << np.uint64(cells[index, 1] & 63)
+        if ((plane[line, word] & bit) != 0) == occupied:
+            continue
+        plane[line, word] ^= bit
+        changed[count, 0], changed[count, 1] = line, word
+        count += 1
+    return changed[:count]
+
+
+@compiled
+def follow(
+    raw: Planes,
+    halves: Ints,
+    words: Ints,
+    rows: int,
+    cols: int,
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: Ints,
+    notes: Ints,
+) -> None:
+    """Make the free cells anew around the changed words, in rectangles of words that lie close together."""
+    reach = halves.shape[1] - 1
+    aside = (reach + 63) >> 6
+    first, last, left, right = words[0, 0], words[0, 0] + 1, words[0, 1], words[0, 1] + 1
+    for index in range(1, len(words) + 1):
+        if index < len(words):
+            line, word = words[index, 0], words[index, 1]
+            if first - reach <= line <= last + reach and left - 1 <= word <= right:
+                first, last = min(first, line), max(last, line + 1)
+                left, right = min(left, word), max(right, word + 1)
+                continue
+        top, bottom = max(first - reach, PAD), min(last + reach, PAD + rows)
+        west, east = max(left - aside, 1), min(right + aside, across.shape[2] - 1)
+        _renew(raw, halves, cols, across, along, tripwire, freed, notes, top, bottom, west, east)
+        if index < len(words):
+            first, last, left, right = line, line + 1, word, word + 1
+
+
+@compiled
+def _renew(
+    raw: Planes,
+    halves: Ints,
+    cols: int,
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: Ints,
+    notes: Ints,
+    top: int,
+    bottom: int,
+    west: int,
+    east: int,
+) -> None:
+    """Make the free cells of lines top … bottom-1 and words west … east-1 anew from the occupied ones."""
+    out = np.zeros((bottom - top, east - west), dtype=np.uint64)
+    inflate_into(raw, halves, out, top, west, top, bottom, west, east)
+    first, last, left, right = bottom, top, 64 * east, 64 * west
+    for line in range(top, bottom):
+        for word in range(west, east):
+            value = ~out[line - top, word - west] & on_grid(word, cols)
+            if across[FREE, line, word] != value:
+                changed = write_word(across, along, tripwire, freed, notes, line, word, value)
+                first, last = min(first, line), line + 1
+                left = min(left, 64 * word + lowest(changed))
+                right = max(right, 64 * word + highest(changed) + 1)
+    if first < last:
+        refresh(across, along, first, last, left, right)
+
+
+@inlined
+def on_grid(word: int, cols: int) -> np.uint64:
+    """Which cells of a word between the paddings lie on the grid."""
+    beyond = 64 * word - cols
+    return ALL if beyond <= 0 else ALL >> np.uint64(min(beyond, 63)) if beyond < 64 else np.uint64(0)
+
+
+@compiled
+def inflate_into(
+    raw: Planes, halves: Ints, out: Plane, line_0: int, word_0: int, top: int, bottom: int, west: int, east: int
+) -> None:
+    """Set in lines top … bottom-1 and words west … east-1 the cells of every disc; `out` begins at (line_0, word_0)."""
+    reach = halves.shape[1] - 1
+    aside = (reach + 63) >> 6
+    left, right = max(west - aside, 0), min(east + aside, raw.shape[2])
+    wide = np.empty((reach + 1, right - left), dtype=np.uint64)
+    spare = np.empty(right - left, dtype=np.uint64)
+    _inflate_lines(raw, halves, out, line_0, word_0, top, bottom, west, east, left, wide, spare)
+
+
+@lean
+def _inflate_lines(
+    raw: Planes,
+    halves: Ints,
+    out: Plane,
+    line_0: int,
+    word_0: int,
+    top: int,
+    bottom: int,
+    west: int,
+    east: int,
+    left: int,
+    wide: Plane,
+    spare: npt.NDArray[np.uint64],
+) -> None:
+    reach, right = halves.shape[1] - 1, left + len(spare)
+    for layer in range(raw.shape[0]):
+        for line in range(max(top - reach, PAD), min(bottom + reach, raw.shape[1] - PAD)):
+            if not any_bit(raw, layer, line, left, right):
+                continue
+            spread(raw, layer, line, left, halves, wide, spare)
+            for away in range(-reach, reach + 1):
+                if halves[layer, abs(away)] < 0 or not top <= line + away < bottom:
+                    continue
+                merge(out, line + away - line_0, west - word_0, east - word_0, wide, abs(away), west - left)
+
+
+@inlined
+def any_bit(raw: Planes, layer: int, line: int, left: int, right: int) -> bool:
+    """Whether any cell of a line is occupied between two words."""
+    found = np.uint64(0)
+    for word in range(left, right):
+        found |= raw[np.uint64(layer), np.uint64(line), np.uint64(word)]
+    return bool(found != 0)
+
+
+@inlined
+def merge(out: Plane, line: int, left: int, right: int, wide: Plane, away: int, shift: int) -> None:
+    """Add one widened line to a line of the result."""
+    for word in range(right - left):
+        out[np.uint64(line), np.uint64(left + word)] |= wide[np.uint64(away), np.uint64(shift + word)]
+
+
+@inlined
+def spread(raw: Planes, layer: int, line: int, left: int, halves: Ints, wide: Plane, spare: npt.NDArray[np.uint64]) -> None:
+    """Widen a line to both sides by the disc's half width at each distance in rows, the narrowest first."""
+    words = wide.shape[1]
+    for word in range(words):
+        spare[np.uint64(word)] = raw[np.uint64(layer), np.uint64(line), np.uint64(left + word)]
+    now = 0
+    for away in range(halves.shape[1] - 1, -1, -1):
+        target = halves[layer, away]
+        while now < target:
+            # A line widened by n can be widened by another 2n + 1 at once without leaving gaps.
+            step = min(2 * now + 1, target - now, 63)
+            widen(spare, wide, away, step)
+            now += step
+        for word in range(words):
+            wide[np.uint64(away), np.uint64(word)] = spare[np.uint64(word)]
+
+
+@inlined
+def widen(line: npt.NDArray[np.uint64], wide: Plane, away: int, step: int) -> None:
+    """Set the cells that lie `step` beside a set one; row `away` of `wide` is overwritten."""
+    words, by, rest = len(line), np.uint64(step), np.uint64(64 - step)
+    for word in range(words):
+        wide[np.uint64(away), np.uint64(word)] = line[np.uint64(word)]
+    for number in range(1, words - 1):
+        at, before, after = np.uint64(number), np.uint64(number - 1), np.uint64(number + 1)
+        here, row = wide[np.uint64(away), at], np.uint64(away)
+        line[at] = here | here << by | wide[row, before] >> rest | here >> by | wide[row, after] << rest
+    line[0] |= line[0] << by | line[0] >> by | (wide[away, 1] << rest if words > 1 else np.uint64(0))
+    if words > 1:
+        line[words - 1] |= line[words - 1] << by | wide[away, words - 2] >> rest | line[words - 1] >> by
