@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,11 +71,12 @@ def check_frame(frame: Frame) -> None:
         raise BadFrame(f"rgb is {frame.rgb.dtype} {frame.rgb.shape}, expected uint8 {(height, width, 3)}")
     if frame.depth_m.dtype != np.float32:
         raise BadFrame(f"depth is {frame.depth_m.dtype}, expected float32 metres")
-    if not np.isfinite(frame.depth_m).all():
+    least, most = float(frame.depth_m.min()), float(frame.depth_m.max())
+    if not (math.isfinite(least) and math.isfinite(most)):
         raise BadFrame(f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected metres or 0")
-    if frame.depth_m.min() < 0:
-        raise BadFrame(f"depth holds negative values, least {float(frame.depth_m.min()):g} m, expected metres or 0")
-    missing = float((frame.depth_m == 0).mean())
+    if least < 0:
+        raise BadFrame(f"depth holds negative values, least {least:g} m, expected metres or 0")
+    missing = 1.0 - np.count_nonzero(frame.depth_m) / frame.depth_m.size
     if missing > BLIND_SHARE:
         raise BadFrame(f"depth is missing in {missing:.0%} of the picture, expected at most {BLIND_SHARE:.0%}")
     numbers = (frame.pose.x_m, frame.pose.y_m, frame.pose.yaw_rad, frame.twist.v_mps, frame.twist.w_radps)

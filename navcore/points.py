@@ -12,7 +12,7 @@ from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareList
 from navcore.errors import BadConfiguration
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
-from navcore.search.bits import compiled
+from navcore.search.bits import ONE, compiled, lowest, ones
 from navcore.segment import Labels
 from navcore.settings import between
 
@@ -86,7 +86,7 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     box = frustum_box(frame, spec, rules.max_range_m)
     voxels = _locate(frame, spec, box, rules)
-    counts = _scratch.room(2 * HEIGHT_BINS * max(box[2] - box[0], 0) * max(box[3] - box[1], 0) + 1)
+    counts = _scratch.room(HEIGHT_BINS * max(box[2] - box[0], 0) * max(box[3] - box[1], 0))
     geometric, seen = _tally(voxels.keys, voxels.z_m, rules.obstacle_height_m, rules.ceiling_m, counts, rules.min_support)
     found = [geometric, *_labelled(labels.class_ids, voxels, beware, counts, rules.min_support)]
     pixels = np.concatenate(found).astype(np.int64)
@@ -150,7 +150,7 @@ class _Voxels:
 
 
 class _Scratch(threading.local):
-    """Two counters for every voxel of a box, all 0 between two uses: clearing what was touched beats asking for new memory."""
+    """A counter for every voxel of a box, all 0 between two uses: clearing what was touched beats asking for new memory."""
 
     def __init__(self) -> None:
         self.counts: npt.NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
@@ -158,7 +158,7 @@ class _Scratch(threading.local):
     def room(self, size: int) -> npt.NDArray[np.uint8]:
         if len(self.counts) < size:
             self.counts = np.zeros(size, dtype=np.uint8)
-        return self.counts
+        return self.counts[:size]
 
 
 _scratch = _Scratch()
@@ -224,29 +224,46 @@ def _tally(
     min_support: int,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """One pixel of each voxel in which enough lie between two heights, and every voxel in which anything was measured."""
-    touched, pixels = np.empty(len(keys) + 1, dtype=np.int32), np.empty(len(keys) + 1, dtype=np.int32)
+    touched, pixels = np.empty(len(keys), dtype=np.int32), np.empty(len(keys), dtype=np.int32)
     low, high, count = np.float32(low_m), np.float32(high_m), 0
-    # Without a branch: noise makes it unforeseeable whether a pixel is the first of its voxel, and which pixels fall outside.
-    outside = np.uint32(len(counts) - 1)
-    counts[outside] = 255
+    # What is measured anywhere is one bit a voxel: a word a cell stays in the cache where a counter a voxel would not.
+    seen = np.zeros(len(counts) // HEIGHT_BINS + 1, dtype=np.uint64)
+    outside = np.uint32(len(seen) - 1)
     for pixel in range(len(keys)):
         key = keys[pixel]
-        slot = np.uint32(2 * key + np.int32((z_m[pixel] > low) & (z_m[pixel] < high)))
-        slot = slot if key >= 0 else outside
-        seen = counts[slot]
-        touched[np.uint32(count)], pixels[np.uint32(count)] = slot, pixel
-        count += seen == 0
-        counts[slot] = seen + np.uint8(seen < 255)
-    counts[outside] = 0
+        cell = np.uint32(key >> 6) if key >= 0 else outside
+        seen[cell] |= ONE << np.uint64(key & 63)
+        if key >= 0 and low < z_m[pixel] < high:
+            slot = np.uint32(key)
+            before = counts[slot]
+            if before == 0:
+                touched[count], pixels[count] = key, pixel
+                count += 1
+            counts[slot] = before + np.uint8(before < 255)
     found = 0
     for index in range(count):
-        slot = touched[index]
-        if slot & 1 and counts[slot] >= min_support:
+        if counts[touched[index]] >= min_support:
             pixels[found] = pixels[index]
             found += 1
-        counts[slot] = 0
-        touched[index] = slot >> 1
-    return pixels[:found], touched[:count]
+        counts[touched[index]] = 0
+    return pixels[:found], _listed(seen[:-1])
+
+
+@compiled
+def _listed(words: npt.NDArray[np.uint64]) -> npt.NDArray[np.int32]:
+    """The numbers of all set bits."""
+    count = 0
+    for word in words:
+        count += ones(word)
+    listed = np.empty(count, dtype=np.int32)
+    at = 0
+    for number in range(len(words)):
+        left = words[number]
+        while left != 0:
+            listed[at] = number * 64 + lowest(left)
+            at += 1
+            left &= left - ONE
+    return listed
 
 
 @compiled

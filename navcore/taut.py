@@ -1,4 +1,4 @@
-"""The track: the path as a robot would drive it, pulled taut over the first stretch, where the grid knows eight directions only.
+"""The track: the path as a robot would drive it, pulled taut over the first stretch; the grid knows only eight directions.
 
 Many paths are as short as the shortest on the grid; the one that is found may turn far off the straight line between corners.
 Pulled taut it is never longer, and stays within the cells the search may use.

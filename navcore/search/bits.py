@@ -70,6 +70,16 @@ def highest(_typing: Any, _word: Any) -> Any:
 
 
 @instruction
+def ones(_typing: Any, _word: Any) -> Any:
+    """How many bits of a uint64 are set."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.uint64), generate
+
+
+@instruction
 def mirrored(_typing: Any, _word: Any) -> Any:
     """A uint64 with its bits in the opposite order."""
 
