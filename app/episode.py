@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from app.pilot import COMMAND_PERIOD_S, Intent, Pilot
+from app.segmenter import Perception, colour_perception
 from app.timing import Stopwatch
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
@@ -18,7 +19,6 @@ from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Navigator
-from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
 from navcore.warmup import warm_up
 from sim.scenario import Scenario
@@ -69,7 +69,9 @@ class Episode:
         goals: tuple[tuple[float, float], ...] = (),
         config: NavigatorConfig | None = None,
         max_time_s: float = 600.0,
+        perception: Perception | None = None,
     ) -> None:
+        """Without a perception the colour rules look for what is to beware of."""
         self.scenario, self.seed, self._max_time_s = scenario, seed, max_time_s
         spec = map_of(scenario)
         mission = Mission()
@@ -81,7 +83,8 @@ class Episode:
         self.simulator = Simulator(scenario, seed=seed)
         profile = self.simulator.profile
         self._config = config or NavigatorConfig()
-        navigator = Navigator(spec=spec, profile=profile, segmenter=ColourSegmenter(), config=self._config)
+        self._perception = perception or colour_perception()
+        navigator = Navigator(spec=spec, profile=profile, segmenter=self._perception.segmenter, config=self._config)
         self.stopwatch = Stopwatch(navigator)
         self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware))
         self._arrived: dict[int, float] = {}
@@ -91,7 +94,7 @@ class Episode:
 
     def run(self, on_progress: Callable[[Progress], None] = lambda progress: None) -> dict[str, Any]:
         """Drive until every goal is reached or the time is up; the report of the contract."""
-        warm_up()
+        warm_up(self._perception.segmenter)
         started = time.perf_counter()
         self._wait_for_camera()
         self.pilot.change_mission(Mission.start)
@@ -140,7 +143,7 @@ class Episode:
 
     def _sample(self) -> None:
         world = self.pilot.navigator.map
-        self._explored.append((self._now_s, world.explored_m2, world.explored_m3))
+        self._explored.append((self._now_s, world.explored.area_m2, world.explored.volume_m3))
 
     def _progress(self) -> Progress:
         goal, pose = self.pilot.intent.mission.goal, self.simulator.odometry()
@@ -170,6 +173,7 @@ class Episode:
             "scenario": self.scenario.name,
             "seed": self.seed,
             "robot": self.simulator.profile.name,
+            "segmenter": self._perception.identity,
             "goals": [[goal.x_m, goal.y_m] for goal in self._goals],
             "goals_reached": len(reached),
             "success": everywhere and referee.violations() == 0,

@@ -22,7 +22,7 @@ def plot_episode(report: dict[str, Any], episode: Episode, folder: Path) -> None
     decision, world = episode.pilot.thought.decision, episode.pilot.navigator.map
     folder.mkdir(parents=True, exist_ok=True)
     if decision is not None:
-        _plot_map(report, decision.occupancy.grid, world.seen.bools, np.array(episode.driven), folder / "map.png")
+        _plot_map(report, decision.occupancy.grid, world.explored.seen.bools, np.array(episode.driven), folder / "map.png")
     _plot_progress(report, folder / "progress.png")
 
 

@@ -70,7 +70,7 @@ class Recorder:
         if decision.route is not None and decision.route is not self._route:
             self.replans += isinstance(decision.route.outcome, Path)
         self._route = decision.route
-        self.explored_m2 = self._pilot.navigator.map.explored_m2
+        self.explored_m2 = self._pilot.navigator.map.explored.area_m2
         self.picture = self._painted(decision)
         if decision.frame.stamp_ns - self._cloud_ns > CLOUD_PERIOD_S * 1e9:
             self._cloud_ns = decision.frame.stamp_ns
@@ -114,8 +114,9 @@ class Recorder:
             intrinsics=frame.intrinsics,
             rgb=frame.rgb,
             labels=decision.labels.class_ids,
+            confidence=decision.labels.confidence,
             occupancy=occupancy,
-            seen_mask=self._pilot.navigator.map.seen,
+            seen_mask=self._pilot.navigator.map.explored.seen,
             grid_version=self._floor_version,
             path=route.points if route else nowhere,
             waypoints=route.waypoints if route else nowhere,

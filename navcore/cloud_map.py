@@ -19,37 +19,30 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
+from navcore.clearing import find_outdated
 from navcore.errors import BadConfiguration
+from navcore.explored import Explored
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.map_points import (
-    POINT,
-    Cells,
-    MapPoints,
-    PointTable,
-    Records,
-    coarse_doubles,
-    levels_of,
-    refresh_planes,
-)
-from navcore.mask import Mask, window
-from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Box, Observation, PointRules, frustum_box
-from navcore.raycast import BLOCK, look
-from navcore.search.bits import ONE, PAD, Plane, compiled, empty_plane, unpack
+from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, refresh_planes
+from navcore.map_state import MapState
+from navcore.mask import Mask
+from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Observation, frustum_box
+from navcore.search.bits import Plane, empty_plane, unpack
 from navcore.search.free_space import MOST_CELLS, Planes
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
 from navcore.zones import Zone, rasterise
 
-FLAT_M = 0.05
-"""Beware points below this lie on the floor, as far as depth can tell."""
-Bits = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
+
+
+FLOOR_M = 0.05
+"""What is measured within this height shows the floor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +88,8 @@ class CloudMap:
         self._least = np.zeros(64, dtype=np.float32)
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
-        self._seen, self._looked, self._trodden = (empty_plane(spec.rows, spec.cols) for _ in range(3))
-        self._volume: Bits = np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64)
+        self.explored = Explored(spec)
+        """What of the space is known."""
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
         self._poses: list[Pose2] = []
         self._over_budget = False
@@ -113,21 +106,10 @@ class CloudMap:
         ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
-        freed = _note_seen(observation.voxels_seen, self.spec.cols, self._seen, self._volume, self._prior)
-        changed = self._refresh(np.concatenate([touched, freed]))
+        self.explored.note(observation.voxels_seen)
+        changed = self._refresh(np.concatenate([touched, self._disproved(observation.voxels_seen)]))
         self.version += changed or ruled
         self._keep_to_budget()
-
-    def look(self, frame: Frame, rules: PointRules) -> None:
-        """Note which space lies open between the camera and what it measured; for pictures and the explored area."""
-        look(
-            frame,
-            self.spec,
-            max_range_m=rules.max_range_m,
-            ceiling_m=rules.ceiling_m,
-            looked=self._looked,
-            volume=self._volume,
-        )
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
@@ -159,6 +141,43 @@ class CloudMap:
         before = np.flatnonzero(self._prior)
         self._prior = occupied.reshape(-1).copy()
         self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
+
+    def state(self) -> MapState:
+        """Everything the map knows, as a value."""
+        rows, cols, explored = self.spec.rows, self.spec.cols, self.explored
+        return MapState(
+            spec=self.spec,
+            points=self._points.copied(),
+            poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses]).reshape(-1, 3),
+            seen=Mask.copied(explored.measured, rows, cols),
+            looked=Mask.copied(explored.looked, rows, cols),
+            trodden=Mask.copied(explored.trodden, rows, cols),
+            prior=Mask.of(self._prior.reshape(rows, cols)),
+            volume=explored.volume.copy(),
+        )
+
+    def restore(self, state: MapState) -> None:
+        """Know what another map knew, and forget all else; raises `BadConfiguration` if that map's grid was another."""
+        if state.spec != self.spec:
+            raise BadConfiguration(
+                f"the stored map covers {state.spec.extent()} in cells of {state.spec.resolution_m:g} m, "
+                f"this one {self.spec.extent()} in cells of {self.spec.resolution_m:g} m"
+            )
+        records = self._records(state.points, state.points.pose_ids)
+        self._points = PointTable(self.spec.rows * self.spec.cols)
+        self._points.add(records)
+        self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
+        self._prior = state.prior.bools.reshape(-1).copy()
+        explored = self.explored
+        explored.measured, explored.looked, explored.trodden = (
+            mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
+        )
+        explored.volume = state.volume.copy()
+        self._make_layers(records["class_id"])
+        self._planes[:] = 0
+        self._refresh(np.union1d(records["cell"].astype(np.int64), np.flatnonzero(self._prior)))
+        self._changes = None
+        self.version += 1
 
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
@@ -228,46 +247,6 @@ class CloudMap:
         """Of the points; `MapRules.budget_mb` bounds it unless every cell and class is down to one point."""
         return self._points.bytes_used / 1e6
 
-    @property
-    def seen(self) -> Mask:
-        """Snapshot of the cells into which the camera has looked: measured there, or over them at something beyond."""
-        return Mask(self._seen | self._looked, self.spec.rows, self.spec.cols)
-
-    def known(self, part: GridSpec) -> BoolGrid:
-        """(rows, cols) of a part of the grid that the camera measured or the robot stood on: nothing unseen hides there."""
-        top, left = self.spec.cell(part.origin_x_m + part.resolution_m / 2, part.origin_y_m + part.resolution_m / 2)
-        bottom, right = top + part.rows, left + part.cols
-        over, beside = max(top - 2, 0), max(left - 2, 0)
-        around = (over, beside, min(bottom + 2, self.spec.rows), min(right + 2, self.spec.cols))
-        known = (window(self._seen, *around) | window(self._trodden, *around)).view(np.uint8)
-        # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place: single cells are closed.
-        closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
-        return closed[top - over :, left - beside :][: part.rows, : part.cols].view(np.bool_)
-
-    def tread(self, outline: npt.NDArray[np.float64]) -> None:
-        """Note that the robot stands on, or is known to stand clear within, a convex outline (N, 2) of the map frame."""
-        spec = self.spec
-        cells = (outline - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
-        (left, top), (right, bottom) = np.floor(cells.min(axis=0)).astype(int), np.ceil(cells.max(axis=0)).astype(int) + 1
-        left, top = max(left, 0), max(top, 0)
-        right, bottom = min(right, spec.cols), min(bottom, spec.rows)
-        if left >= right or top >= bottom:
-            return
-        canvas = np.zeros((bottom - top, right - left), dtype=np.uint8)
-        corners = np.round((cells - (left + 0.5, top + 0.5)) * 256).astype(np.int32)
-        cv2.fillConvexPoly(canvas, corners, 1, shift=8)
-        _set_cells(self._trodden, np.argwhere(canvas) + np.array([top, left]))
-
-    @property
-    def explored_m2(self) -> float:
-        """Area of the cells looked into."""
-        return int(np.bitwise_count(self._seen | self._looked).sum()) * self.spec.resolution_m**2
-
-    @property
-    def explored_m3(self) -> float:
-        """Volume of the blocks of 4 cells × 4 cells × 5 cm that a line of sight passed through or ended in."""
-        return int(np.bitwise_count(self._volume).sum()) * (BLOCK * self.spec.resolution_m) ** 2 * BIN_M
-
     def _pose_id_of(self, pose: Pose2) -> int:
         near = bool(self._poses) and (
             self._poses[-1].distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
@@ -279,7 +258,7 @@ class CloudMap:
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
         lens = frame.intrinsics
-        return _find_outdated(
+        return find_outdated(
             self._points.records,
             self._points.count,
             self._points.first,
@@ -293,12 +272,12 @@ class CloudMap:
             pose_id,
         )
 
-    def _records(self, observation: Observation, pose_id: int) -> Records:
-        new = np.zeros(len(observation.class_ids), dtype=POINT)
-        new["x"], new["y"], new["z"] = observation.points_map.T
-        new["r"], new["g"], new["b"] = observation.rgb.T
-        new["class_id"], new["confidence"] = observation.class_ids, observation.confidence
-        new["range_m"], new["pose_id"] = observation.range_m, pose_id
+    def _records(self, seen: Observation | MapPoints, pose_ids: int | npt.NDArray[np.int32]) -> Records:
+        new = np.zeros(len(seen.class_ids), dtype=POINT)
+        new["x"], new["y"], new["z"] = seen.points_map.T
+        new["r"], new["g"], new["b"] = seen.rgb.T
+        new["class_id"], new["confidence"] = seen.class_ids, seen.confidence
+        new["range_m"], new["pose_id"] = seen.range_m, pose_ids
         new["level"] = levels_of(new["z"])
         # A point measured a rounding error inside the border may be stored a rounding error outside.
         rows, cols = self._rows_cols(new)
@@ -317,6 +296,14 @@ class CloudMap:
         rows = np.floor((records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
         cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
         return rows, cols
+
+    def _disproved(self, voxels: Indices) -> Indices:
+        """Give up the cells of the prior map whose floor was measured; returns them."""
+        levels = LOWEST_M + (voxels % HEIGHT_BINS + 0.5) * BIN_M
+        floor = voxels[np.abs(levels) < FLOOR_M] // HEIGHT_BINS
+        cells: Indices = floor[self._prior[floor]]
+        self._prior[cells] = False
+        return cells
 
     def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:
         """Have a layer for each of these classes."""
@@ -353,94 +340,3 @@ class CloudMap:
             newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
             self._points.remove(coarse_doubles(self._points.records, self._points.count, self._points.first, newest))
         self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
-
-
-@compiled
-def _find_outdated(
-    records: Records,
-    count: int,
-    first: Cells,
-    cols: int,
-    box: Box,
-    depth_m: npt.NDArray[np.float32],
-    T_camera_map: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
-    clearing: npt.NDArray[np.float64],
-    max_range_m: float,
-    pose_id: int,
-) -> Indices:
-    """Indices of the points that the frame sees through, or measures again for the same pose or from much nearer.
-
-    A point's pixel and its eight neighbours are looked at: one that measures something nearer hides the point, and the point is
-    seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured again"
-    by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost at a
-    grazing angle nor a nod of the robot when it brakes must free it.
-    """
-    found = np.empty(count, dtype=np.int64)
-    found_count = 0
-    for row in range(box[0], box[2]):
-        for col in range(box[1], box[3]):
-            at = first[row * cols + col]
-            while at > 0:
-                point = records[at - 1]
-                if _is_outdated(point, depth_m, T_camera_map, lens, clearing, max_range_m, pose_id):
-                    found[found_count] = at - 1
-                    found_count += 1
-                at = point.next
-    return found[:found_count]
-
-
-@compiled
-def _is_outdated(
-    point: np.void,
-    depth_m: npt.NDArray[np.float32],
-    t: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
-    clearing: npt.NDArray[np.float64],
-    max_range_m: float,
-    pose_id: int,
-) -> bool:
-    height, width = depth_m.shape
-    x, y, z = float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
-    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
-    if depth < 0.2 or depth > max_range_m:
-        return False
-    j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
-    i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
-    if i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
-        return False
-    tolerance = clearing[0] + clearing[1] * depth * depth
-    nearest = np.inf
-    for r in range(i - 1, i + 2):
-        for c in range(j - 1, j + 2):
-            if 0.0 < depth_m[r, c] < nearest:
-                nearest = depth_m[r, c]
-    beware = point.class_id != NOTHING  # type: ignore[attr-defined]
-    if nearest == np.inf or nearest < depth - tolerance or (beware and z < FLAT_M):
-        return False
-    again = not beware and (point.pose_id == pose_id or depth < 0.7 * point.range_m)  # type: ignore[attr-defined]
-    return bool(nearest > depth + tolerance or again)
-
-
-@compiled
-def _note_seen(voxels: Indices, cols: int, seen: Plane, volume: Bits, prior: npt.NDArray[np.bool_]) -> Indices:
-    """Note where anything was measured; returns the cells of the prior map whose floor this shows."""
-    freed = np.empty(len(voxels), dtype=np.int64)
-    count = 0
-    for voxel in voxels:
-        cell, level = voxel // HEIGHT_BINS, voxel % HEIGHT_BINS
-        row, col = cell // cols, cell % cols
-        seen[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
-        volume[row // BLOCK, col // BLOCK] |= ONE << np.uint64(level)
-        if prior[cell] and abs(LOWEST_M + (level + 0.5) * BIN_M) < FLAT_M:
-            prior[cell] = False
-            freed[count] = cell
-            count += 1
-    return freed[:count]
-
-
-@compiled
-def _set_cells(plane: Plane, cells: Indices) -> None:
-    for index in range(len(cells)):
-        row, col = cells[index, 0], cells[index, 1]
-        plane[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)

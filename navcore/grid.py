@@ -99,7 +99,7 @@ class OccupancyGrid:
     def occupied(self) -> BoolGrid:
         """(rows, cols) any layer."""
         union = self.geometric | self.zones
-        for layer in self.beware.values():
+        for layer in (*self.beware.values(), *(mask for _, mask in self.wide_zones)):
             union |= layer
         return union
 

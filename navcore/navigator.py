@@ -107,7 +107,7 @@ class Navigator:
         """Put the frame's points on the map, under its pose ID, and note the ground the robot stands on."""
         self._tread(frame.pose)
         self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame)
-        self.map.look(frame, self._config.points)
+        self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:
         """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
@@ -177,7 +177,7 @@ class Navigator:
         self._motion = plan_motion(
             geometric=nearby(hard, around, pose, reach),
             ruled=ruled,
-            unseen=nearby(rim_of_unseen(self.map.known(around.spec)), around, pose, reach),
+            unseen=nearby(rim_of_unseen(self.map.explored.known(around.spec)), around, pose, reach),
             path_map=route.track,
             pose=pose,
             previous=self._motion,
@@ -195,7 +195,7 @@ class Navigator:
             outline = self._config.start_clear_m * np.column_stack([np.cos(angles), np.sin(angles)])
             self._placed = True
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        self.map.tread(outline @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
+        self.map.explored.tread(outline @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
 
 
 _REACH_M = 2.0

@@ -323,14 +323,14 @@ RED_COLOUR = RED_FLOOR.colour
 
 def test_exploring_only_grows_and_points_are_copies() -> None:
     cloud = drive(picture(TALL))
-    area, volume = cloud.explored_m2, cloud.explored_m3
-    assert area == pytest.approx(float(cloud.seen.bools.sum()) * 0.01)
+    area, volume = cloud.explored.area_m2, cloud.explored.volume_m3
+    assert area == pytest.approx(float(cloud.explored.seen.bools.sum()) * 0.01)
     assert volume > 0
     drive(picture(TALL, pose=Pose2(x_m=0, y_m=0, yaw_rad=2.0)), cloud=cloud)
-    assert cloud.explored_m2 > area
-    assert cloud.explored_m3 > volume
+    assert cloud.explored.area_m2 > area
+    assert cloud.explored.volume_m3 > volume
     cloud.points.points_map[:] = 0
-    assert not cloud.seen.bools.flags.writeable
+    assert not cloud.explored.seen.bools.flags.writeable
     assert np.any(np.not_equal(cloud.points.points_map, 0))
 
 

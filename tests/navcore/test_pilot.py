@@ -163,11 +163,11 @@ def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_rea
     driver = pilot((3.0, 0.0))
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
-    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.seen.bools
+    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.explored.seen.bools
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
     np.testing.assert_array_equal(before.points_map, after.points_map)
-    np.testing.assert_array_equal(seen, driver.navigator.map.seen.bools)
+    np.testing.assert_array_equal(seen, driver.navigator.map.explored.seen.bools)
     assert driver.navigator.map.version == version
     verdict = command(driver)
     assert verdict.twist == STANDSTILL
@@ -230,7 +230,7 @@ def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
     with pytest.raises(BadFrame):
         loop.tick(NAN, order())
     assert loop.map.version == 0
-    assert not loop.map.seen.bools.any()
+    assert not loop.map.explored.seen.bools.any()
 
 
 def test_without_a_goal_the_robot_looks_and_stands() -> None:

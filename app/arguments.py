@@ -1,0 +1,36 @@
+"""What the commands share: points given as text, and places to write to."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+
+from navcore.errors import BadConfiguration
+
+
+def point(text: str, option: str) -> tuple[float, float]:
+    """(x, y) of an `X,Y` argument; raises `BadConfiguration` with the option's name."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadConfiguration(f"{option} {text!r}: expected X,Y, e.g. 3.5,-2") from None
+    return x, y
+
+
+def finite_point(text: str, option: str) -> tuple[float, float]:
+    """The same for a point that must be somewhere; NaN, infinity and more than 1000 km are nowhere."""
+    x, y = point(text, option)
+    if not (math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) <= 1e6):
+        raise BadConfiguration(f"{option} {text!r}: expected two numbers from -1000000 to 1000000")
+    return x, y
+
+
+def prepare(folder: Path) -> None:
+    """Refuse a place that cannot be written before the work is done, not after."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise BadConfiguration(f"{folder} cannot be written: {error.strerror or error}") from None
