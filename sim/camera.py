@@ -7,9 +7,11 @@ it sees the floor from 0.6 m ahead of the bumper and nothing of the robot itself
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 import pybullet
 
 from navcore.errors import BadConfiguration
@@ -19,6 +21,7 @@ from sim.egl import egl_works, load_egl, unload_egl
 from sim.stereo import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
 
 Renderer = Literal["tiny", "egl"]
+Bodies = npt.NDArray[np.int32]
 
 FIELD_OF_VIEW_DEG = (87.0, 58.0)
 """Of the depth imagers, across and along."""
@@ -28,8 +31,24 @@ NEAR_M, FAR_M = 0.1, 30.0
 """The renderer's clipping planes."""
 TINY_SHIFT_PX = 0.5
 """TINY samples at a corner of each pixel, EGL in its middle; measured on the edges of a known box."""
-LIGHT_FROM_M = [400.0, 300.0, 1000.0]
-"""So far away that it shines on everything alike."""
+NOTHING = -1
+"""Where no body is seen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """One lamp, so far away that it shines on everything alike, and what comes from all sides."""
+
+    from_m: tuple[float, float, float] = (400.0, 300.0, 1000.0)
+    """Where it is."""
+    ambient: float = 0.75
+    """Share of light from all sides."""
+    diffuse: float = 0.3
+    """Share of the lamp's on what faces it."""
+
+
+DAYLIGHT = Light()
+"""Of every scenario."""
 
 
 def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
@@ -87,25 +106,31 @@ class Camera:
 
     def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """The same without the camera's errors; depth is that of the far plane where nothing is."""
+        rgb, depth, _ = self.shoot(pose.matrix() @ T_BASE_CAMERA, flags=pybullet.ER_NO_SEGMENTATION_MASK)
+        return rgb, depth
+
+    def shoot(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:
+        """Colours, depth and the (H, W) number of the body in each pixel, `NOTHING` where none is, without errors."""
         width, height = self.intrinsics.width, self.intrinsics.height
-        *_, rgba, buffer, _ = pybullet.getCameraImage(
+        *_, rgba, buffer, bodies = pybullet.getCameraImage(
             width,
             height,
-            viewMatrix=_view(pose.matrix() @ T_BASE_CAMERA),
+            viewMatrix=_view(T_map_camera),
             projectionMatrix=self._lens,
-            lightDirection=LIGHT_FROM_M,
-            lightAmbientCoeff=0.75,
-            lightDiffuseCoeff=0.3,
+            lightDirection=light.from_m,
+            lightAmbientCoeff=light.ambient,
+            lightDiffuseCoeff=light.diffuse,
             lightSpecularCoeff=0.0,
             shadow=0,
-            flags=pybullet.ER_NO_SEGMENTATION_MASK,
+            flags=flags,
             renderer=pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL,
             physicsClientId=self._client,
         )
         rgb = np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
         share = np.asarray(buffer, dtype=np.float64).reshape(height, width)
         # The depth buffer is 0 at the near and 1 at the far plane, and hyperbolic between them.
-        return rgb, (FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * share)).astype(np.float32)
+        depth = (FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * share)).astype(np.float32)
+        return rgb, depth, np.asarray(bodies, dtype=np.int32).reshape(height, width)
 
     def close(self) -> None:
         """Let the renderer go; before its client disconnects."""

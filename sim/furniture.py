@@ -1,4 +1,4 @@
-"""What furniture, items and people look like: each kind is a few solids in its own frame, front towards +x.
+"""What furniture looks like: each kind is a few solids in its own frame, front towards +x.
 
 Nothing here leaves a space that looks drivable and is not: the room below a desk or a table is closed by panels.
 """
@@ -42,50 +42,12 @@ FURNITURE_COLOURS: Mapping[str, Colour] = {
 }
 """Of each kind; dull, so that only what the robot must beware of is saturated."""
 
-ITEM_SIZES: Mapping[str, Size] = {
-    "cup": (0.09, 0.09, 0.10),
-    "book": (0.22, 0.30, 0.035),
-    "bag": (0.20, 0.35, 0.30),
-    "shoe": (0.28, 0.10, 0.10),
-}
-"""Every kind of item that may lie on the floor, and its size."""
-
 _DARK: Colour = (60, 60, 64)
-_PAPER: Colour = (232, 230, 222)
-_SKIN: Colour = (198, 164, 138)
-_TROUSERS: Colour = (58, 60, 70)
-_SHIRT: Colour = (122, 122, 134)
 
 
 def furniture_solids(kind: str, size_m: Size, colour: Colour) -> tuple[Solid, ...]:
     """The solids of a piece of furniture of `FURNITURE_SIZES`."""
     return _FURNITURE[kind](size_m, colour)
-
-
-def item_solids(kind: str, colour: Colour) -> tuple[Solid, ...]:
-    """The solids of an item of `ITEM_SIZES`."""
-    length, width, height = size = ITEM_SIZES[kind]
-    if kind == "cup":
-        handle = box((0.03, 0.012, 0.06), (length / 2 + 0.012, 0.0), colour, bottom_m=0.02)
-        return (cylinder(length, height, (0.0, 0.0), colour), handle)
-    if kind == "book":
-        cover, pages = 0.006, (length - 0.01, width - 0.02, height - 0.012)
-        return (
-            box((length, width, cover), (0.0, 0.0), colour),
-            box(pages, (0.003, 0.0), _PAPER, bottom_m=cover),
-            box((length, width, cover), (0.0, 0.0), colour, bottom_m=height - cover),
-        )
-    return (box(size, (0.0, 0.0), colour),)
-
-
-def person_solids(stride: float = 0.0) -> tuple[Solid, ...]:
-    """A grown-up of 1.75 m who faces +x; `stride` is how far the left foot is ahead of the hip, in metres."""
-    legs = [cylinder(0.16, 0.84, (side * stride, side * 0.10), _TROUSERS) for side in (1, -1)]
-    shoes = [box((0.26, 0.10, 0.07), (side * stride + 0.04, side * 0.10), _DARK) for side in (1, -1)]
-    arms = [cylinder(0.09, 0.60, (-side * stride * 0.7, side * 0.24), _SHIRT, bottom_m=0.82) for side in (1, -1)]
-    torso = box((0.24, 0.40, 0.62), (0.0, 0.0), _SHIRT, bottom_m=0.84)
-    head = cylinder(0.19, 0.27, (0.0, 0.0), _SKIN, bottom_m=1.48)
-    return (*legs, *shoes, torso, *arms, head)
 
 
 def _board(size: Size, colour: Colour) -> tuple[Solid, ...]:

@@ -5,6 +5,7 @@ Files are refused by key: unknown or missing keys and numbers out of range here,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -12,9 +13,10 @@ from typing import Literal
 from navcore.errors import BadConfiguration
 from navcore.settings import between, from_table, read_toml
 from navcore.transform import Pose2
-from sim.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids, item_solids
+from sim.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
+from sim.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.scenario_checks import check_scenario
-from sim.shapes import Colour, Solid
+from sim.shapes import Colour, Solid, facing, quaternion
 
 WORLDS = Path(__file__).parent / "worlds"
 """Where the built-in worlds lie."""
@@ -22,9 +24,17 @@ FARTHEST_M = 100.0
 """Worlds are at most twice as large as this."""
 
 FurnitureKind = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
-ItemKind = Literal["cup", "book", "bag", "shoe"]
-ITEM_COLOURS: dict[str, Colour] = {"cup": (25, 55, 205), "book": (25, 150, 45), "bag": (96, 90, 84), "shoe": (84, 78, 74)}
-"""What an item looks like when the file does not say."""
+ItemKind = Literal["cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"]
+Surface = Literal["paint", "water", "mud", "chemical"]
+SURFACE_COLOURS: dict[str, Colour] = {
+    "paint": (200, 20, 20),
+    "water": (120, 140, 165),
+    "mud": (86, 62, 40),
+    "chemical": (150, 190, 40),
+}
+"""What a marking looks like when the file does not say."""
+SHEEN_SHARE = {"paint": 0.0, "water": 0.55, "mud": 0.1, "chemical": 0.3}
+"""How much of the floor's colour is seen through it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,16 +84,28 @@ class Furniture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marking:
-    """A painted area of the floor, without height."""
+    """A painted area of the floor, or something spilt on it, without height."""
 
     name: str
     """For reports."""
     polygon: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
     """Its corners in metres, three or more, in either sense."""
-    colour: tuple[int, int, int] = between(0, 255, default=(200, 20, 20))
-    """Red, green, blue."""
+    surface: Surface = "paint"
+    """What it is of; all but paint shine, and the floor shows through."""
+    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    """Red, green, blue; usual for its surface when left out."""
     beware: bool = True
     """Whether the robot must stay off it."""
+
+    def paint(self) -> Colour:
+        """Its own colour."""
+        return self.colour or SURFACE_COLOURS[self.surface]
+
+    def seen_on(self, floor: Colour) -> Colour:
+        """Its colour on a floor."""
+        share = SHEEN_SHARE[self.surface]
+        red, green, blue = (round((1 - share) * own + share * below) for own, below in zip(self.paint(), floor, strict=True))
+        return red, green, blue
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,12 +118,47 @@ class Item:
     """Its middle, x and y in metres."""
     yaw_deg: float = between(-360.0, 360.0, default=0.0)
     """Its turn, counter-clockwise."""
+    shape: str = ""
+    """One of the shapes of its kind; the usual one when left out."""
+    size_m: tuple[float, float, float] | None = between(0.004, 3.0, default=None)
+    """Length, width and height of the upright thing; usual for its kind when left out."""
     colour: tuple[int, int, int] | None = between(0, 255, default=None)
     """Red, green, blue; usual for its kind when left out."""
 
     def solids(self) -> tuple[Solid, ...]:
         """What it is made of, in its own frame."""
-        return item_solids(self.kind, self.colour or ITEM_COLOURS[self.kind])
+        shape = self.shape or item_shapes(self.kind)[0]
+        return item_solids(self.kind, self._size(), self.colour or ITEM_COLOURS[self.kind], shape)
+
+    def extent_m(self) -> tuple[float, float, float]:
+        """Sides of the box that it takes up as it lies, along x, y and z."""
+        return item_extent(self.kind, self._size(), self.shape)
+
+    def _size(self) -> tuple[float, float, float]:
+        return self.size_m or ITEM_SIZES[self.kind]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Print:
+    """A picture of an item, flat on the floor or on a wall: nothing to run into and nothing to beware of."""
+
+    shows: ItemKind
+    """What is drawn on it."""
+    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    """Its middle, x and y in metres; on a wall half the wall's thickness and a centimetre off its line."""
+    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    """On the floor its turn, counter-clockwise; on a wall where it faces."""
+    size_m: tuple[float, float] = between(0.05, 5.0, default=(0.3, 0.3))
+    """Width and height."""
+    on: Literal["floor", "wall"] = "floor"
+    """What carries it."""
+    height_m: float = between(0.0, 5.0, default=1.2)
+    """Of its middle, on a wall."""
+
+    def turn(self) -> list[float]:
+        """Quaternion x, y, z, w in the map frame of its own x to the right, y upwards, z towards who looks."""
+        yaw_rad = math.radians(self.yaw_deg)
+        return quaternion(yaw_rad) if self.on == "floor" else facing(yaw_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +199,8 @@ class Scenario:
     """Everything painted on the floor."""
     items: tuple[Item, ...] = field(default=())
     """Everything small on the floor."""
+    prints: tuple[Print, ...] = field(default=())
+    """All pictures on floor and walls."""
     people: tuple[Person, ...] = field(default=())
     """Everybody."""
 

@@ -13,6 +13,7 @@ from shapely.validation import explain_validity
 
 from navcore.errors import BadConfiguration
 from navcore.robot import HUSKY
+from sim.items import item_shapes
 from sim.layout import Thing, items, obstacles
 from sim.shapes import placed
 
@@ -39,6 +40,9 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         for j, (a, b) in enumerate(pairwise(wall.points)):
             if a == b:
                 raise BadConfiguration(f"{where}.walls[{i}].points[{j + 1}]: repeats the point before, {a}; leave it out")
+    for i, item in enumerate(scenario.items):
+        if item.shape and item.shape not in (known := item_shapes(item.kind)):
+            raise BadConfiguration(f"{where}.items[{i}].shape: {item.shape!r}, a {item.kind} is one of {', '.join(known)}")
     for i, person in enumerate(scenario.people):
         if not person.points:
             raise BadConfiguration(f"{where}.people[{i}].points: is empty, expected one point to stand on, or more to walk")
@@ -67,6 +71,8 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
         yield from ((f"markings[{i}].polygon[{j}]", point) for j, point in enumerate(marking.polygon))
     for i, item in enumerate(scenario.items):
         yield f"items[{i}].at", item.at
+    for i, sheet in enumerate(scenario.prints):
+        yield f"prints[{i}].at", sheet.at
     for i, person in enumerate(scenario.people):
         yield from ((f"people[{i}].points[{j}]", point) for j, point in enumerate(person.points))
 
