@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import logging
 import sys
-import tempfile
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -16,9 +15,15 @@ import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from app.arguments import point, prepare
+from app.dataset_cli import dataset_cli
+from app.plan_cli import plan
+from app.segment_cli import segment
+from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
+from app.train_cli import train
 from app.weights_cli import weights_cli
 from navcore.beware import BewareList, default_beware_list, load_beware_list
-from navcore.errors import BadConfiguration, BewareNavError
+from navcore.errors import BewareNavError
 
 cli = typer.Typer(
     help="Operator console and navigation for a robot that understands what it must not touch.",
@@ -26,7 +31,10 @@ cli = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+cli.add_typer(dataset_cli, name="dataset")
 cli.add_typer(weights_cli, name="weights")
+cli.command()(train)
+cli.command()(segment)
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same run.")]
 BewareOption = Annotated[Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")]
@@ -50,11 +58,15 @@ def console(
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8000,
     data: Annotated[Path, typer.Option(metavar="DIR", help="Where zones, beware list and runs are kept.")] = Path("data"),
     seed: SeedOption = 0,
+    segmenter: KindOption = "auto",
+    weights: WeightsOption = None,
+    backend: BackendOption = "auto",
 ) -> None:
     """Start the operator console with the simulated robot."""
     from app.console import run_console
 
-    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed)
+    choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
+    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice)
 
 
 @cli.command()
@@ -66,16 +78,22 @@ def drive(
     report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the episode report here.")] = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write plots of the episode here.")] = None,
     beware: BewareOption = None,
+    segmenter: KindOption = "auto",
+    weights: WeightsOption = None,
+    backend: BackendOption = "auto",
 ) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without any violation."""
     from app.episode import Episode
     from app.plots import plot_episode
+    from app.segmenter import compose
     from sim.scenario import load_scenario
 
-    goals = tuple(_point(text) for text in goal or [])
+    goals = tuple(point(text, "--goal") for text in goal or [])
     for folder in ([report.parent] if report else []) + ([plots] if plots else []):
-        _prepare(folder)
-    episode = Episode(load_scenario(scenario), seed=seed, beware=_beware(beware), goals=goals, max_time_s=max_time)
+        prepare(folder)
+    world, listed = load_scenario(scenario), _beware(beware)
+    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
+    episode = Episode(world, seed=seed, beware=listed, goals=goals, max_time_s=max_time, perception=perception)
     try:
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
             task = bar.add_task("starting", total=1.0)
@@ -103,9 +121,13 @@ def evaluate(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where episodes.jsonl and summary.json go.")] = None,
     max_time: Annotated[float, typer.Option(metavar="S", min=1.0)] = 600.0,
     beware: BewareOption = None,
+    segmenter: KindOption = "auto",
+    weights: WeightsOption = None,
+    backend: BackendOption = "auto",
 ) -> None:
     """Drive many seeded episodes and print what came of them; resumes where it was interrupted."""
     from app.evaluate import evaluate_scenario
+    from app.segmenter import compose
 
     summary = evaluate_scenario(
         suite,
@@ -114,6 +136,7 @@ def evaluate(
         out=out or Path("runs") / suite,
         max_time_s=max_time,
         beware=_beware(beware),
+        perception=compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)),
     )
     sys.exit(0 if summary["success_rate"] == 1.0 else 1)
 
@@ -137,26 +160,11 @@ def doctor() -> None:
     sys.exit(examine())
 
 
-def _point(text: str) -> tuple[float, float]:
-    try:
-        x_m, y_m = (float(part) for part in text.split(","))
-    except ValueError:
-        raise BadConfiguration(f"--goal {text!r}: expected X,Y in metres, e.g. 3.5,-2") from None
-    return x_m, y_m
+cli.command()(plan)
 
 
 def _beware(path: Path | None) -> BewareList:
     return default_beware_list() if path is None else load_beware_list(path)
-
-
-def _prepare(folder: Path) -> None:
-    """Refuse a place that cannot be written before minutes are driven, not after."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise BadConfiguration(f"{folder} cannot be written: {error.strerror or error}") from None
 
 
 def _refuse(text: str) -> NoReturn:

@@ -17,6 +17,8 @@ from app.episode import map_of
 from app.operations import LiveOperations
 from app.pilot import Intent, Pilot
 from app.recorder import Recorder
+from app.segmenter import Perception, compose
+from app.segmenter_choice import SegmenterChoice
 from app.simulator_process import SimulatorProcess
 from app.storage import Store
 from app.threads import Loop
@@ -27,7 +29,6 @@ from navcore.grid import GridSpec
 from navcore.mission import Mission
 from navcore.navigator import Navigator
 from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
 from sim.scenario import load_scenario
@@ -47,7 +48,9 @@ class RunningConsole:
 
 
 @contextmanager
-def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> Iterator[RunningConsole]:
+def console(
+    *, scenario: str, host: str, port: int, data: Path, seed: int, choice: SegmenterChoice | None = None
+) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
@@ -59,14 +62,21 @@ def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> It
             raise BadConfiguration(str(error)) from None
         store = Store(data)
         stack.callback(store.close)
-        warm_up()
+        perception = compose(choice or SegmenterChoice())
+        warm_up(perception.segmenter)
         robot = SimulatorProcess(scenario, seed=seed, profile=HUSKY)
         stack.callback(robot.close)
-        pilot = _pilot(store, map_of(world))
+        pilot = _pilot(store, map_of(world), perception)
         recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
-            robot=robot, pilot=pilot, store=store, recorder=recorder, world=world.name, robot_urdf=husky_urdf()
+            robot=robot,
+            pilot=pilot,
+            store=store,
+            recorder=recorder,
+            world=world.name,
+            robot_urdf=husky_urdf(),
+            perception=perception,
         )
         loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
         loop.start()
@@ -79,18 +89,18 @@ def console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> It
         yield RunningConsole(url=server.login_url, operations=operations)
 
 
-def _pilot(store: Store, spec: GridSpec) -> Pilot:
+def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NavigatorConfig())
     intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 
 
-def run_console(*, scenario: str, host: str, port: int, data: Path, seed: int) -> None:
+def run_console(*, scenario: str, host: str, port: int, data: Path, seed: int, choice: SegmenterChoice) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    with console(scenario=scenario, host=host, port=port, data=data, seed=seed) as running:
+    with console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         ended.wait()

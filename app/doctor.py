@@ -6,10 +6,13 @@ import importlib.metadata
 import platform
 import shutil
 import sys
+from collections.abc import Iterator
 
 import typer
 
 PACKAGES = ("numpy", "numba", "opencv-python-headless", "torch", "pybullet", "viser", "fastapi", "uvicorn", "shapely")
+FASTER = ("onnx", "onnxruntime", "openvino")
+TRIAL_S = 1.0
 
 
 def examine() -> int:
@@ -23,6 +26,8 @@ def examine() -> int:
             missing += 1
             _say(False, f"{package} is missing: run `make setup`")
     _say(*_renderer())
+    for line in _segmentation():
+        _say(*line)
     found = shutil.which("chromium")
     _say(
         bool(found), f"chromium {found}" if found else "chromium is missing, needed for browser tests: apt-get install chromium"
@@ -38,6 +43,28 @@ def _renderer() -> tuple[bool, str]:
         if simulator.renderer == "egl":
             return True, "camera renderer: EGL"
     return False, "camera renderer: TINY, slower; for EGL: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+
+
+def _segmentation() -> Iterator[tuple[bool, str]]:
+    """Which engines there are, what the network takes on each, and what drives."""
+    from app.segmenter import compose, measure_segmenter
+    from app.segmenter_choice import SegmenterChoice
+    from navcore.esanet.backends.onnx_engines import is_installed
+
+    for package in FASTER:
+        there = is_installed(package)
+        yield (
+            there,
+            f"{package} {importlib.metadata.version(package)}"
+            if there
+            else (f"{package} is missing; not needed, but the network runs faster with it: pip install 'bewarenav[fast]'"),
+        )
+    what, trials = measure_segmenter(trial_s=TRIAL_S)
+    yield True, f"measured {what}"
+    for trial in trials:
+        yield trial.failure is None, f"  {trial.text()}"
+    perception = compose(SegmenterChoice())
+    yield perception.warning is None, f"segmentation: {perception.title}"
 
 
 def _say(good: bool, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import statistics
@@ -16,6 +17,8 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.episode import Episode
+from app.segmenter import Perception, colour_perception, compose
+from app.segmenter_choice import SegmenterChoice
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
@@ -23,11 +26,19 @@ from sim.scenario import load_scenario
 
 
 def evaluate_scenario(
-    scenario: str, *, seeds: Iterable[int], workers: int, out: Path, max_time_s: float, beware: BewareList
+    scenario: str,
+    *,
+    seeds: Iterable[int],
+    workers: int,
+    out: Path,
+    max_time_s: float,
+    beware: BewareList,
+    perception: Perception | None = None,
 ) -> dict[str, Any]:
     """Drive one episode a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
+    perception = perception or colour_perception()
     # What an episode depends on beside its seed; kept episodes of anything else are not this campaign's.
-    rules = repr((load_scenario(scenario), beware.classes, max_time_s, NavigatorConfig()))
+    rules = repr((load_scenario(scenario), beware.classes, max_time_s, NavigatorConfig(), perception.identity))
     campaign = hashlib.sha256(rules.encode()).hexdigest()[:16]
     wanted = list(seeds)
     kept = out / "episodes.jsonl"
@@ -40,7 +51,7 @@ def evaluate_scenario(
         with kept.open("a", encoding="utf-8") as file:
             if torn:
                 file.write("\n")
-            for report in _driven(scenario, todo, workers, max_time_s, beware):
+            for report in _driven(scenario, todo, workers, max_time_s, beware, perception):
                 done[report["seed"]] = report
                 file.write(json.dumps({**report, "campaign": campaign}) + "\n")
                 file.flush()
@@ -76,17 +87,25 @@ def summarise(scenario: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _driven(scenario: str, seeds: list[int], workers: int, max_time_s: float, beware: BewareList) -> Iterator[dict[str, Any]]:
+def _driven(
+    scenario: str, seeds: list[int], workers: int, max_time_s: float, beware: BewareList, perception: Perception
+) -> Iterator[dict[str, Any]]:
     if workers == 1:
-        yield from (_drive(scenario, seed, max_time_s, beware) for seed in seeds)
+        yield from (_drive(scenario, seed, max_time_s, beware, perception) for seed in seeds)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(_drive, scenario, seed, max_time_s, beware) for seed in seeds]
+        # Each worker makes the same segmenter again, with the engine that was found, and keeps to one thread.
+        choice = dataclasses.replace(perception.choice, threads=1)
+        jobs = [pool.submit(_drive_alone, scenario, seed, max_time_s, beware, choice) for seed in seeds]
         yield from (job.result() for job in as_completed(jobs))
 
 
-def _drive(scenario: str, seed: int, max_time_s: float, beware: BewareList) -> dict[str, Any]:
-    episode = Episode(load_scenario(scenario), seed=seed, beware=beware, max_time_s=max_time_s)
+def _drive_alone(scenario: str, seed: int, max_time_s: float, beware: BewareList, choice: SegmenterChoice) -> dict[str, Any]:
+    return _drive(scenario, seed, max_time_s, beware, compose(choice))
+
+
+def _drive(scenario: str, seed: int, max_time_s: float, beware: BewareList, perception: Perception) -> dict[str, Any]:
+    episode = Episode(load_scenario(scenario), seed=seed, beware=beware, max_time_s=max_time_s, perception=perception)
     try:
         return episode.run()
     finally:
@@ -101,7 +120,9 @@ def _read(text: str, campaign: str, path: Path) -> Iterator[dict[str, Any]]:
         except json.JSONDecodeError:
             continue
         if report.get("campaign") != campaign:
-            raise BadConfiguration(f"{path} holds episodes of another world, beware list or time limit; give another --out")
+            raise BadConfiguration(
+                f"{path} holds episodes of another world, beware list, segmenter or time limit; give another --out"
+            )
         yield report
 
 

@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from app.pilot import Intent, Pilot
+from app.pilot import MOVING, Intent, Pilot
 from app.recorder import Recorder
 from app.segmenter import Perception
 from app.storage import Store
 from app.timing import Stopwatch
 from navcore.beware import BewareClass, BewareList
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused
+from navcore.local_planner import Outcome
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Decision
 from navcore.path import NoPath, Path
@@ -29,7 +30,13 @@ from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReas
 MAX_ZONES = 500
 MAX_ZONE_MARGIN_M = 2.0
 MOVING_MPS = 1e-3
-TRANSITIONS = {"start": Mission.start, "pause": Mission.pause, "resume": Mission.resume, "cancel": Mission.cancel}
+TRANSITIONS = {
+    "start": Mission.start,
+    "pause": Mission.pause,
+    "resume": Mission.resume,
+    "cancel": Mission.cancel,
+    "leave": Mission.leave,
+}
 
 
 class LiveOperations:
@@ -84,7 +91,7 @@ class LiveOperations:
             phase=intent.mission.phase,
             moving=moving,
             summary=_summary(intent, decision, reasons, moving),
-            stop_latched=intent.stopped_by is not None,
+            stop_latched=intent.stopped_by is not None or self._pilot.pose_in_doubt,
             reasons=reasons,
             pose=self._recorder.pose,
             twist=decision.frame.twist if decision else STANDSTILL,
@@ -97,6 +104,7 @@ class LiveOperations:
             replans=self._recorder.replans,
             tick_ms=ticks[-1] if ticks else 0.0,
             frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
+            in_zone=_in_zone(decision),
             zones_version=self._zones_version,
             beware_version=intent.beware.version,
             segmenter=self._perception.title,
@@ -132,7 +140,7 @@ class LiveOperations:
         """Start, pause, resume or cancel."""
 
         def edit(intent: Intent) -> Intent:
-            if intent.stopped_by is not None and action in ("start", "resume"):
+            if intent.stopped_by is not None and action in ("start", "resume", "leave"):
                 raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
             return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
 
@@ -142,7 +150,7 @@ class LiveOperations:
         """Latch the emergency stop and pause the mission, as one step."""
 
         def edit(intent: Intent) -> Intent:
-            driving = intent.mission.phase is Phase.DRIVING
+            driving = intent.mission.phase in MOVING
             mission = intent.mission.pause() if driving else intent.mission
             return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission)
 
@@ -151,8 +159,14 @@ class LiveOperations:
         self._robot.send(STANDSTILL)
 
     def reset_stop(self) -> None:
-        """Release the latch; the mission stays paused."""
-        self._pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+        """Release the latch, and accept the pose if odometry has jumped; the mission stays paused."""
+
+        def edit(intent: Intent) -> Intent:
+            doubted = self._pilot.pose_in_doubt and intent.mission.phase in MOVING
+            return dataclasses.replace(intent, stopped_by=None, mission=intent.mission.pause() if doubted else intent.mission)
+
+        self._pilot.change(edit)
+        self._pilot.trust_pose()
 
     # Zones
 
@@ -217,9 +231,7 @@ class LiveOperations:
         """What finds an entry in the pictures."""
         return self._perception.segmenter.finds(entry)
 
-    def edit_beware(
-        self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
-    ) -> BewareList:
+    def edit_beware(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
         """Change fields of one class."""
         with self._editing:
             self._expect(expected_version)
@@ -286,10 +298,18 @@ def _occupant(picture: Picture, cell: tuple[int, int]) -> str:
     return "inside an obstacle" if grid.geometric[cell] else "too close to an obstacle or a zone"
 
 
+def _in_zone(decision: Decision | None) -> bool:
+    return decision is not None and decision.motion.outcome is Outcome.IN_ZONE
+
+
 def _summary(intent: Intent, decision: Decision | None, reasons: tuple[StopReason, ...], moving: bool) -> str:
     mission = intent.mission
     if reasons:
         return reasons[0].text
+    if mission.phase is Phase.LEAVING:
+        return "Leaving the beware area by the shortest way."
+    if _in_zone(decision):
+        return "Standing in a beware area; have it leave, or change the area."
     if mission.phase is Phase.DRIVING and decision is not None:
         goal = mission.queue[0]
         what = decision.motion.outcome if moving else "about to move"

@@ -7,6 +7,7 @@ the map keeps every class it ever saw. So an edit of the list acts at once on ev
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ NOTHING = 0
 """Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
 LARGEST_CLASS_ID = 62
 MAX_MARGIN_M = 2.0
+OPTIONAL = ("colour", "min_height_m", "label")
+"""Fields of an entry that an edit may take away, with None."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +35,8 @@ class ColourRule:
     """Least brightness, 0 (black) to 1."""
     max_height_m: float = between(0.0, 3.0, default=0.05)
     """Only points up to this height above the floor: a marking is flat, a red chair is no red zone."""
+    fallback: bool = False
+    """Only while no network knows the class: a blue chair leg is a cup to a rule, and need not be one to a network."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +54,11 @@ class BewareClass:
     min_confidence: float = between(0.0, 1.0, default=0.5)
     """Points the segmenter was less sure of are no obstacles."""
     colour: ColourRule | None = None
-    """The rule that finds it by colour; None when the network knows it."""
+    """The rule that finds it by colour; None when only a network can."""
+    min_height_m: float | None = between(0.01, 2.0, default=None)
+    """What a thing of this class rises above the floor at least; what is flat is a picture of it. None when it may be flat."""
+    label: str | None = None
+    """What the console calls it, in the operator's language; the English name when there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,9 +94,8 @@ class BewareList:
         """The next version, with fields of one entry changed; raises `BadConfiguration` for an unknown key or a bad value."""
         if "class_id" in changes:
             raise BadConfiguration(f"beware list: {name}: class_id stays with the name for ever")
-        table = {**as_table(self.named(name)), **changes}
-        if table.get("colour") is None:
-            table.pop("colour", None)
+        merged = {**as_table(self.named(name)), **changes}
+        table = {key: value for key, value in merged.items() if value is not None or key not in OPTIONAL}
         checked = from_table(BewareClass, table, f"beware list: {name}")
         return self.replaced(checked if other.name == name else other for other in self.classes)
 
@@ -102,8 +110,23 @@ class BewareList:
 
 
 def as_table(entry: BewareClass) -> dict[str, object]:
-    """The entry as plain values, as a TOML table or JSON object would give it; without `colour` where there is no rule."""
+    """The entry as plain values, as a TOML table or JSON object would give it; without what is None."""
     return {key: value for key, value in dataclasses.asdict(entry).items() if value is not None}
+
+
+def as_toml(beware: BewareList) -> str:
+    """The list as a document that `load_beware_list` reads."""
+    tables = ([f"{key} = {_toml(value)}" for key, value in as_table(entry).items()] for entry in beware.classes)
+    return "\n".join("\n".join(["[[beware]]", *lines, ""]) for lines in tables)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    # JSON's strings, booleans and numbers are TOML's too, but for the one control character that JSON leaves as it is.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.grid import OccupancyGrid, inflate, inflation_radius
+from navcore.grid import GridSpec, OccupancyGrid, inflate, inflation_radius
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
 from navcore.transform import Pose2, wrap_angle
@@ -107,6 +107,17 @@ def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_
 def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
     """Whether the footprint covers the middle part of any cell that the operator's rules forbid, base frame."""
     return not bool(_outside(ruled, profile, -cell_m / 2).all())
+
+
+def without_area_of(ruled: npt.NDArray[np.bool_], spec: GridSpec, footprint: Points, pose: Pose2) -> npt.NDArray[np.bool_]:
+    """(rows, cols) the ruled cells but for the connected areas that the footprint, (N, 2) in the base frame, stands in."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    corners = footprint @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
+    pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
+    body = np.zeros(ruled.shape, dtype=np.uint8)
+    cv2.fillConvexPoly(body, np.round(pixels * 256).astype(np.int32), 1, shift=8)
+    _, areas = cv2.connectedComponents(ruled.view(np.uint8), connectivity=8)
+    return ruled & ~np.isin(areas, np.unique(areas[body.view(np.bool_) & ruled]))
 
 
 def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

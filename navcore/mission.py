@@ -21,6 +21,8 @@ class Phase(StrEnum):
     """On the way to the first goal of the queue."""
     PAUSED = "paused"
     """Standing until the operator resumes."""
+    LEAVING = "leaving"
+    """On the way out of the beware area that the robot stands in; the goals wait."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,13 +77,15 @@ class Mission:
         """Begin to drive to the first goal of the queue."""
         if not self.queue:
             raise Refused("there is no goal to drive to; add one first")
-        if self.phase is Phase.PAUSED:
-            raise Refused("the mission is paused; resume or cancel it")
+        if self.phase in (Phase.PAUSED, Phase.LEAVING):
+            raise Refused(f"the mission is {self.phase}; resume or cancel it")
         reached = () if self.phase is Phase.IDLE else self.reached
         return dataclasses.replace(self, phase=Phase.DRIVING, reached=reached, cancelled=False)
 
     def pause(self) -> Mission:
         """Stand still and keep the goals."""
+        if self.phase is Phase.LEAVING:
+            return self.left()
         if self.phase is not Phase.DRIVING:
             raise Refused(f"only a driving mission can be paused, this one is {self.phase}")
         return dataclasses.replace(self, phase=Phase.PAUSED)
@@ -91,6 +95,14 @@ class Mission:
         if self.phase is not Phase.PAUSED:
             raise Refused(f"only a paused mission can be resumed, this one is {self.phase}")
         return dataclasses.replace(self, phase=Phase.DRIVING)
+
+    def leave(self) -> Mission:
+        """Drive out of the beware area that the robot stands in."""
+        return dataclasses.replace(self, phase=Phase.LEAVING)
+
+    def left(self) -> Mission:
+        """The area is left: stand, and go on with the goals when the operator says so."""
+        return dataclasses.replace(self, phase=Phase.PAUSED if self.queue else Phase.IDLE)
 
     def cancel(self) -> Mission:
         """Stand still and forget the goals that wait."""

@@ -13,8 +13,20 @@ from navcore.beware import BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
-from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import IDLE, Motion, Outcome, Points, hard_cells, nearby, plan_motion, rim_of_unseen, stands_in
+from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
+from navcore.local_planner import (
+    IDLE,
+    Motion,
+    Outcome,
+    Points,
+    hard_cells,
+    nearby,
+    plan_motion,
+    rim_of_unseen,
+    stands_in,
+    without_area_of,
+)
+from navcore.mask import Mask
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
 from navcore.points import observe
@@ -26,6 +38,7 @@ from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
 from navcore.taut import pull_taut
 from navcore.transform import Pose2
+from navcore.way_out import way_out
 from navcore.waypoints import choose_waypoints
 from navcore.zones import Zone
 
@@ -43,6 +56,8 @@ class Order:
     """What must not be touched."""
     zones: tuple[Zone, ...]
     """Where the robot must not be."""
+    leave: bool = False
+    """Whether to leave the beware area that the robot stands in, by the shortest way; then there is no goal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +111,7 @@ class Navigator:
         self.remember(frame, labels, order)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
-        motion = self.move(occupancy, frame.pose, route)
+        motion = self.move(occupancy, frame.pose, route, leaving=order.leave)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion)
 
     def label(self, frame: Frame, order: Order) -> Labels:
@@ -115,11 +130,12 @@ class Navigator:
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
         """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""
-        if order.goal is None:
+        if order.goal is None and not order.leave:
             return None
         key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
         if self._route is None or self._route[0] != key:
-            self._route = (key, self.plan(occupancy, pose, order.goal))
+            route = self.way_out(occupancy, pose) if order.goal is None else self.plan(occupancy, pose, order.goal)
+            self._route = (key, route)
         return self._route[1]
 
     def plan(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
@@ -130,6 +146,21 @@ class Navigator:
         space = self._occupancy.space
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         return self._laid(outcome, goal, space.across[FREE])
+
+    def way_out(self, occupancy: Occupancy, pose: Pose2) -> Route:
+        """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own."""
+        grid, spec, profile = occupancy.grid, self.map.spec, self._profile
+        geometric, ruled = hard_cells(grid)
+        others = without_area_of(ruled, spec, profile.footprint(), pose)
+        half_width_m, beyond_m = profile.width_m / 2 + self._config.safety_margin_m, profile.circumscribed_radius_m
+        closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
+        inside = occupancy.blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
+        start = nearest_free(Mask.of(~closed), spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
+        if start is None:
+            return _no_route(Reason.START_BLOCKED)
+        outcome = way_out(closed=closed, inside=inside, start=start)
+        goal = (pose.x_m, pose.y_m) if isinstance(outcome, NoPath) else spec.centre(*outcome.cells[-1])
+        return self._laid(outcome, goal, Mask.of(~closed).plane)
 
     def preview(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
         """The shortest path over any given occupancy, from scratch; changes nothing and may be called from any thread."""
@@ -164,14 +195,19 @@ class Navigator:
             track=read_only(_evenly(track, spec.resolution_m)),
         )
 
-    def move(self, occupancy: Occupancy, pose: Pose2, route: Route | None) -> Motion:
-        """The velocity that follows the route and touches nothing; standing without a route."""
+    def move(self, occupancy: Occupancy, pose: Pose2, route: Route | None, *, leaving: bool = False) -> Motion:
+        """The velocity that follows the route and touches nothing; standing without a route.
+
+        A robot that is `leaving` may pass over the area it stands in, and over no other.
+        """
         reach = _REACH_M + self._profile.circumscribed_radius_m
         around = occupancy.around(pose, reach)
         hard, forbidden = hard_cells(around)
+        if leaving:
+            forbidden = without_area_of(forbidden, around.spec, self._profile.footprint(), pose)
         ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
-            trapped = route is not None and stands_in(ruled, self._profile, around.spec.resolution_m)
+            trapped = stands_in(ruled, self._profile, around.spec.resolution_m)
             self._motion = Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE) if trapped else IDLE
             return self._motion
         self._motion = plan_motion(

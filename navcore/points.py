@@ -85,10 +85,9 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
         raise ValueError(f"labels must be {frame.depth_m.shape} class ids of 0 to {LARGEST_CLASS_ID}")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     box = frustum_box(frame, spec, rules.max_range_m)
-    voxels = _locate(frame, spec, box, rules)
-    counts = _scratch.room(HEIGHT_BINS * max(box[2] - box[0], 0) * max(box[3] - box[1], 0))
-    geometric, seen = _tally(voxels.keys, voxels.z_m, rules.obstacle_height_m, rules.ceiling_m, counts, rules.min_support)
-    found = [geometric, *_labelled(labels.class_ids, voxels, beware, counts, rules.min_support)]
+    voxels = locate(frame, spec, box, rules)
+    geometric, seen = tall_voxels(voxels, box, rules)
+    found = [geometric, *_labelled(labels.class_ids, voxels, beware, box, rules.min_support)]
     pixels = np.concatenate(found).astype(np.int64)
     class_ids = labels.class_ids.reshape(-1)[pixels]
     class_ids[: len(geometric)] = NOTHING
@@ -109,10 +108,10 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
 
 
 def _labelled(
-    class_ids: npt.NDArray[np.uint8], voxels: _Voxels, beware: BewareList, counts: npt.NDArray[np.uint8], min_support: int
+    class_ids: npt.NDArray[np.uint8], voxels: Voxels, beware: BewareList, box: Box, min_support: int
 ) -> list[npt.NDArray[np.int32]]:
     """For each class in the picture one pixel of each of its voxels."""
-    flat, heights = class_ids.reshape(-1), _max_heights(beware)
+    flat, heights, counts = class_ids.reshape(-1), _max_heights(beware), _counts(box)
     named = np.flatnonzero(flat != NOTHING)
     kinds = flat[named]
     return [
@@ -140,7 +139,7 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Voxels:
+class Voxels:
     """Where each pixel's point lies."""
 
     keys: npt.NDArray[np.int32]
@@ -164,7 +163,8 @@ class _Scratch(threading.local):
 _scratch = _Scratch()
 
 
-def _locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> _Voxels:
+def locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> Voxels:
+    """Each pixel's voxel within a box of the grid (`frustum_box`)."""
     lens, t = frame.intrinsics, frame.T_map_camera
     cells = 1.0 / spec.resolution_m
     # From optical coordinates to cells of the box and bins of height, in one affine map.
@@ -178,7 +178,16 @@ def _locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> _Voxel
         keys[:] = -1
     else:
         _project(frame.depth_m, affine, across, lens.cy, lens.fy, *shape, np.float32(rules.max_range_m), keys, z_m)
-    return _Voxels(keys=keys.reshape(-1), z_m=z_m.reshape(-1))
+    return Voxels(keys=keys.reshape(-1), z_m=z_m.reshape(-1))
+
+
+def tall_voxels(voxels: Voxels, box: Box, rules: PointRules) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """One pixel of each voxel that something tall stands in, and every voxel of the box in which anything was measured."""
+    return _tally(voxels.keys, voxels.z_m, rules.obstacle_height_m, rules.ceiling_m, _counts(box), rules.min_support)
+
+
+def _counts(box: Box) -> npt.NDArray[np.uint8]:
+    return _scratch.room(HEIGHT_BINS * max(box[2] - box[0], 0) * max(box[3] - box[1], 0))
 
 
 @compiled
@@ -296,9 +305,9 @@ def _tally_some(
 
 
 def _max_heights(beware: BewareList) -> npt.NDArray[np.float64]:
-    """(64,) up to which height each class counts; classes without a colour rule at every height."""
+    """(64,) up to which height each class counts; those that a network may find at every height."""
     heights = np.full(64, np.inf)
     for entry in beware.classes:
-        if entry.colour is not None:
+        if entry.colour is not None and not entry.colour.fallback:
             heights[entry.class_id] = entry.colour.max_height_m
     return heights

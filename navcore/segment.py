@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import NOTHING, BewareList, ColourRule
+from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
+from navcore.relief import Heights, heights_above_floor, without_pictures
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +25,19 @@ class Labels:
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is, 0 to 1."""
 
+    def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
+        """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its enabled classes."""
+        return np.greater_equal(self.confidence, _least(beware)[self.class_ids])
+
+
+class Finder(StrEnum):
+    """What finds a class of the beware list in a picture."""
+
+    NETWORK = "network"
+    COLOUR = "colour rule"
+    BOTH = "network and colour rule"
+    NOTHING = "nothing"
+
 
 class Segmenter(Protocol):
     """Anything that labels the pixels of a frame. Enabled or not: every class of the list is labelled."""
@@ -29,18 +45,82 @@ class Segmenter(Protocol):
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Labels of the same height and width as the frame."""
 
+    def finds(self, entry: BewareClass) -> Finder:
+        """What of this segmenter finds an entry; `NOTHING` when it will never be seen."""
+
 
 class ColourSegmenter:
     """Labels by the colour rules of the beware list; where rules overlap, the first of the list wins."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Exact: a pixel fits a rule or it does not, so its confidence is 1."""
-        hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
-        class_ids = np.full(hsv.shape[:2], NOTHING, dtype=np.uint8)
-        for entry in reversed(beware.classes):
-            if entry.colour is not None:
-                class_ids[_matches(hsv, entry.colour)] = entry.class_id
+        class_ids = painted(frame, heights_above_floor(frame), beware.classes)
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """A rule, where the entry has one."""
+        return Finder.NOTHING if entry.colour is None else Finder.COLOUR
+
+
+class JointSegmenter:
+    """A network and the colour rules together: what one of them claims stays claimed, except for pictures of things.
+
+    A pixel is the network's where it is sure enough of an enabled class; else the colour rule's; else the network's, however
+    unsure. A network's region that depth shows to be a flat picture of something with height is dismissed before
+    (`relief.py`). Rules marked `fallback` are for classes that the network does not know.
+    """
+
+    def __init__(self, network: Segmenter) -> None:
+        self._network = network
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Labels of both."""
+        heights_m = heights_above_floor(frame)
+        seen = self._network.segment(frame, beware)
+        keep = without_pictures(seen.class_ids, frame, heights_m, beware)
+        real = Labels(class_ids=np.where(keep, seen.class_ids, np.uint8(NOTHING)), confidence=seen.confidence)
+        return joined(real, painted(frame, heights_m, filter(self._by_colour, beware.classes)), beware)
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Network, rule, both or nothing."""
+        known = self._knows(entry)
+        if self._by_colour(entry):
+            return Finder.BOTH if known else Finder.COLOUR
+        return Finder.NETWORK if known else Finder.NOTHING
+
+    def _knows(self, entry: BewareClass) -> bool:
+        return self._network.finds(entry) is Finder.NETWORK
+
+    def _by_colour(self, entry: BewareClass) -> bool:
+        return entry.colour is not None and not (entry.colour.fallback and self._knows(entry))
+
+
+def joined(seen: Labels, by_colour: npt.NDArray[np.uint8], beware: BewareList) -> Labels:
+    """The network's labels and the class ids (H, W) of the colour rules, by the rule that `JointSegmenter` states."""
+    sure = seen.mask(beware) & (seen.class_ids != by_colour)
+    taken = (by_colour != NOTHING) & ~sure
+    return Labels(
+        class_ids=np.where(taken, by_colour, seen.class_ids),
+        confidence=np.where(taken, np.float32(1), seen.confidence),
+    )
+
+
+def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> npt.NDArray[np.uint8]:
+    """(H, W) class id of the first entry whose colour rule a pixel fits, and which is not higher than the rule allows."""
+    hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
+    class_ids = np.full(hsv.shape[:2], NOTHING, dtype=np.uint8)
+    for entry in reversed(tuple(entries)):
+        if entry.colour is not None:
+            class_ids[_matches(hsv, entry.colour) & ~(heights_m > entry.colour.max_height_m)] = entry.class_id
+    return class_ids
+
+
+def _least(beware: BewareList) -> npt.NDArray[np.float32]:
+    """(256,) the least confidence that binds the robot, by class id; more than 1 where none does."""
+    least = np.full(256, 2.0, dtype=np.float32)
+    for entry in beware.enabled:
+        least[entry.class_id] = entry.min_confidence
+    return least
 
 
 def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> npt.NDArray[np.bool_]:

@@ -10,12 +10,15 @@ from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
 from navcore.robot import HUSKY, STANDSTILL
-from navcore.segment import ColourSegmenter
+from navcore.segment import ColourSegmenter, Segmenter
 from navcore.transform import Pose2, camera_mount
 
 
-def warm_up() -> None:
-    """Run two ticks over a made-up picture of a red wall: loads the compiled code from its cache, or compiles it."""
+def warm_up(segmenter: Segmenter | None = None) -> None:
+    """Run two ticks over a made-up picture of a red wall: loads the compiled code from its cache, or compiles it.
+
+    The segmenter that is to drive runs too, by default the colour rules: a network's first pictures take longest.
+    """
     intrinsics = Intrinsics(width=32, height=24, fx=16.0, fy=16.0, cx=15.5, cy=11.5)
     depth_m, rgb = np.full((24, 32), 2.0, dtype=np.float32), np.zeros((24, 32, 3), dtype=np.uint8)
     rgb[..., 0] = 200
@@ -24,7 +27,7 @@ def warm_up() -> None:
     navigator = Navigator(
         spec=GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.05),
         profile=HUSKY,
-        segmenter=ColourSegmenter(),
+        segmenter=segmenter or ColourSegmenter(),
         config=NavigatorConfig(),
     )
     for stamp_ns, x_m in ((0, 0.0), (1, 0.5)):

@@ -10,15 +10,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import NOTHING, BewareList
+from navcore.beware import BewareList
+from navcore.map_image import encode
+from navcore.nav2_map import description_of, drawn, yaml_text
+from navcore.segment import Labels
 from web import palette
 from web.port import Cloud, Picture
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
-OCCUPIED, FREE, UNKNOWN = 0, 254, 205
-"""Pixel values of Nav2's trinary maps."""
 JPEG_QUALITY = 80
 SCALE = 2
 """Pixels per cell and side of the painted map, so that a texture is finer than a cell."""
@@ -74,23 +75,14 @@ def map_png(picture: Picture, beware: BewareList) -> bytes:
 
 
 def map_pgm(picture: Picture) -> bytes:
-    """Nav2's trinary image: row 0 at the top, occupied 0, free 254, unknown 205."""
-    image = np.full(picture.seen.shape, UNKNOWN, dtype=np.uint8)
-    image[picture.seen] = FREE
-    image[picture.grid.occupied()] = OCCUPIED
-    rows, cols = picture.grid.spec.rows, picture.grid.spec.cols
-    return f"P5\n{cols} {rows}\n255\n".encode() + image[::-1].tobytes()
+    """Nav2's trinary image: row 0 at the top; occupied 0, zones too, free 254, unknown 205."""
+    occupied = picture.grid.occupied() | _zones(picture)
+    return encode(drawn(occupied=occupied, known=picture.seen, spec=picture.grid.spec).image)
 
 
 def map_yaml(picture: Picture) -> str:
     """Nav2's description beside `map.pgm`; the origin is the lower-left pixel's lower-left corner."""
-    spec = picture.grid.spec
-    return (
-        f"image: map.pgm\nmode: trinary\nresolution: {spec.resolution_m!r}\n"
-        f"origin: [{spec.origin_x_m!r}, {spec.origin_y_m!r}, 0.0]\n"
-        # Unknown cells, (255 − 205) / 255 = 0.19608, must stay just above the free threshold.
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    )
+    return yaml_text(description_of(picture.grid.spec), "map.pgm")
 
 
 def cloud_ply(cloud: Cloud) -> bytes:
@@ -103,23 +95,40 @@ def cloud_ply(cloud: Cloud) -> bytes:
     return f"{head}{axes}{colours}end_header\n".encode() + points.tobytes()
 
 
-def camera_jpg(picture: Picture, *, overlay: bool) -> bytes:
-    """The camera's picture; with `overlay`, what the segmenter found is tinted and outlined in its class's colour."""
-    image = overlaid(picture) if overlay else picture.rgb
+def camera_jpg(image: Image) -> bytes:
+    """A picture (H, W, 3) of the camera, or one drawn over, as JPEG."""
     return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 
 
-def overlaid(picture: Picture) -> Image:
-    """(H, W, 3) the camera's picture with the labels drawn over it."""
-    image = picture.rgb.copy()
-    for class_id in np.unique(picture.labels):
-        if class_id == NOTHING:
+def overlaid(picture: Picture, beware: BewareList) -> Image:
+    """(H, W, 3) the camera's picture; what binds the robot is tinted (the surer, the stronger), outlined and named."""
+    image, binding = picture.rgb.copy(), bewared(picture, beware)
+    for entry in beware.enabled:
+        mask, colour = binding & (picture.labels == entry.class_id), palette.class_colour(entry.class_id)
+        if not mask.any():
             continue
-        mask, colour = picture.labels == class_id, palette.class_colour(int(class_id))
-        image[mask] = (0.45 * image[mask] + 0.55 * np.array(colour)).astype(np.uint8)
+        opacity = (0.25 + 0.45 * picture.confidence[mask])[:, None]
+        image[mask] = ((1 - opacity) * image[mask] + opacity * np.array(colour)).astype(np.uint8)
         outlines, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         cv2.drawContours(image, outlines, -1, colour, 2)
+        left, top, _, _ = cv2.boundingRect(max(outlines, key=cv2.contourArea))
+        _name(image, f"{entry.name} {picture.confidence[mask].mean():.0%}", left, top)
     return image
+
+
+def bewared(picture: Picture, beware: BewareList) -> Mask:
+    """(H, W) the pixels that bind the robot: the union of the enabled classes where the segmenter is sure enough of them."""
+    return Labels(class_ids=picture.labels, confidence=picture.confidence).mask(beware)
+
+
+def _name(image: Image, text: str, left: int, top: int) -> None:
+    """Black-rimmed white, above the place or just below its upper edge. OpenCV draws ASCII only."""
+    text = text.encode("ascii", "replace").decode()
+    (wide, high), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
+    at = min(left, max(image.shape[1] - wide - 2, 0)), top - 4 if top > high + 6 else top + high + 6
+    for x, y, level in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 255)):
+        place = at[0] + x, at[1] + y
+        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (level, level, level), 1, cv2.LINE_AA)
 
 
 def class_colours() -> npt.NDArray[np.uint8]:

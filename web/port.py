@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList
+from navcore.beware import BewareClass, BewareList
 from navcore.frame import Intrinsics
 from navcore.grid import OccupancyGrid
 from navcore.mask import Mask
@@ -20,10 +20,11 @@ from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path
 from navcore.robot import RobotProfile, Twist
+from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
 from navcore.zones import Zone
 
-MissionAction = Literal["start", "pause", "resume", "cancel"]
+MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +83,12 @@ class State:
     """Grows with every change of the zones."""
     beware_version: int
     """Version of the beware list."""
+    in_zone: bool = False
+    """The robot stands in an area that it must not be in; `leave` gets it out."""
+    segmenter: str
+    """What labels the pictures, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 416 × 256` or `colour rules`."""
+    segmenter_warning: str | None
+    """Why it is not what it should be, e.g. that the network does not run; None when it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,6 +107,8 @@ class Picture:
     """(H, W, 3) the camera's picture."""
     labels: npt.NDArray[np.uint8]
     """(H, W) class id of the beware list per pixel, 0 for nothing."""
+    confidence: npt.NDArray[np.float32]
+    """(H, W) how sure the segmenter is of them, 0 to 1."""
     occupancy: Occupancy
     """Occupied and blocked cells, packed."""
     seen_mask: Mask
@@ -200,7 +209,7 @@ class Operations(Protocol):
         """Take a goal out of the queue."""
 
     def mission(self, action: MissionAction) -> None:
-        """Start, pause, resume or cancel."""
+        """Start, pause, resume or cancel; or leave the beware area that the robot stands in."""
 
     def stop(self, source: str) -> None:
         """Latched emergency stop; `source` says who, e.g. `console button`, `REST`."""
@@ -223,8 +232,13 @@ class Operations(Protocol):
     def beware(self) -> BewareList:
         """The list in force."""
 
-    def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
-        """Change fields of one class: `enabled`, `margin_m`, `min_confidence`, `colour` (a table; None takes the rule away)."""
+    def finder(self, entry: BewareClass) -> Finder:
+        """What finds an entry of the list in the pictures; perhaps nothing."""
+
+    def edit_beware(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
+        """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a table); None takes an optional
+        one away. `Outdated` when the list's version is not the expected one.
+        """
 
     def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
         """Put another list in force; it gets the next version."""

@@ -71,6 +71,9 @@ class StateOut(BaseModel):
     frame_age_s: Figure
     zones_version: int
     beware_version: int
+    in_zone: bool = Field(description="the robot stands in an area that it must not be in; mission/leave gets it out")
+    segmenter: str = Field(description="what labels the pictures")
+    segmenter_warning: str | None = Field(description="why it is not what it should be; null when it is")
     picture_serial: int | None = Field(description="grows with every tick; `path` and `camera.jpg` follow it")
     grid_version: int | None = Field(description="changes whenever the map does; `map.png` follows it")
 
@@ -123,6 +126,7 @@ class ColourRuleOut(BaseModel):
     min_saturation: float
     min_value: float
     max_height_m: float
+    fallback: bool
 
 
 class BewareClassOut(BaseModel):
@@ -134,7 +138,10 @@ class BewareClassOut(BaseModel):
     margin_m: float
     min_confidence: float
     colour: ColourRuleOut | None
+    min_height_m: float | None
+    label: str | None
     display: str
+    found_by: str = Field(description="network, colour rule, network and colour rule, or nothing")
 
 
 class BewareOut(BaseModel):

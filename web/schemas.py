@@ -25,6 +25,7 @@ def _printable(text: str) -> str:
 
 Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FAR_M, le=FAR_M)]
 Margin = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_MARGIN_M)]
+Relief = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=2.0)]
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
 Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=360.0)]
 Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
@@ -110,6 +111,7 @@ class ColourRuleIn(_Closed):
     min_saturation: Share = 0.5
     min_value: Share = 0.2
     max_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=3.0)] = 0.05
+    fallback: StrictBool = Field(False, description="used only while no network knows the class")
 
 
 class BewareClassIn(_Closed):
@@ -121,7 +123,10 @@ class BewareClassIn(_Closed):
     margin_m: Margin = 0.0
     min_confidence: Share = 0.5
     colour: ColourRuleIn | None = None
+    min_height_m: Relief | None = Field(None, description="what is flatter is only a picture of it")
+    label: Name | None = Field(None, description="what the console calls it")
     display: StrictStr | None = Field(None, description="ignored: the console's own colour")
+    found_by: StrictStr | None = Field(None, description="ignored: what finds it here")
 
 
 class BewareListIn(_Closed):
@@ -132,12 +137,14 @@ class BewareListIn(_Closed):
 
 
 class BewarePatchIn(_Closed):
-    """The fields of one class that change; `colour: null` takes its colour rule away."""
+    """The fields of one class that change; null takes away `colour`, `min_height_m` or `label`, and leaves the others."""
 
     enabled: StrictBool | None = None
     margin_m: Margin | None = None
     min_confidence: Share | None = None
     colour: ColourRuleIn | None = None
+    min_height_m: Relief | None = None
+    label: Name | None = None
 
 
 class PreviewIn(_Closed):

@@ -15,3 +15,25 @@ NYUV2_CLASSES = (
     *("other structure", "other furniture", "other prop"),
 )
 """The 40 of NYUv2 (Gupta et al. 2013): SUN RGB-D took over the first 37 and shortened two names."""
+
+ALIASES = {
+    "books": "book",
+    "cell phone": "phone",
+    "cables": "cable",
+    "carton": "box",
+    "cardboard box": "box",
+    "human": "person",
+    "mug": "cup",
+    "wet floor sign": "wet-floor sign",
+}
+"""What data sets call things (left) that the beware list calls otherwise (right)."""
+
+
+def aliases_for(class_names: tuple[str, ...]) -> dict[str, str]:
+    """The aliases of these classes of a network, but for those whose entry the network knows by its own name too."""
+    known = {name.casefold() for name in class_names}
+    return {
+        name: ALIASES[name.casefold()]
+        for name in class_names
+        if name.casefold() in ALIASES and ALIASES[name.casefold()] not in known
+    }

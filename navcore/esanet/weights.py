@@ -26,7 +26,7 @@ from navcore.esanet.architecture import Architecture, fitting, infer
 from navcore.esanet.checkpoint import read_checkpoint
 from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.esanet.model import EsaNet
-from navcore.esanet.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics
+from navcore.esanet.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size
 from navcore.esanet.variants import MAX_CLASSES
 from navcore.settings import between, from_table
 
@@ -55,6 +55,8 @@ class WeightsCard:
     """Of the training data."""
     source_sha256: str
     """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal."""
+    size: Size | None = None
+    """The working size it was trained at; files written before this was kept, and converted ones, do not say."""
 
     def __post_init__(self) -> None:
         if len(self.class_names) != self.num_classes:
@@ -151,8 +153,9 @@ def _digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
 
 
 def _as_metadata(card: WeightsCard) -> dict[str, str]:
-    """Safetensors knows only strings, so each field is JSON."""
-    return {"format": _FORMAT, **{key: json.dumps(value) for key, value in dataclasses.asdict(card).items()}}
+    """Safetensors knows only strings, so each field is JSON; what is not known is left out."""
+    told = {key: value for key, value in dataclasses.asdict(card).items() if value is not None}
+    return {"format": _FORMAT, **{key: json.dumps(value) for key, value in told.items()}}
 
 
 def _from_metadata(metadata: Mapping[str, str], path: Path) -> WeightsCard:

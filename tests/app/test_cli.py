@@ -32,6 +32,9 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml"), "no such file"),
         (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
         (("evaluate", "nowhere"), "nowhere"),
+        (("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"), "such.safetensors"),
+        (("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
+        (("evaluate", "empty_room", "--weights", "/no/such.onnx"), "such.onnx"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_exit_code_2(arguments: tuple[str, ...], words: str) -> None:
@@ -62,7 +65,9 @@ def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
     assert "--port" in answer.stderr
 
 
-@pytest.mark.parametrize("command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",), ("weights",)])
+@pytest.mark.parametrize(
+    "command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",), ("plan",), ("weights",)]
+)
 def test_every_level_has_help(command: tuple[str, ...]) -> None:
     answer = bewarenav(*command, "--help")
     assert answer.returncode == 0

@@ -88,3 +88,15 @@ def test_an_id_is_never_used_twice() -> None:
     mission = TWO.cancel().add(0.0, 0.0, SPEC)
     assert mission.queue[0].id == 3
     assert TWO.remove(2).add(0.0, 0.0, SPEC).queue[-1].id == 3
+
+
+def test_leaving_an_area_keeps_the_goals_and_ends_paused_with_some_and_idle_without() -> None:
+    assert Mission().leave().phase is Phase.LEAVING
+    assert Mission().leave().left().phase is Phase.IDLE
+    waiting = Mission().add(1.0, 1.0, SPEC).start().leave()
+    assert waiting.goal is None
+    assert waiting.left().phase is Phase.PAUSED
+    assert waiting.pause() == waiting.left()
+    assert waiting.left().queue == waiting.queue
+    with pytest.raises(Refused, match="leaving"):
+        waiting.start()

@@ -28,8 +28,9 @@ def label(colour: Colour, *entries: BewareClass) -> int:
     return int(labels.class_ids[0, 0])
 
 
-def entry(first: float, last: float, class_id: int = 3, **rule: float) -> BewareClass:
-    return BewareClass(name=f"hue {class_id}", class_id=class_id, colour=ColourRule(hue_deg=(first, last), **rule))
+def entry(first: float, last: float, class_id: int = 3, *, min_saturation: float = 0.5, min_value: float = 0.2) -> BewareClass:
+    rule = ColourRule(hue_deg=(first, last), min_saturation=min_saturation, min_value=min_value)
+    return BewareClass(name=f"hue {class_id}", class_id=class_id, colour=rule)
 
 
 def rgb(hue_deg: float, saturation: float = 1.0, value: float = 1.0) -> Colour:

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList, default_beware_list
+from navcore.beware import BewareClass, BewareList, default_beware_list
 from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
@@ -20,6 +20,7 @@ from navcore.mission import Goal, Mission, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, plan
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
+from navcore.segment import ColourSegmenter, Finder
 from navcore.transform import Pose2, camera_mount
 from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.zones import Zone, check_polygon, rasterise
@@ -48,6 +49,7 @@ class FakeOperations:
         self._counts = {"serial": 0, "grid": 0, "zones": 0, "replans": 0}
         self._urdf = robot_urdf
         self.stops: list[str] = []
+        self.segmenter_warning: str | None = None
         self._world = {0: _walls(), RED_FLOOR: _box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
@@ -92,6 +94,8 @@ class FakeOperations:
                 frame_age_s=0.05,
                 zones_version=self._counts["zones"],
                 beware_version=self._beware.version,
+                segmenter="colour rules",
+                segmenter_warning=self.segmenter_warning,
             )
 
     def picture(self) -> Picture | None:
@@ -197,9 +201,15 @@ class FakeOperations:
         """As the port says."""
         return self._beware
 
-    def edit_beware(self, name: str, changes: Mapping[str, object]) -> BewareList:
+    def finder(self, entry: BewareClass) -> Finder:
+        """As the colour rules say."""
+        return ColourSegmenter().finds(entry)
+
+    def edit_beware(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
         """As the port says."""
         with self._lock:
+            if expected_version not in (None, self._beware.version):
+                raise Outdated(f"beware list is at version {self._beware.version}")
             self._beware = self._beware.edited(name, **changes)
             self._see()
             return self._beware
@@ -297,6 +307,7 @@ class FakeOperations:
             intrinsics=INTRINSICS,
             rgb=rgb,
             labels=labels,
+            confidence=np.full(labels.shape, 0.9, dtype=np.float32),
             occupancy=Occupancy.of(grid, blocked, version=counts["grid"]),
             seen_mask=Mask.of(self._seen),
             grid_version=counts["grid"],

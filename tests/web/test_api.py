@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -13,8 +15,10 @@ import pytest
 import trimesh
 from websockets.sync.client import connect
 
+from navcore.beware import BewareList, load_beware_list
 from navcore.errors import StorageFailed
 from tests.web.fake_operations import SPEC, FakeOperations
+from web.pictures import bewared, overlaid
 from web.server import ConsoleServer
 
 SQUARE = [[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]]
@@ -188,6 +192,60 @@ def test_the_beware_list_is_read_replaced_and_guarded_by_its_version(client: htt
     assert entry["colour"]["hue_deg"] == [10, 20] and entry["margin_m"] == 0.2
 
 
+def test_an_edit_of_one_class_is_guarded_by_the_lists_version_too(client: httpx.Client) -> None:
+    seen = {"If-Match": client.get("/api/v1/beware").headers["etag"]}
+    first = client.patch("/api/v1/beware/cup", json={"min_confidence": 0.7}, headers=seen)
+    assert (first.status_code, first.headers["etag"]) == (200, '"1"')
+    late = client.patch("/api/v1/beware/cup", json={"min_confidence": 0.1}, headers=seen)
+    assert wrong(late, 412)["code"] == "outdated" and late.json()["stored_version"] == 1
+    assert client.get("/api/v1/beware").json()["classes"][2]["min_confidence"] == 0.7
+
+
+def test_each_class_says_what_finds_it_and_what_may_be_absent_can_be_taken_away(client: httpx.Client) -> None:
+    found = {entry["name"]: entry["found_by"] for entry in client.get("/api/v1/beware").json()["classes"]}
+    assert (found["red floor"], found["cable"]) == ("colour rule", "nothing")
+    named = client.patch("/api/v1/beware/cup", json={"label": "Tasse", "min_height_m": 0.08}).json()["classes"][2]
+    assert (named["name"], named["label"], named["min_height_m"]) == ("cup", "Tasse", 0.08)
+    bare = client.patch("/api/v1/beware/cup", json={"label": None, "colour": None, "enabled": None}).json()["classes"][2]
+    assert (bare["label"], bare["colour"], bare["enabled"], bare["min_height_m"]) == (None, None, True, 0.08)
+    assert bare["found_by"] == "nothing"
+
+
+def test_the_list_as_a_file_is_the_list(client: httpx.Client, operations: FakeOperations, tmp_path: Path) -> None:
+    for label in ('Tasse "é" \\ 1', "kopje – 茶碗"):
+        assert client.patch("/api/v1/beware/cup", json={"label": label}).status_code == 200
+        answer = client.get("/api/v1/beware.toml")
+        (tmp_path / "list.toml").write_bytes(answer.content)
+        assert load_beware_list(tmp_path / "list.toml").classes == operations.beware().classes
+
+
+def test_the_state_says_what_labels_the_pictures_and_when_it_is_not_what_it_should_be(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    assert client.get("/api/v1/state").json()["segmenter_warning"] is None
+    operations.segmenter_warning = "The network does not run: the weights are damaged"
+    state = client.get("/api/v1/state").json()
+    assert (state["segmenter"], state["segmenter_warning"]) == ("colour rules", operations.segmenter_warning)
+
+
+def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_it_does_not_bind(
+    operations: FakeOperations,
+) -> None:
+    picture = operations.picture()
+    assert picture is not None
+    beware, labelled = operations.beware(), picture.labels == 1
+
+    def tint(confidence: float, listed: BewareList) -> float:
+        sure = np.full(picture.labels.shape, confidence, dtype=np.float32)
+        drawn = overlaid(dataclasses.replace(picture, rgb=np.zeros_like(picture.rgb), confidence=sure), listed)
+        return float(drawn[labelled].mean())
+
+    assert tint(1.0, beware) > tint(0.6, beware) > 5
+    assert tint(0.4, beware) == tint(1.0, beware.edited("red floor", enabled=False)) == 0
+    np.testing.assert_array_equal(bewared(picture, beware), labelled)
+    assert not bewared(picture, beware.edited("red floor", min_confidence=0.95)).any()
+
+
 def test_a_preview_tells_the_path_and_applies_nothing(client: httpx.Client) -> None:
     before = client.get("/api/v1/state").json()
     free = client.post("/api/v1/preview", json={"goal": {"x_m": 3, "y_m": 0}}).json()
@@ -291,6 +349,7 @@ def test_the_contract_is_in_the_openapi_document(client: httpx.Client) -> None:
     expected |= {(method, f"{v1}/zones") for method in ("GET", "POST")}
     expected |= {(method, f"{v1}/zones/{{zone_id}}") for method in ("GET", "PUT", "DELETE")}
     expected |= {("GET", f"{v1}/beware"), ("PUT", f"{v1}/beware"), ("PATCH", f"{v1}/beware/{{class_name}}")}
+    expected |= {("GET", f"{v1}/beware.toml")}
     expected |= {("POST", f"{v1}/stop"), ("POST", f"{v1}/stop/reset"), ("GET", f"{v1}/runs"), ("GET", f"{v1}/runs/{{run_id}}")}
     names = ("map.png", "map.yaml", "map.pgm", "cloud.ply", "path", "camera.jpg")
     expected |= {("GET", f"{v1}/{name}") for name in names}

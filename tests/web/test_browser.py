@@ -198,6 +198,24 @@ def test_a_class_switched_off_and_on_changes_the_map(page: Page, operations: Fak
     assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
 
 
+def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(page: Page, operations: FakeOperations) -> None:
+    await_map(page)
+    cup = page.locator('[data-testid="beware-class"][data-name="cup"]')
+    expect(cup.get_by_test_id("found-by")).to_have_text("colour rule")
+    expect(page.locator('[data-name="cable"]').get_by_test_id("found-by")).to_have_text("▲ nothing")
+    cup.get_by_label("Least confidence for cup in percent").fill("80")
+    cup.get_by_label("Least confidence for cup in percent").press("Enter")
+    expect(cup).to_have_attribute("data-version", "1")
+    assert operations.beware().named("cup").min_confidence == 0.8
+
+
+def test_a_network_that_does_not_run_is_said_on_the_page(page: Page, operations: FakeOperations) -> None:
+    expect(page.get_by_test_id("segmenter")).to_have_text("colour rules")
+    operations.segmenter_warning = "The network does not run: the weights are damaged"
+    operations.step()
+    expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
+
+
 def test_a_console_that_is_gone_is_said_to_be_gone(browser: Browser, operations: FakeOperations) -> None:
     console = ConsoleServer(operations, port=0)
     console.start()

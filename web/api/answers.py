@@ -75,9 +75,10 @@ def zone_of(zone: Zone) -> ZoneOut:
     )
 
 
-def beware_of(beware: BewareList) -> BewareOut:
-    """The list with the console's colours."""
-    return BewareOut(version=beware.version, classes=[_class_of(entry) for entry in beware.classes])
+def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
+    """The list with the console's colours, and what finds each class."""
+    classes = [_class_of(entry, str(operations.finder(entry))) for entry in beware.classes]
+    return BewareOut(version=beware.version, classes=classes)
 
 
 def track(points: npt.NDArray[np.float64]) -> list[tuple[float, float]]:
@@ -97,7 +98,7 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _class_of(entry: BewareClass) -> BewareClassOut:
+def _class_of(entry: BewareClass, found_by: str) -> BewareClassOut:
     rule = entry.colour
     return BewareClassOut(
         name=entry.name,
@@ -106,5 +107,8 @@ def _class_of(entry: BewareClass) -> BewareClassOut:
         margin_m=entry.margin_m,
         min_confidence=entry.min_confidence,
         colour=None if rule is None else ColourRuleOut(**dataclasses.asdict(rule)),
+        min_height_m=entry.min_height_m,
+        label=entry.label,
         display=palette.hex_colour(palette.class_colour(entry.class_id)),
+        found_by=found_by,
     )

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Path, Response
 
-from navcore.beware import BewareClass, BewareList, ColourRule
+from navcore.beware import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
 from navcore.errors import Outdated
 from web.api.answers import beware_of
 from web.api.versions import ExpectedVersion, etag, outdated
@@ -24,7 +24,11 @@ def beware_router(operations: Operations) -> APIRouter:
 
     def answer(beware: BewareList, response: Response) -> BewareOut:
         response.headers.update(etag(beware.version))
-        return beware_of(beware)
+        return beware_of(beware, operations)
+
+    def conflict(given: int | None) -> Response:
+        stored = operations.beware()
+        return outdated("the beware list", given, beware_of(stored, operations).model_dump(), stored.version)
 
     @router.get("/beware", response_model=BewareOut)
     async def get_beware(response: Response) -> BewareOut:
@@ -38,18 +42,30 @@ def beware_router(operations: Operations) -> APIRouter:
         try:
             return answer(operations.replace_beware(BewareList(classes=entries), expected_version=expected), response)
         except Outdated:
-            stored = operations.beware()
-            return outdated("the beware list", expected, beware_of(stored).model_dump(), stored.version)
+            return conflict(expected)
 
     @router.patch("/beware/{class_name}", response_model=BewareOut, responses={404: RESPONSES[404], **_REFUSALS})
     def edit_beware(
-        class_name: Annotated[str, Path(max_length=MAX_NAME)], changes: BewarePatchIn, response: Response
-    ) -> BewareOut:
-        """Change fields of one class, e.g. `{"enabled": false}`; the map follows within a tick."""
-        entry = next((entry for entry in operations.beware().classes if entry.name == class_name), None)
-        if entry is None:
+        class_name: Annotated[str, Path(max_length=MAX_NAME)],
+        changes: BewarePatchIn,
+        response: Response,
+        expected: ExpectedVersion,
+    ) -> BewareOut | Response:
+        """Change fields of one class, e.g. `{"enabled": false}`; the map follows within a tick.
+
+        With `If-Match` (the list's ETag), an edit of a list that somebody else has changed is refused.
+        """
+        if class_name not in {entry.name for entry in operations.beware().classes}:
             raise HTTPException(404, "no class of the beware list has this name")
-        return answer(operations.edit_beware(class_name, _changes(changes, entry)), response)
+        try:
+            return answer(operations.edit_beware(class_name, _changes(changes), expected_version=expected), response)
+        except Outdated:
+            return conflict(expected)
+
+    @router.get("/beware.toml", response_class=Response)
+    def get_beware_toml() -> Response:
+        """The list as a file for `bewarenav drive --beware`."""
+        return Response(as_toml(operations.beware()), media_type="application/toml; charset=utf-8")
 
     return router
 
@@ -62,18 +78,15 @@ def _entry(entry: BewareClassIn) -> BewareClass:
         margin_m=entry.margin_m,
         min_confidence=entry.min_confidence,
         colour=_rule(entry.colour),
+        min_height_m=entry.min_height_m,
+        label=entry.label,
     )
 
 
-def _changes(patch: BewarePatchIn, entry: BewareClass) -> dict[str, object]:
-    # A missing field is unchanged; null means something for a colour rule that is there, and for nothing else.
-    given = {name: getattr(patch, name) for name in patch.model_fields_set}
-    changes = {name: value for name, value in given.items() if value is not None and name != "colour"}
-    if patch.colour is not None:
-        changes["colour"] = patch.colour.model_dump()
-    elif "colour" in given and entry.colour is not None:
-        changes["colour"] = None
-    return changes
+def _changes(patch: BewarePatchIn) -> dict[str, object]:
+    # A missing field is unchanged; null means something for what may be absent, and for nothing else.
+    given = patch.model_dump(exclude_unset=True)
+    return {name: value for name, value in given.items() if value is not None or name in OPTIONAL}
 
 
 def _rule(rule: ColourRuleIn | None) -> ColourRule | None:

@@ -53,4 +53,5 @@ def _notable(state: State) -> tuple[Any, ...]:
         state.reached,
         state.zones_version,
         state.beware_version,
+        state.in_zone,
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from web.api.answers import finite, track
-from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml
+from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations, Picture
 from web.problems import RESPONSES, JsonResponse
 from web.replies import MapOut, PathOut
@@ -81,10 +81,12 @@ def maps_router(operations: Operations) -> APIRouter:
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:
-        """What the camera sees; with `overlay=segmentation`, what the segmenter found is tinted and outlined."""
-        picture = newest()
-        drawn = overlay == "segmentation"
-        data = (labelled if drawn else camera).get(picture.serial, lambda: camera_jpg(picture, overlay=drawn))
+        """What the camera sees; with `overlay=segmentation`, each enabled class is tinted, surer is stronger, and named."""
+        picture, beware = newest(), operations.beware()
+        if overlay == "none":
+            data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
+        else:
+            data = labelled.get((picture.serial, beware.version), lambda: camera_jpg(overlaid(picture, beware)))
         return Response(data, media_type="image/jpeg")
 
     @router.get("/runs")

@@ -30,6 +30,8 @@ function showState(next) {
   element("summary").title = state.summary;
   text("world", `${state.scenario} · ${state.robot}`);
   text("phase", state.phase);
+  text("segmenter", state.segmenter_warning ? `▲ ${state.segmenter_warning}` : state.segmenter);
+  element("segmenter").classList.toggle("lost", state.segmenter_warning !== null);
   showReasons();
   showButtons();
   showFigures();
@@ -50,8 +52,9 @@ function showReasons() {
 }
 
 function showButtons() {
-  const allowed = { start: state.phase === "idle" && state.queue.length > 0, pause: state.phase === "driving", resume: state.phase === "paused", cancel: state.queue.length > 0 || state.phase !== "idle" };
+  const allowed = { start: state.phase === "idle" && state.queue.length > 0, pause: ["driving", "leaving"].includes(state.phase), resume: state.phase === "paused", cancel: state.queue.length > 0 || state.phase !== "idle", leave: state.in_zone && !state.stop_latched };
   for (const button of document.querySelectorAll("[data-mission]")) button.disabled = !allowed[button.dataset.mission];
+  document.querySelector("[data-mission=leave]").hidden = !allowed.leave;
   element("stop").setAttribute("aria-pressed", String(state.stop_latched));
   element("reset").disabled = !state.stop_latched;
   element("reset").classList.toggle("due", state.stop_latched);

@@ -112,7 +112,7 @@ class CameraLayer:
         self._serial = picture.serial
         wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
         position = picture.T_map_camera[:3, 3]
-        image = _shrunk(overlaid(picture))
+        image = _shrunk(overlaid(picture, snapshot.beware))
         if self._frustum is None:
             intrinsics = picture.intrinsics
             self._frustum = self._server.scene.add_camera_frustum(

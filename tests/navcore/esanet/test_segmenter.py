@@ -18,8 +18,9 @@ from navcore.errors import BadConfiguration
 from navcore.esanet import build
 from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.esanet.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size, to_tensors
-from navcore.esanet.segmenter import EsaNetSegmenter, most_likely
+from navcore.esanet.segmenter import EsaNetSegmenter
 from navcore.esanet.weights import TrainedNetwork, WeightsCard, load, save
+from navcore.esanet.winners import most_likely
 from navcore.frame import Frame, Intrinsics
 from navcore.segment import Segmenter
 from tests.navcore.esanet.goldens import arrays, data_file, fresh
@@ -111,8 +112,8 @@ def test_weights_from_the_disk_label_like_those_in_memory(tmp_path: Path) -> Non
 
 
 def test_confidence_is_a_probability_however_large_the_logits() -> None:
-    logits = torch.tensor([[[0.0, 1e4, 700.0]], [[0.0, -1e4, 700.0]]])
-    winners, confidence = most_likely(logits)
+    logits = np.array([[[0.0, 1e4, 700.0]], [[0.0, -1e4, 700.0]]], dtype=np.float32)
+    winners, confidence = most_likely(logits, height=1, width=3)
     np.testing.assert_array_equal(winners[0, 1], 0)
     np.testing.assert_allclose(confidence, [[0.5, 1.0, 0.5]])
 

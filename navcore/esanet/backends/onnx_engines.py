@@ -1,0 +1,88 @@
+"""Engines that run ONNX files: onnxruntime and OpenVINO. Neither is needed; both are faster than torch."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any
+
+from navcore.errors import BadConfiguration
+from navcore.esanet.backends.inference import THREADS, Batch
+from navcore.esanet.backends.onnx_file import INPUTS, OUTPUT
+from navcore.esanet.backends.torch_engine import Precision
+
+
+class OnnxRuntimeInference:
+    """Satisfies `Inference` on onnxruntime, in the precision of the file."""
+
+    def __init__(self, content: bytes, *, threads: int = THREADS) -> None:
+        """Raises `BadConfiguration` for a file that it cannot run."""
+        import onnxruntime
+
+        self.name = "onnxruntime f32"
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+        options.log_severity_level = 3
+        # Between two layers a waiting thread sleeps: on two cores the command thread needs one of them more than we do.
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        try:
+            self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # a damaged file can make it fail in any way
+            raise _bad("onnxruntime", error) from None
+        _check_ports({i.name for i in self._session.get_inputs()}, {o.name for o in self._session.get_outputs()})
+
+    def logits(self, rgb: Batch, depth: Batch) -> Batch:
+        """As `Inference` says."""
+        try:
+            answer: Batch = self._session.run([OUTPUT], {"rgb": rgb, "depth": depth})[0]
+        except Exception as error:
+            raise _bad("onnxruntime", error) from None
+        return answer
+
+
+class OpenVinoInference:
+    """Satisfies `Inference` on OpenVINO's CPU plugin."""
+
+    def __init__(self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS) -> None:
+        """Raises `BadConfiguration` for a file that it cannot run."""
+        import openvino
+
+        self.name = f"openvino {precision}"
+        settings: dict[str, Any] = {
+            "INFERENCE_PRECISION_HINT": precision,  # left to itself it takes bf16 wherever the processor has it
+            "INFERENCE_NUM_THREADS": threads,
+            "NUM_STREAMS": 1,
+            "PERFORMANCE_HINT": "LATENCY",
+        }
+        try:
+            core = openvino.Core()
+            compiled = core.compile_model(core.read_model(content), "CPU", settings)
+            self._request = compiled.create_infer_request()
+        except Exception as error:
+            raise _bad("openvino", error) from None
+        names = [{name for port in ports for name in port.get_names()} for ports in (compiled.inputs, compiled.outputs)]
+        _check_ports(*names)
+
+    def logits(self, rgb: Batch, depth: Batch) -> Batch:
+        """As `Inference` says; the memory of the answer is used again by the next call."""
+        try:
+            answer: Batch = self._request.infer({"rgb": rgb, "depth": depth}, share_inputs=True, share_outputs=True)[OUTPUT]
+        except Exception as error:
+            raise _bad("openvino", error) from None
+        return answer
+
+
+def is_installed(package: str) -> bool:
+    """Whether an engine's package is there, without loading it."""
+    return importlib.util.find_spec(package) is not None
+
+
+def _check_ports(inputs: set[str], outputs: set[str]) -> None:
+    if inputs != set(INPUTS) or OUTPUT not in outputs:
+        raise BadConfiguration(
+            f"the ONNX file takes {', '.join(sorted(inputs))} and answers {', '.join(sorted(outputs))}; "
+            f"expected {', '.join(INPUTS)} and {OUTPUT}"
+        )
+
+
+def _bad(engine: str, error: Exception) -> BadConfiguration:
+    return BadConfiguration(f"{engine} cannot run the network: {str(error).strip().partition(chr(10))[0]:.300}")

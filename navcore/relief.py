@@ -1,0 +1,109 @@
+"""Depth and colour decide together what is real: a print of a cup on the floor is no cup.
+
+The network may take a picture for the thing it shows. Where a class has a least height, a region of it that lies flat in the
+floor around it is dismissed, but only where depth is there and sharp enough to tell; everything undecided stays.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import NOTHING, BewareList
+from navcore.frame import Frame
+
+Heights = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+
+RELIEF_SHARE = 0.5
+"""A region with less relief than this share of its class's least height is a picture …"""
+MAX_FLAT_M = 0.025
+"""… but nothing that rises higher than this is, however tall its class: a sign that has fallen over is still a sign."""
+SURE_ERRORS = 3.0
+"""So many standard errors of the height must fit below the threshold, or the region is too far away to decide."""
+DISPARITY_ERROR_PX = 0.1
+BASELINE_M = 0.095
+"""Of the D455: depth at z errs by z² · disparity error / (focal length · baseline)."""
+MIN_PIXELS = 12
+MIN_MEASURED = 0.5
+"""A region, and the floor around it, are decided on with at least so many pixels, so large a share of them measured."""
+RING_PX = 5
+"""Width of the rim around a region in which the floor is looked for."""
+TALL_M = 0.3
+GROUND_M = 0.05
+"""Of a class at least so tall, pixels lower than this are not the thing but the floor at its feet."""
+
+
+def heights_above_floor(frame: Frame) -> Heights:
+    """(H, W) z in the map frame, metres; NaN where no depth was measured."""
+    lens, up = frame.intrinsics, frame.T_map_camera[2]
+    across = (up[0] / lens.fx) * (np.arange(lens.width) - lens.cx)
+    down = (up[1] / lens.fy) * (np.arange(lens.height) - lens.cy) + up[2]
+    slope = (down[:, None] + across).astype(np.float32)
+    return np.where(frame.depth_m > 0, frame.depth_m * slope + np.float32(up[3]), np.float32(np.nan))
+
+
+def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
+    """(H, W) which pixels keep their class: all but regions that are flat pictures, and the floor at the feet of tall things.
+
+    Regions are connected pixels of one class that has a `min_height_m`; `heights_m` is of `heights_above_floor`.
+    """
+    keep = np.ones(class_ids.shape, dtype=np.bool_)
+    for entry in beware.classes:
+        if entry.min_height_m is None:
+            continue
+        mask = class_ids == entry.class_id
+        if not mask.any():
+            continue
+        threshold_m = min(RELIEF_SHARE * entry.min_height_m, MAX_FLAT_M)
+        count, regions, boxes, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+        for region in range(1, count):
+            if boxes[region, cv2.CC_STAT_AREA] < MIN_PIXELS:
+                continue
+            window = _window(boxes[region], class_ids.shape)
+            inside = regions[window] == region
+            if is_flat(inside, class_ids[window] == NOTHING, frame.depth_m[window], heights_m[window], frame, threshold_m):
+                keep[window] &= ~inside
+            elif entry.min_height_m >= TALL_M:
+                keep[window] &= ~at_its_feet(inside, heights_m[window])
+    return keep
+
+
+def at_its_feet(inside: Mask, heights_m: Heights) -> Mask:
+    """Pixels of a region on the ground, where most of it stands well above: the floor that a label spills over onto.
+
+    On the map a flat point of the list stays for good; a person who walks by must not leave a trail of them.
+    """
+    measured = heights_m[inside & np.isfinite(heights_m)]
+    if len(measured) < MIN_PIXELS or np.median(measured) < 2 * GROUND_M:
+        return np.zeros_like(inside)
+    return inside & (heights_m < GROUND_M)
+
+
+def is_flat(inside: Mask, unlabelled: Mask, depth_m: Heights, heights_m: Heights, frame: Frame, threshold_m: float) -> bool:
+    """Whether a region (a mask of a window of the picture) certainly rises less than the threshold above its surroundings."""
+    measured = inside & (depth_m > 0)
+    size = int(measured.sum())
+    if size < MIN_PIXELS or size < MIN_MEASURED * int(inside.sum()):
+        return False
+    if SURE_ERRORS * height_error_m(float(np.median(depth_m[measured])), frame) > threshold_m:
+        return False
+    wide = cv2.dilate(inside.view(np.uint8), np.ones((2 * RING_PX + 1, 2 * RING_PX + 1), dtype=np.uint8)) > 0
+    ring = wide & ~inside & unlabelled & (depth_m > 0)
+    if int(ring.sum()) < MIN_PIXELS:
+        return False
+    relief_m = np.percentile(heights_m[measured], 90) - np.percentile(heights_m[ring], 25)
+    return bool(relief_m < threshold_m)
+
+
+def height_error_m(depth_m: float, frame: Frame) -> float:
+    """Standard error of the height of a point on the floor: of the depth's error, the part along the vertical."""
+    along_ray = depth_m * depth_m * DISPARITY_ERROR_PX / (frame.intrinsics.fx * BASELINE_M)
+    return along_ray * abs(float(frame.T_map_camera[2, 3])) / depth_m
+
+
+def _window(box: npt.NDArray[np.int32], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    left, top, width, height = (int(value) for value in box[:4])
+    rows = slice(max(top - RING_PX, 0), min(top + height + RING_PX, shape[0]))
+    return rows, slice(max(left - RING_PX, 0), min(left + width + RING_PX, shape[1]))

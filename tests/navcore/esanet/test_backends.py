@@ -1,0 +1,239 @@
+"""Engines: all answer as torch in f32 does, and the choice among them is by time only where they do."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from navcore.errors import BadConfiguration
+from navcore.esanet import EsaNet, build
+from navcore.esanet.backends import choice
+from navcore.esanet.backends.choice import MIN_AGREEMENT, Candidate, choose, open_inference, probes
+from navcore.esanet.backends.folding import FixedPool, folded
+from navcore.esanet.backends.inference import Batch
+from navcore.esanet.backends.network_file import NetworkFile, nearest_size, open_network
+from navcore.esanet.backends.onnx_engines import OnnxRuntimeInference, OpenVinoInference, is_installed
+from navcore.esanet.backends.onnx_file import OnnxCard, exported, read_onnx, with_card
+from navcore.esanet.backends.torch_engine import TorchInference
+from navcore.esanet.preprocess import NYUV2_DEPTH, Preprocessor, Size, to_tensors
+from navcore.esanet.weights import WeightsCard, save
+
+SIZE = Size(height=96, width=128)  # at 1/32 3 × 4: cells of the 5 × 5 pooling are not all of one size
+NAMES = ("background", "book", "cup", "cable")
+CARD = OnnxCard(class_names=NAMES, depth=NYUV2_DEPTH, size=SIZE)
+needs_onnx = pytest.mark.skipif(
+    not (is_installed("onnx") and is_installed("onnxruntime")), reason="onnx and onnxruntime are not installed"
+)
+needs_openvino = pytest.mark.skipif(
+    not (is_installed("onnx") and is_installed("openvino")), reason="onnx and openvino are not installed"
+)
+
+
+@functools.cache
+def network(variant: str = "r18-nbt1d") -> EsaNet:
+    """As if trained: batch norms that are no identity."""
+    torch.manual_seed(1)
+    made = build(variant, len(NAMES), width=1 / 8).eval()
+    for module in made.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            assert module.running_mean is not None
+            assert module.running_var is not None
+            module.running_mean.normal_(0, 0.2)
+            module.running_var.uniform_(0.5, 1.5)
+            nn.init.uniform_(module.weight, 0.5, 1.5)
+            nn.init.normal_(module.bias, 0, 0.2)
+    return made
+
+
+def network_file(**changes: object) -> NetworkFile:
+    made = NetworkFile(title="test", class_names=NAMES, depth=NYUV2_DEPTH, size=SIZE, sha256="0" * 64, network=network())
+    return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
+
+
+@functools.cache
+def onnx_bytes() -> bytes:
+    return exported(network(), CARD)
+
+
+def picture() -> tuple[Batch, Batch]:
+    return probes(SIZE, NYUV2_DEPTH)[0]
+
+
+def reference(variant: str = "r18-nbt1d") -> Batch:
+    with torch.inference_mode():
+        answer: Batch = network(variant)(*(torch.from_numpy(batch) for batch in picture())).numpy()
+    return answer
+
+
+def assert_close(answer: Batch, expected: Batch) -> None:
+    assert (answer.shape, answer.dtype) == (expected.shape, np.dtype(np.float32))
+    np.testing.assert_allclose(answer, expected, atol=1e-4 * float(expected.std()), rtol=0)
+
+
+@pytest.mark.parametrize("variant", ["r18", "r18-nbt1d", "r50"])
+def test_folding_batch_norms_changes_nothing_but_rounding_and_leaves_the_original_alone(variant: str) -> None:
+    before = {key: value.clone() for key, value in network(variant).state_dict().items()}
+    assert not any(isinstance(module, nn.BatchNorm2d) for module in folded(network(variant)).modules())
+    assert_close(TorchInference(network(variant)).logits(*picture()), reference(variant))
+    assert all(torch.equal(value, before[key]) for key, value in network(variant).state_dict().items())
+
+
+@pytest.mark.parametrize(("height", "width"), [(3, 4), (5, 10), (8, 13), (1, 1), (17, 6)])
+def test_pooling_by_constant_matrices_is_adaptive_pooling(height: int, width: int) -> None:
+    x = torch.randn(2, 3, height, width, generator=torch.Generator().manual_seed(0))
+    torch.testing.assert_close(FixedPool(5, height, width)(x), nn.AdaptiveAvgPool2d(5)(x), atol=1e-6, rtol=1e-5)
+
+
+def test_the_fast_preparation_of_pictures_is_the_plain_one_to_the_last_bit() -> None:
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 256, (120, 212, 3), dtype=np.uint8)
+    depth = rng.uniform(0, 9000, (120, 212)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.2] = 0
+    expected = to_tensors(rgb, depth, SIZE, NYUV2_DEPTH)
+    for fast, plain in zip(Preprocessor(SIZE, NYUV2_DEPTH)(rgb, depth), expected, strict=True):
+        np.testing.assert_array_equal(fast, plain.numpy())
+
+
+@needs_onnx
+def test_onnxruntime_answers_as_torch_does() -> None:
+    assert_close(OnnxRuntimeInference(onnx_bytes(), threads=1).logits(*picture()), reference())
+
+
+@needs_openvino
+def test_openvino_answers_as_torch_does() -> None:
+    assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*picture()), reference())
+
+
+@needs_onnx
+def test_an_onnx_file_carries_its_card_and_a_side_car_goes_before_it(tmp_path: Path) -> None:
+    path = tmp_path / "network.onnx"
+    path.write_bytes(onnx_bytes())
+    assert read_onnx(path) == (onnx_bytes(), CARD)
+    opened = open_network(path, camera=Size(height=240, width=424))
+    assert (opened.class_names, opened.size, opened.network) == (NAMES, SIZE, None)
+    beside = path.with_name("network.onnx.json")
+    text = '{"class_names": ["a", "b", "c", "d"], "depth": {"mean": 1, "std": 1, "units_per_m": 1}, "size": '
+    beside.write_text(text + '{"height": 96, "width": 128}}')
+    assert read_onnx(path)[1].class_names == ("a", "b", "c", "d")
+    engine, _ = open_inference(opened, "onnxruntime", threads=1)
+    assert_close(engine.logits(*picture()), reference())
+    with pytest.raises(BadConfiguration, match="torch does not run ONNX"):
+        open_inference(opened, "torch")
+
+
+@needs_onnx
+def test_the_onnx_package_reads_the_card_that_was_appended_without_it() -> None:
+    import onnx
+
+    model = onnx.load_from_string(onnx_bytes())
+    onnx.checker.check_model(model)
+    assert [entry.key for entry in model.metadata_props] == ["bewarenav"]
+    assert [port.name for port in model.graph.input] == ["rgb", "depth"]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "does not say what its outputs mean"),
+        (b"\x72", "cut off"),
+        (b"\x72\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff", "not an ONNX file"),
+        (b"not an onnx file", "not an ONNX file"),
+        (with_card(b"", dataclasses.replace(CARD, class_names=("a",)))[:-9], "cut off"),
+        (with_card(b"", CARD).replace(b"class_names", b"class_namez"), "class_namez"),
+        (with_card(b"", CARD).replace(b'"height": 96', b'"height": 97'), "multiple of 32"),
+        (with_card(b"", CARD).replace(b'"book"', b'"cup" '), "unique"),
+    ],
+)
+def test_a_file_that_is_no_network_or_has_a_bad_card_is_refused_by_name(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "bad.onnx"
+    path.write_bytes(content)
+    with pytest.raises(BadConfiguration, match=words) as refusal:
+        read_onnx(path)
+    assert "bad.onnx" in str(refusal.value)
+
+
+@needs_onnx
+def test_a_card_around_something_else_is_refused_by_the_engine() -> None:
+    with pytest.raises(BadConfiguration, match="onnxruntime cannot run"):
+        open_inference(network_file(network=None, onnx=with_card(b"", CARD)), "onnxruntime")
+    with pytest.raises(BadConfiguration, match="no engine runs this network"):
+        choose(network_file(network=None, onnx=with_card(b"", CARD)))
+
+
+def test_weights_from_the_disk_take_the_size_nearest_to_the_camera(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    card = WeightsCard(
+        variant="r18-nbt1d", num_classes=4, width=1 / 8, class_names=NAMES, depth=NYUV2_DEPTH, source_sha256="0" * 64
+    )
+    save(network(), card, path)
+    assert open_network(path, camera=Size(height=240, width=424)).size == Size(height=256, width=416)
+    with pytest.raises(BadConfiguration, match=r"\.safetensors or \.onnx"):
+        open_network(tmp_path / "w.pth", camera=SIZE)
+
+
+@pytest.mark.parametrize(("camera", "size"), [((240, 424), (256, 416)), ((480, 640), (480, 640)), ((32, 40), (32, 32))])
+def test_the_nearest_working_size_is_of_multiples_of_32(camera: tuple[int, int], size: tuple[int, int]) -> None:
+    assert nearest_size(Size(height=camera[0], width=camera[1])) == Size(height=size[0], width=size[1])
+
+
+class Slow:
+    """An engine that takes the time it is told to, by a clock of its own, and errs as often as it is told to."""
+
+    def __init__(self, name: str, ms: float, wrong: float, clock: list[float]) -> None:
+        self.name, self._ms, self._wrong, self._clock = name, ms, wrong, clock
+
+    def logits(self, rgb: Batch, depth: Batch) -> Batch:
+        self._clock[0] += self._ms / 1e3
+        answer = np.zeros((1, 2, *rgb.shape[2:]), dtype=np.float32)
+        answer.reshape(2, -1)[1, : round(self._wrong * answer[0, 0].size)] = 1.0
+        return answer
+
+
+def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> str:
+    clock = [0.0]
+    monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
+    made = [Candidate(name=name, build=functools.partial(Slow, name, ms, wrong, clock)) for name, ms, wrong in engines]
+    monkeypatch.setattr(choice, "candidates", lambda file, threads: made)
+    return choose(network_file())[0].name
+
+
+def test_the_fastest_engine_is_taken_if_it_agrees_with_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = 2 * (1 - MIN_AGREEMENT)
+    assert chosen(monkeypatch, ("torch", 40, 0), ("ort", 20, 0.0005)) == "ort"
+    assert chosen(monkeypatch, ("torch", 40, 0), ("wild", 5, bad), ("ort", 20, 0)) == "ort"
+    assert chosen(monkeypatch, ("torch", 40, 0), ("wild", 5, bad)) == "torch"
+
+
+def test_noise_does_not_choose(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen(monkeypatch, ("torch", 40, 0), ("ort", 38, 0)) == "torch"
+
+
+def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> Slow:
+        raise BadConfiguration("it has no licence")
+
+    clock = [0.0]
+    monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
+    made = [
+        Candidate(name="torch", build=lambda: Slow("torch", 40, 0, clock)),
+        Candidate(name="broken", build=fail),
+    ]
+    monkeypatch.setattr(choice, "candidates", lambda file, threads: made)
+    engine, trials = choose(network_file())
+    assert engine.name == "torch"
+    assert [trial.failure for trial in trials] == [None, "it has no licence"]
+    assert "it has no licence" in trials[1].text()
+
+
+def test_an_engine_that_is_not_there_is_refused_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choice, "is_installed", lambda package: False)
+    with pytest.raises(BadConfiguration, match=r"openvino is not installed.*bewarenav\[fast\]"):
+        open_inference(network_file(), "openvino")
+    engine, trials = open_inference(network_file(), "torch", threads=1)
+    assert (engine.name, trials) == ("torch f32", ())

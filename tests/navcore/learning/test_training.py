@@ -1,0 +1,227 @@
+"""Training: it learns, it goes on after a kill as if nothing had happened, and several processes agree with one."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from app.training import train
+from navcore.errors import BadConfiguration
+from navcore.esanet import weights
+from navcore.learning.batches import Pictures, epoch_batches, training_batch
+from navcore.learning.dataset import load_dataset
+from navcore.learning.evaluation import Looking, evaluate, predict
+from navcore.learning.metrics import confusion_matrix, count_pixels, median_frequency_weights
+from navcore.learning.recipe import Recipe, learning_rate, momentum
+from navcore.learning.run_state import Epoch, RunState
+from navcore.learning.training import (
+    MODEL_NAME,
+    STATE_NAME,
+    Step,
+    Surroundings,
+    Training,
+    Watcher,
+    class_weights,
+    fresh_network,
+    training_loss,
+)
+from tests.navcore.learning.made import NAMES, data_set, tiny_recipe
+
+CPU = torch.device("cpu")
+HERE = Surroundings(device=CPU, bfloat16=False)
+
+
+def begun(recipe: Recipe, data: Path, out: Path, surroundings: Surroundings = HERE) -> Training:
+    out.mkdir(exist_ok=True)
+    return Training(recipe, load_dataset(data), out, surroundings)
+
+
+def same(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
+
+
+@pytest.mark.parametrize("averaging", [0.0, 0.9])
+def test_a_resumed_run_equals_the_uninterrupted_one_bit_for_bit(averaging: float, tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    recipe = tiny_recipe(averaging=averaging, schedule="batch")
+    whole = begun(recipe, tmp_path / "d", tmp_path / "whole").run()
+    begun(recipe, tmp_path / "d", tmp_path / "cut").run(until=1)
+    torch.manual_seed(77)  # whatever else drew numbers meanwhile
+    again = begun(recipe, tmp_path / "d", tmp_path / "cut")
+    again.resume()
+    resumed = again.run()
+    assert same(whole.network, resumed.network)
+    assert same(whole.average, resumed.average)
+    assert whole.history == resumed.history
+    assert (whole.best_epoch, whole.best_miou) == (resumed.best_epoch, resumed.best_miou)
+    kept = [weights.load(tmp_path / name / MODEL_NAME).network.state_dict() for name in ("whole", "cut")]
+    assert same(*kept)
+
+
+def test_it_learns_and_keeps_the_best_epoch(tmp_path: Path) -> None:
+    data_set(tmp_path / "d", train=16)
+    news: list[Step | Epoch] = []
+    training = begun(tiny_recipe(epochs=8, learning_rate=0.04), tmp_path / "d", tmp_path / "out")
+    state = training.run(news.append)
+    assert state.history[-1].loss < 0.6 * state.history[0].loss
+    mious = [epoch.miou for epoch in state.history if epoch.miou is not None]
+    assert state.best_miou == max(mious)
+    assert state.best_epoch == mious.index(max(mious)) + 1
+    assert [one.step for one in news if isinstance(one, Step)] == [1, 2, 3, 4] * 8
+
+    trained = weights.load(tmp_path / "out" / MODEL_NAME)
+    assert trained.card.size == training.recipe.size
+    assert (trained.card.class_names, trained.card.depth) == (NAMES, training.dataset.card.depth)
+    pictures = Pictures(training.dataset, "valid", cache_mb=1)
+    confusion = evaluate(trained.network, pictures, Looking(size=training.recipe.size, batch=2))
+    by_hand = np.zeros((2, 2), dtype=np.int64)
+    for index in range(3):
+        (classes,) = predict(trained.network, [pictures[index]], Looking(size=training.recipe.size), trained.card.depth)
+        by_hand += confusion_matrix(pictures[index].labels, classes, 2)
+    np.testing.assert_array_equal(confusion, by_hand)
+
+
+def test_bfloat16_learns_nearly_the_same(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    losses = []
+    for bfloat16 in (False, True):
+        surroundings = Surroundings(device=CPU, bfloat16=bfloat16)
+        state = begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / str(bfloat16), surroundings).run()
+        losses.append(state.history[0].loss)
+        assert all(value.dtype != torch.bfloat16 for value in state.network.values())
+    assert losses[1] == pytest.approx(losses[0], rel=0.05)
+    assert losses[1] != losses[0]
+
+
+def test_class_weights_follow_the_recipe(tmp_path: Path) -> None:
+    dataset = data_set(tmp_path / "d")
+    counts = count_pixels((dataset.read("train", index).labels for index in range(8)), 2)
+    expected = median_frequency_weights(counts)
+    np.testing.assert_allclose(class_weights(tiny_recipe(), dataset), expected)
+    np.testing.assert_allclose(class_weights(tiny_recipe(weight_power=0.5), dataset), np.sqrt(expected))
+    np.testing.assert_array_equal(class_weights(tiny_recipe(class_weights="none"), dataset), [1.0, 1.0])
+
+
+def test_runs_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    data_set(tmp_path / "d", valid=0)
+    with pytest.raises(BadConfiguration, match="no valid pictures"):
+        begun(tiny_recipe(), tmp_path / "d", tmp_path / "out")
+    with pytest.raises(BadConfiguration, match="do not fill"):
+        begun(tiny_recipe(batch=9, selection="test"), tmp_path / "d", tmp_path / "out")
+    with pytest.raises(BadConfiguration, match="lower learning_rate"):
+        begun(tiny_recipe(learning_rate=10.0, epochs=40, selection="last"), tmp_path / "d", tmp_path / "out").run()
+
+
+def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    out = tmp_path / "out"
+    begun(tiny_recipe(epochs=1), tmp_path / "d", out).run()
+    with pytest.raises(BadConfiguration, match="another recipe"):
+        begun(tiny_recipe(epochs=2), tmp_path / "d", out).resume()
+    with pytest.raises(BadConfiguration, match="--resume"):
+        train(tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), out, resume=False)
+    with pytest.raises(BadConfiguration, match="no run to go on with"):
+        train(tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), tmp_path / "elsewhere", resume=True)
+    whole = (out / STATE_NAME).read_bytes()
+    for content in (whole[:1000], pickle.dumps({"format": "bewarenav-training-1"}), pickle.dumps(_Hostile(out / "struck"))):
+        (out / STATE_NAME).write_bytes(content)
+        with pytest.raises(BadConfiguration, match=STATE_NAME):
+            begun(tiny_recipe(epochs=1), tmp_path / "d", out).resume()
+    assert not (out / "struck").exists()
+
+
+class _Hostile:
+    """Its pickle would make a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return Path.touch, (self._path,)
+
+
+def test_the_mirrored_picture_is_labelled_as_the_mirror(tmp_path: Path) -> None:
+    dataset = data_set(tmp_path / "d", train=1, valid=1, test=1)
+    from navcore.learning.augment import flipped
+
+    network = fresh_network(tiny_recipe(), 2)
+    looking = Looking(size=tiny_recipe().size, mirrored_too=True)
+    one = dataset.read("test", 0)
+    (classes,) = predict(network, [one], looking, dataset.card.depth)
+    (mirrored,) = predict(network, [flipped(one)], looking, dataset.card.depth)
+    assert (classes == mirrored[:, ::-1]).mean() > 0.999
+
+
+def test_two_processes_take_the_steps_that_one_would_take(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    recipe = tiny_recipe(epochs=2, batch=8, learning_rate=1e-3)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    context = multiprocessing.get_context("spawn")
+    children = [context.Process(target=_one_of_two, args=(rank, port, recipe, tmp_path)) for rank in range(2)]
+    for child in children:
+        child.start()
+    for child in children:
+        child.join(120)
+        assert child.exitcode == 0
+    states = [torch.load(tmp_path / f"rank{rank}.pt", weights_only=True) for rank in range(2)]
+    assert same(*states)
+    written = torch.load(tmp_path / "out" / STATE_NAME, weights_only=True)
+    assert same(states[0], written["network"])
+
+    expected = _by_hand(recipe, tmp_path / "d")
+    for key, value in expected.items():
+        torch.testing.assert_close(states[0][key], value, rtol=1e-4, atol=1e-5)
+    # The control: the weights have moved much further than that.
+    start = fresh_network(recipe, 2).state_dict()
+    assert max(float((start[key] - value).abs().max()) for key, value in expected.items()) > 1e-3
+
+
+def _one_of_two(rank: int, port: int, recipe: Recipe, folder: Path) -> None:
+    """What torchrun would start."""
+    os.environ |= {
+        "RANK": str(rank),
+        "LOCAL_RANK": str(rank),
+        "WORLD_SIZE": "2",
+        "MASTER_ADDR": "127.0.0.1",
+        "MASTER_PORT": str(port),
+    }
+    torch.set_num_threads(1)
+    original, kept = Training.run, []
+
+    def run(self: Training, watch: Watcher) -> RunState:
+        kept.append(self)
+        return original(self, watch)
+
+    Training.run = run  # type: ignore[assignment,method-assign]
+    train(recipe, load_dataset(folder / "d"), folder / "out", resume=False, device="cpu", workers=1)
+    torch.save(kept[0].network.state_dict(), folder / f"rank{rank}.pt")
+
+
+def _by_hand(recipe: Recipe, data: Path) -> dict[str, Tensor]:
+    """The parameters after the run: in each step the mean of both halves' gradients, by one process."""
+    dataset = load_dataset(data)
+    network = fresh_network(recipe, 2).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+    optimiser = torch.optim.SGD(network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay)
+    pictures = Pictures(dataset, "train", cache_mb=16)
+    loss_weights = torch.from_numpy(class_weights(recipe, dataset)).float()
+    for epoch in range(1, recipe.epochs + 1):
+        group = optimiser.param_groups[0]
+        group["lr"], group["momentum"] = (how(recipe, epoch - 1, recipe.epochs) for how in (learning_rate, momentum))
+        halves = [epoch_batches(8, recipe.batch, seed=0, epoch=epoch, rank=rank, ranks=2) for rank in range(2)]
+        for step in zip(*halves, strict=True):
+            optimiser.zero_grad()
+            for indexes in step:
+                batch = training_batch(pictures, indexes, recipe.size, recipe.augmentation, seed=0, epoch=epoch)
+                torch.autograd.backward(training_loss(network, batch, loss_weights, bfloat16=False) / 2)
+            optimiser.step()
+    return {key: value.detach() for key, value in network.named_parameters()}
