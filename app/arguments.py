@@ -1,12 +1,34 @@
-"""What the commands share: points given as text, and places to write to."""
+"""What the commands share: options, points given as text, and places to write to. Imports nothing that takes a second."""
 
 from __future__ import annotations
 
 import math
 import tempfile
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from navcore.errors import BadConfiguration
+
+PriorOption = Annotated[
+    Path | None,
+    typer.Option("--prior", metavar="MAP.yaml", help="A Nav2 map; its obstacles count until the camera sees their floor free."),
+]
+KeptOption = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="FILE", help="The map of an earlier session: loaded if it is there, kept there at the end."),
+]
+
+
+class BenchPart(StrEnum):
+    """What `bench` can measure."""
+
+    DRIVE = "drive"
+    TICK = "tick"
+    SEGMENT = "segment"
+    PLAN = "plan"
 
 
 def point(text: str, option: str) -> tuple[float, float]:

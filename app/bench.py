@@ -7,16 +7,22 @@ from __future__ import annotations
 
 import platform
 import time
+from collections.abc import Sequence
 
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.arguments import BenchPart
+from app.bench_planning import run_planning_bench
+from app.bench_tick import tick_table
 from app.episode import Episode
+from app.segmenter import measure_segmenter
 from app.timing import STAGES
 from navcore.beware import default_beware_list
 from navcore.warmup import warm_up
 from sim.scenario import load_scenario
 
+TICKS = 300
 WHAT = {
     "tick": "frame → twist, everything",
     "label": "segmentation",
@@ -28,8 +34,32 @@ WHAT = {
 }
 
 
-def run_bench(scenario: str, seconds: float) -> None:
-    """Drive the scenario's own mission for some simulated seconds and print a table."""
+def run_bench(parts: Sequence[BenchPart], scenario: str, seconds: float) -> None:
+    """Measure these parts, one after the other, and print a table of each."""
+    terminal = Terminal()
+    if BenchPart.DRIVE in parts:
+        _drive(terminal, scenario, seconds)
+    if BenchPart.TICK in parts:
+        terminal.print(tick_table(TICKS))
+    if BenchPart.SEGMENT in parts:
+        terminal.print(_engines())
+    if BenchPart.PLAN in parts:
+        run_planning_bench(terminal)
+
+
+def _engines() -> Table:
+    what, trials = measure_segmenter()
+    table = Table("engine", "p50 ms", "p99 ms", "pixels as torch f32", title=what)
+    for trial in trials:
+        if trial.failure is not None:
+            table.add_row(trial.name, "–", "–", trial.failure)
+        else:
+            table.add_row(trial.name, f"{trial.p50_ms:.1f}", f"{trial.p99_ms:.1f}", f"{trial.agreement:.3%}")
+    return table
+
+
+def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
+    """Drive the scenario's own mission for some simulated seconds."""
     warm_up()
     start = time.perf_counter()
     episode = Episode(load_scenario(scenario), seed=0, beware=default_beware_list(), max_time_s=seconds)
@@ -43,7 +73,6 @@ def run_bench(scenario: str, seconds: float) -> None:
             table.add_row(stage, WHAT[stage], str(count), *(f"{figures[key]:.2f}" for key in ("p50", "p99", "max")))
     finally:
         episode.close()
-    terminal = Terminal()
     terminal.print(table)
     speed = report["sim_time_s"] / report["wall_time_s"]
     terminal.print(

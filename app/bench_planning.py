@@ -52,11 +52,10 @@ class Problem:
     """… and the disc's radius in cells."""
 
 
-def run_planning_bench(maps: FilePath | None = None) -> None:
+def run_planning_bench(terminal: Terminal, maps: FilePath | None = None) -> None:
     """Measure planners on the given maps, replanning on changing ones, and the way from a raw grid to a path; print tables."""
     folder = maps or FilePath(__file__).parents[2] / "shared" / "data" / "maps"
     problems = list(published(folder)) if folder.is_dir() else [forest(1500, 0.08), forest(3000, 0.08)]
-    terminal = Terminal()
     terminal.print(compare(problems))
     grown = [problem for problem in problems if problem.occupied is not None]
     terminal.print(replanning(grown, folder))

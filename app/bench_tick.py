@@ -57,9 +57,8 @@ def _measured(ticks: int) -> list[Stage]:
     spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
     navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     order = Order(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
-    stages = [
-        Stage(what=what, ms=[]) for what in ("depth → cells", "points, map", "layers, inflation", "path", "motion", "all")
-    ]
+    names = ("depth → cells, by itself", "points, map", "layers, inflation", "path", "motion", "all but the first")
+    stages = [Stage(what=name, ms=[]) for name in names]
     forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
     for number in range(ticks + WARM_UP):
         frame = forest.picture(pose, number)

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.arguments import point, prepare
+from app.arguments import BenchPart, KeptOption, PriorOption, point, prepare
 from app.dataset_cli import dataset_cli
 from app.plan_cli import plan
 from app.segment_cli import segment
@@ -61,12 +61,16 @@ def console(
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
     backend: BackendOption = "auto",
+    prior: PriorOption = None,
+    kept: KeptOption = None,
 ) -> None:
     """Start the operator console with the simulated robot."""
     from app.console import run_console
 
+    if kept is not None:
+        prepare(kept.parent)
     choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
-    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice)
+    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept)
 
 
 @cli.command()
@@ -81,23 +85,28 @@ def drive(
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
     backend: BackendOption = "auto",
+    prior: PriorOption = None,
+    kept: KeptOption = None,
 ) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without any violation."""
     from app.episode import Episode
+    from app.known_world import keep, recall
     from app.plots import plot_episode
     from app.segmenter import compose
     from sim.scenario import load_scenario
 
     goals = tuple(point(text, "--goal") for text in goal or [])
-    for folder in ([report.parent] if report else []) + ([plots] if plots else []):
+    for folder in [*(file.parent for file in (report, kept) if file is not None), *([plots] if plots else [])]:
         prepare(folder)
     world, listed = load_scenario(scenario), _beware(beware)
     perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
     episode = Episode(world, seed=seed, beware=listed, goals=goals, max_time_s=max_time, perception=perception)
     try:
+        recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
             task = bar.add_task("starting", total=1.0)
             result = episode.run(lambda progress: bar.update(task, description=progress.text(), completed=progress.share))
+        keep(episode.pilot.navigator.map, listed, kept)
         if plots is not None:
             plot_episode(result, episode, plots)
     finally:
@@ -114,9 +123,13 @@ def drive(
 
 @cli.command()
 def evaluate(
-    suite: Annotated[str, typer.Argument(help="A scenario, e.g. office.")],
-    episodes: Annotated[int, typer.Option(min=1, max=10_000)] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
+    suite: Annotated[str, typer.Argument(help="A scenario, e.g. office, or the suites barn and dynabarn.")],
+    worlds: Annotated[Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")] = None,
+    robot: Annotated[str, typer.Option(metavar="husky|jackal", help="What drives; suites are scaled to fit it.")] = "husky",
+    episodes: Annotated[
+        int | None, typer.Option(min=1, max=10_000, help="Seeds of a scenario, 10 if left out; the first worlds of a suite.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first episode; the others follow. Of every world of a suite.")] = 0,
     workers: Annotated[int, typer.Option(min=1, max=64)] = 1,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where episodes.jsonl and summary.json go.")] = None,
     max_time: Annotated[float, typer.Option(metavar="S", min=1.0)] = 600.0,
@@ -126,12 +139,18 @@ def evaluate(
     backend: BackendOption = "auto",
 ) -> None:
     """Drive many seeded episodes and print what came of them; resumes where it was interrupted."""
+    from app.barn import SUITES, evaluate_barn
     from app.evaluate import evaluate_scenario
     from app.segmenter import compose
 
+    if suite in SUITES:
+        into = out or Path("runs") / f"{suite}-{robot}"
+        verdict = evaluate_barn(suite, worlds, robot=robot, count=episodes, seed=seed, workers=workers, out=into)
+        sys.exit(0 if verdict["success_rate"] == 1.0 else 1)
     summary = evaluate_scenario(
         suite,
-        seeds=range(seed, seed + episodes),
+        robot=robot,
+        seeds=range(seed, seed + (episodes or 10)),
         workers=workers,
         out=out or Path("runs") / suite,
         max_time_s=max_time,
@@ -143,13 +162,25 @@ def evaluate(
 
 @cli.command()
 def bench(
+    part: Annotated[list[BenchPart] | None, typer.Argument(help="What to measure; everything if left out.")] = None,
     scenario: ScenarioOption = "office",
     seconds: Annotated[float, typer.Option(min=1.0, help="Simulated seconds to drive.")] = 30.0,
 ) -> None:
-    """Print this machine's figures: time per stage of a tick, and simulated seconds per second."""
+    """Print this machine's figures: a drive, a tick on a large map, planners side by side, segmentation by engine."""
     from app.bench import run_bench
 
-    run_bench(scenario, seconds)
+    run_bench(part or list(BenchPart), scenario, seconds)
+
+
+@cli.command()
+def reliability(
+    row: Annotated[list[int] | None, typer.Option(min=1, max=11, help="Only this row; repeat for more.")] = None,
+    factor: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")] = 1.0,
+) -> None:
+    """Measure the promises about stopping, rows 1 to 11, and print them; exit code 0 only when all are met."""
+    from app.reliability import measure_reliability
+
+    sys.exit(measure_reliability(rows=frozenset(row or ()), factor=factor))
 
 
 @cli.command()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ import cv2
 import torch
 
 from app.episode import map_of
+from app.faults import Sabotage
+from app.known_world import keep, recall
 from app.operations import LiveOperations
 from app.pilot import Intent, Pilot
 from app.recorder import Recorder
@@ -49,7 +52,15 @@ class RunningConsole:
 
 @contextmanager
 def console(
-    *, scenario: str, host: str, port: int, data: Path, seed: int, choice: SegmenterChoice | None = None
+    *,
+    scenario: str,
+    host: str,
+    port: int,
+    data: Path,
+    seed: int,
+    choice: SegmenterChoice | None = None,
+    prior: Path | None = None,
+    kept: Path | None = None,
 ) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
@@ -66,7 +77,12 @@ def console(
         warm_up(perception.segmenter)
         robot = SimulatorProcess(scenario, seed=seed, profile=HUSKY)
         stack.callback(robot.close)
-        pilot = _pilot(store, map_of(world), perception)
+        pilot, began_ns = _pilot(store, map_of(world), perception), robot.now_ns()
+        if world.faults:
+            sabotage = Sabotage(pilot.navigator, lambda: world.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
+            sabotage.take_time(time.sleep)
+        recall(pilot.navigator.map, pilot.intent.beware, prior=prior, kept=kept)
+        stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, kept))  # when the loop has stopped
         recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
@@ -96,11 +112,23 @@ def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 
 
-def run_console(*, scenario: str, host: str, port: int, data: Path, seed: int, choice: SegmenterChoice) -> None:
+def run_console(
+    *,
+    scenario: str,
+    host: str,
+    port: int,
+    data: Path,
+    seed: int,
+    choice: SegmenterChoice,
+    prior: Path | None = None,
+    kept: Path | None = None,
+) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    with console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice) as running:
+    with console(
+        scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept
+    ) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         ended.wait()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -19,7 +20,7 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; at most one epoch was lost.")] = False,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
     workers: Annotated[int, typer.Option(min=0, max=64, help="Threads that prepare pictures.")] = 2,
-    threads: Annotated[int, typer.Option(min=0, max=256, help="Threads that compute; 0 = torch's choice.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, max=256, help="Threads that compute; 0 = one per core.")] = 0,
     cache_mb: Annotated[int, typer.Option(min=0, help="Memory for decoded pictures, per process.")] = 4096,
 ) -> None:
     """Train a network on a data set: model.safetensors, its card and its figures. Under torchrun on several processes."""
@@ -29,8 +30,8 @@ def train(
     from navcore.learning.dataset import load_dataset
     from navcore.learning.recipe import Recipe, load_recipe
 
-    if threads:
-        torch.set_num_threads(threads)
+    cores = (os.cpu_count() or 1) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    torch.set_num_threads(threads or max(1, cores))  # the package app has capped all libraries at one
     chosen = Recipe() if recipe is None else load_recipe(recipe)
     if not (data / "train_rgb.txt").is_file():
         raise BadConfiguration(f"--data {data}: no data set with a train split (train_rgb.txt) is there")

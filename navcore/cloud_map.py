@@ -28,7 +28,7 @@ from navcore.errors import BadConfiguration
 from navcore.explored import Explored
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, refresh_planes
+from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in, refresh_planes
 from navcore.map_state import MapState
 from navcore.mask import Mask
 from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Observation, frustum_box
@@ -88,6 +88,7 @@ class CloudMap:
         self._least = np.zeros(64, dtype=np.float32)
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
+        self._has_prior = False
         self.explored = Explored(spec)
         """What of the space is known."""
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
@@ -110,6 +111,15 @@ class CloudMap:
         changed = self._refresh(np.concatenate([touched, self._disproved(observation.voxels_seen)]))
         self.version += changed or ruled
         self._keep_to_budget()
+
+    def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
+        """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody walked."""
+        kinds = np.zeros(256, dtype=np.bool_)
+        kinds[list(class_ids)] = True
+        gone = points_in(self._points.first, self._points.records, cells, kinds)
+        if len(gone):
+            self._points.remove(gone)
+            self.version += self._refresh(cells)
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
@@ -140,6 +150,7 @@ class CloudMap:
             raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self.spec.rows, self.spec.cols)}")
         before = np.flatnonzero(self._prior)
         self._prior = occupied.reshape(-1).copy()
+        self._has_prior = True
         self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
 
     def state(self) -> MapState:
@@ -168,6 +179,7 @@ class CloudMap:
         self._points.add(records)
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         self._prior = state.prior.bools.reshape(-1).copy()
+        self._has_prior = bool(self._prior.any())
         explored = self.explored
         explored.measured, explored.looked, explored.trodden = (
             mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
@@ -299,6 +311,8 @@ class CloudMap:
 
     def _disproved(self, voxels: Indices) -> Indices:
         """Give up the cells of the prior map whose floor was measured; returns them."""
+        if not self._has_prior:
+            return np.empty(0, dtype=np.int64)
         levels = LOWEST_M + (voxels % HEIGHT_BINS + 0.5) * BIN_M
         floor = voxels[np.abs(levels) < FLOOR_M] // HEIGHT_BINS
         cells: Indices = floor[self._prior[floor]]
@@ -307,7 +321,7 @@ class CloudMap:
 
     def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:
         """Have a layer for each of these classes."""
-        new = np.setdiff1d(class_ids, self._class_ids)
+        new = np.setdiff1d(np.flatnonzero(np.bincount(class_ids, minlength=1)), self._class_ids).astype(np.uint8)
         if len(new):
             self._class_ids = np.concatenate([self._class_ids, new])
             self._planes = np.concatenate([self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)])

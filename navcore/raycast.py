@@ -15,7 +15,9 @@ from navcore.search.bits import ONE, PAD, Plane, compiled
 BLOCK = 4
 """The volume is counted in blocks of so many cells a side, and 5 cm of height."""
 STRIDE_PX = 4
-"""One ray for so many columns of the picture, and for the volume for twice as many columns and rows."""
+"""One ray for so many columns of the picture …"""
+SPARSE = 3
+"""… and for the volume, whose blocks are larger, one of so many of these in columns and rows."""
 
 
 def look(frame: Frame, spec: GridSpec, *, max_range_m: float, ceiling_m: float, looked: Plane, volume: Plane) -> None:
@@ -63,7 +65,7 @@ def _look(
                 depth = (place[4] - t[2, 3]) / rise
             if depth > furthest:
                 furthest, furthest_row = depth, i
-            if (i ^ j) & STRIDE_PX == 0 and i & STRIDE_PX == 0:
+            if i // STRIDE_PX % SPARSE == 0 and j // STRIDE_PX % SPARSE == 0:
                 _pass_through(t, a, b, depth, place, volume)
         if furthest > 0.0:
             _sweep(t, a, (furthest_row - lens[3]) / lens[1], furthest, place, rows, cols, looked)

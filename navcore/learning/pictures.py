@@ -33,6 +33,14 @@ def read_depth(path: Path) -> DepthArray:
     return decode_depth(read_bytes(path), str(path))
 
 
+def read_grey(path: Path) -> LabelArray:
+    """(H, W) uint8 from an 8-bit PNG of one channel; raises `BadConfiguration` naming the file."""
+    picture = _decode(read_bytes(path), str(path), cv2.IMREAD_UNCHANGED)
+    if picture.dtype != np.uint8 or picture.ndim != 2:
+        raise BadConfiguration(f"{path}: {picture.dtype} {picture.shape}, expected an 8-bit PNG of one channel")
+    return np.asarray(picture, dtype=np.uint8)
+
+
 def decode_rgb(content: bytes, where: str) -> RgbArray:
     """(H, W, 3) uint8 in RGB order out of the bytes of a PNG or JPEG; raises `BadConfiguration` naming `where`."""
     picture = _decode(content, where, cv2.IMREAD_COLOR)

@@ -66,7 +66,7 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE.replace("epochs = 3", "epochs = 1"))
     out = tmp_path / "out"
-    assert "book" in run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out)
+    assert "book" in run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out, "--threads", 1)
     metrics = json.loads((out / "metrics.json").read_text())
     assert (metrics["split"], metrics["pictures"], list(metrics["iou"])) == ("test", 2, ["floor", "book"])
     card = json.loads((out / "card.json").read_text())
@@ -88,15 +88,15 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
     assert "%" in run("segment", out / "model.safetensors", "--rgb", rgb, "--depth", depth)
     assert "book" in run("dataset", "info", tmp_path / "d")
     with pytest.raises(BadConfiguration, match="holds a training run"):
-        run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out)
+        run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out, "--threads", 1)
 
 
 def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE)
-    words = ["train", str(tmp_path / "r.toml"), "--data", str(tmp_path / "d"), "--out"]
+    words = ["train", str(tmp_path / "r.toml"), "--data", str(tmp_path / "d"), "--threads", "1", "--out"]
     killed, whole = tmp_path / "killed", tmp_path / "whole"
-    arguments = ["bewarenav", *words, str(killed), "--threads", "1"]
+    arguments = ["bewarenav", *words, str(killed)]
     child = subprocess.Popen([sys.executable, "-c", SLOWED.format(arguments=arguments)], stderr=subprocess.DEVNULL)
     try:
         for _ in range(1200):

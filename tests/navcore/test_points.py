@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareClass, BewareList
 from navcore.frame import Frame, Intrinsics
-from navcore.points import LOWEST_M, Observation, PointRules, back_project, observe
+from navcore.points import BIN_M, LOWEST_M, Observation, PointRules, back_project, observe
 from navcore.segment import ColourSegmenter, Labels
 from navcore.transform import Pose2, transform_points
 from tests.navcore.laws import law
@@ -171,7 +171,7 @@ def test_more_support_asked_for_never_adds_points(low: int, more: int) -> None:
 def test_each_voxel_holds_one_point_of_a_class_and_the_floor_is_seen() -> None:
     # No side of the box lies on the border of a voxel, where rounding would decide.
     observation = look(picture(Box(x=(2.03, 2.6), y=(0.33, 0.87), z=(0.0, 0.52))))
-    voxels = np.floor(observation.points_map.astype(np.float64) / [0.1, 0.1, 0.05])
+    voxels = np.floor((observation.points_map.astype(np.float64) - [0.0, 0.0, LOWEST_M]) / [0.1, 0.1, BIN_M])
     assert len(np.unique(voxels, axis=0)) == len(voxels) > 20
     seen = {divmod(int(voxel) >> 6, SPEC.cols) for voxel in observation.voxels_seen}
     assert SPEC.cell(1.5, 0.0) in seen
