@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench campaign setup debian clean
+.PHONY: run test lint bench reliability campaign setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -20,6 +20,10 @@ lint: setup
 
 bench: setup
 	$(BIN)/bewarenav bench $(ARGS)
+
+# What holds when something goes wrong, measured: faults are injected and the promises about stopping judged. Minutes.
+reliability: setup
+	$(BIN)/bewarenav reliability $(ARGS)
 
 # The promise of the office, measured: ten seeded missions, judged by the referee. Minutes, so it is no part of `test`.
 campaign: setup

@@ -123,7 +123,7 @@ def drive(
 
 @cli.command()
 def evaluate(
-    suite: Annotated[str, typer.Argument(help="A scenario, e.g. office, or the suites barn and dynabarn.")],
+    suite: Annotated[str, typer.Argument(help="A scenario, e.g. office, or the suites barn, dynabarn and crossings.")],
     worlds: Annotated[Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")] = None,
     robot: Annotated[str, typer.Option(metavar="husky|jackal", help="What drives; suites are scaled to fit it.")] = "husky",
     episodes: Annotated[
@@ -140,6 +140,7 @@ def evaluate(
 ) -> None:
     """Drive many seeded episodes and print what came of them; resumes where it was interrupted."""
     from app.barn import SUITES, evaluate_barn
+    from app.crossings import evaluate_crossings
     from app.evaluate import evaluate_scenario
     from app.segmenter import compose
 
@@ -147,6 +148,10 @@ def evaluate(
         into = out or Path("runs") / f"{suite}-{robot}"
         verdict = evaluate_barn(suite, worlds, robot=robot, count=episodes, seed=seed, workers=workers, out=into)
         sys.exit(0 if verdict["success_rate"] == 1.0 else 1)
+    if suite == "crossings":
+        seeds, into = range(seed, seed + (episodes or 200)), out or Path("runs") / suite
+        verdict = evaluate_crossings(seeds=seeds, workers=workers, out=into, beware=_beware(beware))
+        sys.exit(0 if verdict["drove_into_somebody"] == 0 else 1)
     summary = evaluate_scenario(
         suite,
         robot=robot,

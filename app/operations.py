@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
+from app.occupant import occupant
 from app.pilot import MOVING, Intent, Pilot
 from app.recorder import Recorder
 from app.segmenter import Perception
@@ -127,7 +128,7 @@ class LiveOperations:
             raise BadGeometry("the goal is not finite; give metres of the map frame")
         spec, picture = self._pilot.navigator.map.spec, self._recorder.picture
         if picture is not None and spec.contains(x_m, y_m) and picture.blocked[spec.cell(x_m, y_m)]:
-            where = _occupant(picture, spec.cell(x_m, y_m))
+            where = occupant(picture.grid, spec.cell(x_m, y_m))
             raise BadGeometry(f"goal ({x_m:.2f}, {y_m:.2f}) lies {where}; the robot cannot stand there, pick a free place")
         mission = self._pilot.change_mission(lambda mission: mission.add(x_m, y_m, spec))
         return mission.queue[-1]
@@ -286,16 +287,6 @@ def _length_m(decision: Decision | None) -> float | None:
     if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
         return None
     return decision.route.outcome.length * decision.occupancy.spec.resolution_m
-
-
-def _occupant(picture: Picture, cell: tuple[int, int]) -> str:
-    """What makes a cell unfit, in words."""
-    grid = picture.grid
-    if grid.zones[cell] or any(mask[cell] for _, mask in grid.wide_zones):
-        return "inside a beware zone"
-    if any(layer[cell] for layer in grid.beware.values()):
-        return "on something of the beware list"
-    return "inside an obstacle" if grid.geometric[cell] else "too close to an obstacle or a zone"
 
 
 def _in_zone(decision: Decision | None) -> bool:

@@ -11,19 +11,24 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from app.occupant import occupant
 from navcore.beware import BewareList
+from navcore.contact import NO_POINTS, near_points
 from navcore.errors import BadFrame
 from navcore.frame import Frame
 from navcore.local_planner import Outcome
 from navcore.mission import Mission, Phase
 from navcore.navigator import Decision, Navigator, Order
-from navcore.path import NoPath
+from navcore.path import NoPath, Reason
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
-from navcore.safety import COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, ranked
+from navcore.safety import BLOCKED_NS, COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, pushes_in_vain, ranked
+from navcore.senses import Doubt, Senses
 from navcore.zones import Zone
 
 COMMAND_PERIOD_S = 0.05
 """How often a command is sent."""
+MOVING = (Phase.DRIVING, Phase.LEAVING)
+"""Phases of a mission in which the robot may move."""
 STANDS_BELOW_MPS = 0.03
 """A robot slower than this stands, as far as arriving is concerned."""
 
@@ -70,6 +75,11 @@ class Pilot:
         self._intent = intent
         self._thought = Thought()
         self._sent = STANDSTILL
+        # Two observers of the same frames: one for what enters the map, one for the gate, which hears of a frame first and
+        # waits for no tick.
+        self._mapped, self._watched = Senses(), Senses()
+        self._near = NO_POINTS
+        self._pushing_ns: int | None = None
 
     @property
     def intent(self) -> Intent:
@@ -97,19 +107,29 @@ class Pilot:
         return self.change(lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))).mission
 
     def think(self, frame: Frame, *, clock: Callable[[], int]) -> Decision | None:
-        """One tick; None when the frame was refused. `clock` dates the command, after the work is done."""
+        """One tick; None when the frame was refused or shows nothing new. `clock` dates the command, after the work is done."""
         intent = self._intent
         goal = intent.mission.goal
         order = _order(intent)
+        with self._lock:
+            senses = self._mapped = self._mapped.after(frame, self.profile)
+        if senses.doubt is not None or senses.repeats:
+            # What cannot be true must not enter the map; the gate says why the robot stands, or the command just expires.
+            command = None if senses.doubt is not None else self._thought.command
+            self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, command=command)
+            return None
         try:
             decision = self.navigator.tick(frame, order)
         except BadFrame as error:
             self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None)
             return None
-        command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal else None
+        command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
         self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
-        if goal and decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
-            self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
+        if decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
+            if goal:
+                self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
+            elif order.leave:
+                self.change_mission(lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission)
         return decision
 
     def note_failure(self, frame: Frame, error: Exception) -> None:
@@ -117,8 +137,15 @@ class Pilot:
         failure = f"{type(error).__name__}: {error}"
         self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, failure=failure, command=None)
 
-    def command(self, now_ns: int, period_s: float, send: Callable[[Twist], None] = lambda twist: None) -> Verdict:
-        """Decide what to send now, `period_s` after the last time, and send it.
+    def command(
+        self,
+        now_ns: int,
+        period_s: float,
+        send: Callable[[Twist], None] = lambda twist: None,
+        *,
+        newest: Frame | None,
+    ) -> Verdict:
+        """Decide what to send now, `period_s` after the last time, and send it. `newest` is the last frame that came in.
 
         A mission that does not drive never moves the robot. Deciding and sending are one step against `change`: once a stop, a
         cancel or a zone is acknowledged, nothing decided before it is sent any more.
@@ -126,10 +153,34 @@ class Pilot:
         with self._lock:
             if period_s * 1e9 > COMMAND_LIFE_NS:
                 self._sent = STANDSTILL  # the driver has forgotten the last command by now
+            self._watch(now_ns, newest)
             verdict = self._verdict(now_ns, period_s)
             self._sent = verdict.twist
             send(verdict.twist)
         return verdict
+
+    @property
+    def pose_in_doubt(self) -> bool:
+        """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
+        return self._watched.doubt is Doubt.POSE or self._mapped.doubt is Doubt.POSE
+
+    def trust_pose(self) -> None:
+        """The operator says that the next frame's pose and stamp are true, whatever came before."""
+        with self._lock:
+            self._mapped = self._watched = Senses()
+
+    def _watch(self, now_ns: int, newest: Frame | None) -> None:
+        """Look at the newest frame, independently of the tick, and at whether the wheels obey."""
+        if newest is not None and newest is not self._watched.newest:
+            self._watched = self._watched.after(newest, self.profile)
+            self._near = near_points(newest)
+        held = self._pushing_ns is not None and now_ns - self._pushing_ns >= BLOCKED_NS
+        if self._intent.mission.phase not in MOVING:
+            self._pushing_ns = None
+        elif newest is None or not pushes_in_vain(self._sent, newest.twist, self.profile):
+            self._pushing_ns = self._pushing_ns if held else None
+        elif self._pushing_ns is None:
+            self._pushing_ns = now_ns
 
     def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
         """Why the robot stands although it was told to drive, as of now; the most severe first."""
@@ -138,12 +189,15 @@ class Pilot:
     def _verdict(self, now_ns: int, period_s: float) -> Verdict:
         intent, thought = self._intent, self._thought
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
-        driving = intent.mission.phase is Phase.DRIVING and thought.order == _order(intent)
+        driving = intent.mission.phase in MOVING and thought.order == _order(intent)
         facts = Facts(
             now_ns=now_ns,
-            frame_ns=thought.frame_ns,
+            frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
             stopped_by=intent.stopped_by,
             command=thought.command if driving else None,
+            senses=self._watched,
+            near=self._near,
+            pushing_ns=self._pushing_ns,
         )
         verdict = guard(facts, sent=self._sent, period_s=period_s, profile=self.profile)
         return Verdict(twist=verdict.twist, reasons=ranked([*verdict.reasons, *self._obstacles(intent, thought)]))
@@ -157,18 +211,35 @@ class Pilot:
             found.append(StopReason(cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."))
         if intent.mission.phase is Phase.PAUSED:
             found.append(StopReason(cause=Cause.PAUSED, text="The mission is paused; resume it to drive on."))
-        if intent.mission.phase is not Phase.DRIVING or thought.decision is None:
+        if intent.mission.phase not in MOVING or thought.decision is None:
             return found
         route, outcome = thought.decision.route, thought.decision.motion.outcome
         if route is not None and isinstance(route.outcome, NoPath):
-            found.append(StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {route.outcome.reason}."))
+            why = _why_no_path(intent, thought.decision, route.outcome)
+            found.append(StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}."))
         if outcome is Outcome.IN_ZONE:
-            found.append(StopReason(cause=Cause.IN_ZONE, text="The robot stands in a beware area; edit or move the area."))
+            found.append(
+                StopReason(cause=Cause.IN_ZONE, text="The robot stands in a beware area: have it leave, or change the area.")
+            )
         if outcome is Outcome.BOXED_IN:
             found.append(StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear of what stands near the robot."))
+        if outcome is Outcome.YIELD:
+            found.append(StopReason(cause=Cause.YIELDING, text="Somebody is in the robot's way; it waits until he has passed."))
         return found
+
+
+def _why_no_path(intent: Intent, decision: Decision, outcome: NoPath) -> str:
+    goal, grid = intent.mission.goal, decision.occupancy.grid
+    if outcome.reason is not Reason.GOAL_BLOCKED or goal is None:
+        return str(outcome.reason)
+    return f"{outcome.reason}, it lies {occupant(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
 
 
 def _order(intent: Intent) -> Order:
     goal = intent.mission.goal
-    return Order(goal=(goal.x_m, goal.y_m) if goal else None, beware=intent.beware, zones=intent.zones)
+    return Order(
+        goal=(goal.x_m, goal.y_m) if goal else None,
+        beware=intent.beware,
+        zones=intent.zones,
+        leave=intent.mission.phase is Phase.LEAVING,
+    )

@@ -20,6 +20,8 @@ from navcore.robot import STANDSTILL, Robot
 from navcore.safety import Verdict
 
 FRAME_WAIT_S = 0.2
+LONGEST_RETRY_S = 2.0
+"""A tick that goes on breaking is tried again after 0.2 s, 0.4 s, … and at least this often."""
 log = logging.getLogger(__name__)
 
 
@@ -64,6 +66,7 @@ class Loop:
 
     def _think(self) -> None:
         frame: Frame | None = None
+        retry_s = FRAME_WAIT_S
         while not self._ended.is_set():
             newest = self._robot.wait_frame(frame, FRAME_WAIT_S)
             if newest is None:
@@ -73,18 +76,21 @@ class Loop:
                 decision = self._pilot.think(frame, clock=self._robot.now_ns)
                 if decision is not None:
                     self._on_decision(decision)
+                retry_s = FRAME_WAIT_S
             except Exception as error:
                 # The loop outlives any bug above it: the robot stands with this reason and the next picture is tried.
                 log.exception("the tick failed")
                 self._pilot.note_failure(frame, error)
-                self._ended.wait(FRAME_WAIT_S)
+                self._ended.wait(retry_s)
+                retry_s = min(2 * retry_s, LONGEST_RETRY_S)
 
     def _command(self) -> None:
         due = last = time.monotonic()
         while not self._ended.is_set():
             now = time.monotonic()
             try:
-                self._on_verdict(self._pilot.command(self._robot.now_ns(), now - last, self._robot.send))
+                newest = self._robot.newest_frame()
+                self._on_verdict(self._pilot.command(self._robot.now_ns(), now - last, self._robot.send, newest=newest))
             except Exception:
                 log.exception("the command thread goes on, and sends zero")
                 self._robot.send(STANDSTILL)

@@ -25,6 +25,19 @@ def convert(
 
 
 @weights_cli.command()
+def halve(
+    source: Annotated[Path, typer.Argument(help="A .safetensors file.")],
+    target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
+) -> None:
+    """Write a network with its kernels in half precision: half the size, for files to ship."""
+    from navcore.esanet import weights
+
+    trained = weights.load(source)
+    weights.save(trained.network, trained.card, target, half=True)
+    _say(trained.card)
+
+
+@weights_cli.command()
 def info(path: Annotated[Path, typer.Argument(help="A converted or shipped .safetensors file.")]) -> None:
     """Check that a file is whole and say what network it holds."""
     from navcore.esanet import weights

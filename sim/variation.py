@@ -30,6 +30,7 @@ class Source(IntEnum):
     GYRO = 2
     ENCODER = 3
     CAMERA = 4
+    FAULTS = 5
 
 
 def generator(seed: int, source: Source) -> np.random.Generator:

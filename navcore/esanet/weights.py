@@ -35,6 +35,7 @@ MAX_WEIGHTS_BYTES = 2 << 30
 MAX_HEADER_BYTES = 1 << 20
 SUFFIX = ".safetensors"
 _FORMAT = "bewarenav-esanet-1"
+_KERNEL_DIMENSIONS = 4
 _DATA_SETS = {40: (NYUV2_CLASSES, NYUV2_DEPTH), 37: (SUNRGBD_CLASSES, SUNRGBD_DEPTH)}
 """By number of classes: the public checkpoints do not say what they were trained on."""
 
@@ -113,15 +114,18 @@ def convert(
     return card
 
 
-def save(network: EsaNet, card: WeightsCard, target: Path) -> None:
+def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False) -> None:
     """Write a network with its card; what was at `target` stays intact until the new file is whole.
 
+    With `half` the convolutions' kernels, nearly all of it, are kept in half precision: half the size, for files to ship.
     Raises `BadConfiguration` when the two do not belong together, `StorageFailed` when the disk does not take it.
     """
     if target.suffix != SUFFIX:
         raise BadConfiguration(f"{target}: expected a name ending in {SUFFIX}")
     tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
     fitting(card.architecture, tensors, str(target))
+    if half:
+        tensors = {key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value for key, value in tensors.items()}
     metadata = _as_metadata(card)
     content = safetensors.torch.save(tensors, {**metadata, "sha256": _digest(tensors, metadata)})
     _replace(target, content)
@@ -139,6 +143,7 @@ def load(path: Path) -> TrainedNetwork:
     if _digest(tensors, metadata) != claimed:
         raise BadConfiguration(f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again")
     card = _from_metadata(metadata, path)
+    tensors = {key: value.float() if value.dtype is torch.float16 else value for key, value in tensors.items()}
     return TrainedNetwork(network=fitting(card.architecture, tensors, str(path)), card=card)
 
 

@@ -32,6 +32,8 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml"), "no such file"),
         (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
         (("evaluate", "nowhere"), "nowhere"),
+        (("evaluate", "barn"), "--worlds"),
+        (("evaluate", "office", "--robot", "unicycle"), "unicycle"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"), "such.safetensors"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
         (("evaluate", "empty_room", "--weights", "/no/such.onnx"), "such.onnx"),
@@ -66,7 +68,7 @@ def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("doctor",), ("plan",), ("weights",)]
+    "command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("reliability",), ("doctor",), ("plan",), ("weights",)]
 )
 def test_every_level_has_help(command: tuple[str, ...]) -> None:
     answer = bewarenav(*command, "--help")

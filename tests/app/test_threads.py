@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.pilot import Intent, Pilot
@@ -23,6 +24,7 @@ from navcore.navigator import Navigator
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
 from navcore.segment import ColourSegmenter, Labels
+from navcore.transform import Pose2
 from navcore.warmup import warm_up
 from tests.navcore.scene import Box, picture
 
@@ -48,21 +50,42 @@ class HangingSegmenter(ColourSegmenter):
 
 @dataclass
 class Bench:
-    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall."""
+    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall, with a little noise."""
 
     sent: list[tuple[int, Twist]] = field(default_factory=list)
     wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
     covered: bool = False
+    stuck: bool = False
+    jumped_m: float = 0.0
+    held: bool = False
+    noise: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    newest: Frame | None = None
 
     def now_ns(self) -> int:
         return time.monotonic_ns()
 
     def newest_frame(self) -> Frame | None:
-        return None if self.covered else dataclasses.replace(self.wall, stamp_ns=self.now_ns())
+        return self.newest
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
         time.sleep(timeout_s if self.covered else FRAME_S)
-        return self.newest_frame()
+        if self.covered:
+            return None
+        rgb, depth_m = self.wall.rgb, self.wall.depth_m
+        if self.stuck and self.newest is not None:
+            rgb, depth_m = self.newest.rgb, self.newest.depth_m
+        else:
+            rgb = rgb + self.noise.integers(0, 4, rgb.shape, dtype=np.uint8)
+            depth_m = depth_m * self.noise.uniform(0.999, 1.001, depth_m.shape).astype(np.float32)
+        self.newest = dataclasses.replace(
+            self.wall,
+            stamp_ns=self.now_ns(),
+            rgb=rgb,
+            depth_m=depth_m,
+            pose=Pose2(x_m=self.jumped_m, y_m=0.0, yaw_rad=0.0),
+            twist=self.sent[-1][1] if self.sent and not self.held else STANDSTILL,
+        )
+        return self.newest
 
     def send(self, twist: Twist) -> None:
         self.sent.append((self.now_ns(), twist))
@@ -192,4 +215,44 @@ def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig:
     assert rig.verdicts[-1].reasons[0].cause is Cause.BAD_FRAME
     assert rig.pilot.navigator.map.version == version
     rig.robot.wall = good
+    until(lambda: moving(rig))
+
+
+def test_a_camera_that_repeats_its_picture_with_fresh_stamps_stops_the_robot_and_is_named(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.stuck = True
+    until(lambda: Cause.STUCK_CAMERA in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    rig.robot.stuck = False
+    until(lambda: moving(rig))
+
+
+def test_wheels_that_do_not_turn_are_not_pushed_on_until_the_operator_says_so(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.held = True
+    until(lambda: Cause.WHEELS_BLOCKED in rig.reasons())
+    rig.robot.held = False
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    rig.pilot.change_mission(Mission.pause)
+    until(lambda: Cause.WHEELS_BLOCKED not in rig.reasons())
+    rig.pilot.change_mission(Mission.resume)
+    until(lambda: moving(rig))
+
+
+def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.jumped_m = 1.0
+    until(lambda: Cause.POSE_JUMP in rig.reasons())
+    version = rig.pilot.navigator.map.version
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 30)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.pilot.navigator.map.version == version
+    rig.robot.jumped_m = 0.0
+    until(lambda: moving(rig))
+    rig.robot.jumped_m = 0.5
+    until(lambda: Cause.POSE_JUMP in rig.reasons())
+    rig.pilot.trust_pose()
     until(lambda: moving(rig))

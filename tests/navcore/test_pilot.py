@@ -44,11 +44,13 @@ def pilot(*goals: tuple[float, float]) -> Pilot:
 
 
 def think(driver: Pilot, frame: Frame = OPEN) -> None:
+    driver.trust_pose()  # each picture of these tests stands for itself, whatever came before it
     driver.think(frame, clock=lambda: frame.stamp_ns)
 
 
 def command(driver: Pilot, after_s: float = 0.0) -> Verdict:
-    return driver.command(SECOND + round(after_s * SECOND), 0.05)
+    newest = driver.thought.decision.frame if driver.thought.decision else None
+    return driver.command(SECOND + round(after_s * SECOND), 0.05, newest=newest)
 
 
 def causes(verdict: Verdict) -> list[Cause]:
@@ -164,6 +166,7 @@ def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_rea
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
     before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.explored.seen.bools
+    driver.trust_pose()
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
     np.testing.assert_array_equal(before.points_map, after.points_map)
@@ -208,8 +211,14 @@ def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
 RED_PATCH = Paint(x=(1.6, 2.4), y=(-0.5, 0.5))
 
 
-def order(goal: tuple[float, float] | None = (4.0, 0.0), *, enabled: bool = True, zones: tuple[Zone, ...] = ()) -> Order:
-    return Order(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones)
+def order(
+    goal: tuple[float, float] | None = (4.0, 0.0),
+    *,
+    enabled: bool = True,
+    zones: tuple[Zone, ...] = (),
+    leave: bool = False,
+) -> Order:
+    return Order(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave)
 
 
 def test_the_path_leads_around_a_red_floor_and_across_it_once_the_class_is_off() -> None:

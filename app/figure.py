@@ -1,0 +1,17 @@
+"""What was measured of a promise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """The outcome of some trials."""
+
+    trials: int
+    """How many there were."""
+    measured: str
+    """What came of them, with the figure that the promise is about."""
+    met: bool
+    """Whether the promise was kept in every one."""

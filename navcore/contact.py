@@ -1,0 +1,135 @@
+"""How soon a motion would end in contact, by the newest depth picture alone: no map, no planner, no memory.
+
+Only what is higher than 10 cm and lies in what the footprint sweeps along the commanded arc counts, plus a little room, and
+only where several pixels agree. The camera looks ahead: of what stands beside or behind the robot this knows nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.frame import Frame
+from navcore.robot import RobotProfile, Twist
+from navcore.search.bits import compiled
+
+NearPoints = npt.NDArray[np.float32]
+
+LOWEST_M, HIGHEST_M = 0.10, 1.5
+"""Of what can be run into; the same as the navigator's defaults, but none of its settings."""
+REACH_M = 2.5
+"""Farther from the robot's middle than this nothing is imminent."""
+AHEAD_M, ASIDE_M = 0.03, 0.01
+"""Room kept before and behind the footprint, and beside it; less beside, or narrow doors would be shut."""
+STRIDE = 2
+"""Every so manieth row and column is looked at."""
+PIXELS = 4
+"""So many of them must be hit before it is a thing and no speckle."""
+HORIZON_S = 1.0
+"""Contact later than this is not imminent: at full speed the robot stops within 0.5 s, seen late within 0.9 s."""
+STEP_M = 0.02
+"""No point of the body moves further than this between two looks."""
+REACTION_S = 0.25
+"""From the moment a thing is there to the moment the wheels brake: next picture, next command, and the link."""
+AFTER_FRAME_S = 0.15
+"""The same from the capture of a picture that is late."""
+CREEP_MPS = 0.03
+"""If it may move no faster than this, the robot stands."""
+NO_POINTS: NearPoints = np.empty((0, 2), dtype=np.float32)
+
+
+def near_points(frame: Frame) -> NearPoints:
+    """(N, 2) x and y in the base frame of the pixels that show something to run into; none of a malformed frame."""
+    lens, mount = frame.intrinsics, frame.T_base_camera.astype(np.float32)
+    whole = frame.depth_m.shape == (lens.height, lens.width) and frame.depth_m.dtype == np.float32
+    if not (whole and lens.fx > 0 and lens.fy > 0):
+        return NO_POINTS  # refused by name elsewhere, and the robot stands for it
+    return np.asarray(_near(frame.depth_m, mount, lens.fx, lens.fy, lens.cx, lens.cy))
+
+
+def time_to_contact(points: NearPoints, twist: Twist, profile: RobotProfile) -> float:
+    """Seconds after which the footprint, driving this arc, meets the points; infinite when it does not within `HORIZON_S`.
+
+    `points` is (N, 2), base frame. A point inside the body at the start is noise; one within the room kept around it counts
+    only when the body itself would go over it, so that the robot can turn away from what it stands close to.
+    """
+    speed = abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
+    if len(points) == 0 or speed == 0.0:
+        return math.inf
+    return float(_meeting(points, twist.v_mps, twist.w_radps, profile.length_m / 2, profile.width_m / 2, STEP_M / speed))
+
+
+def braking_s(twist: Twist, profile: RobotProfile) -> float:
+    """How long the platform takes to brake from a velocity."""
+    return max(abs(twist.v_mps) / profile.max_accel_mps2, abs(twist.w_radps) / profile.max_yaw_accel_radps2)
+
+
+def allowed_share(contact_s: float, twist: Twist, *, frame_age_s: float, profile: RobotProfile) -> float:
+    """The largest share of a velocity from which the robot still stops before contact, 0 to 1.
+
+    At the share f the way to contact lasts `contact_s` / f, and stopping takes a reaction and f · braking time / 2 of it:
+    v·t + v²/2a ≤ distance, with both sides divided by v, and the same for turning.
+    """
+    late_s, half_braking_s = max(REACTION_S, frame_age_s + AFTER_FRAME_S), braking_s(twist, profile) / 2
+    if contact_s >= late_s + half_braking_s:
+        return 1.0
+    # f² · half_braking_s + f · late_s = contact_s
+    return 2 * contact_s / (late_s + math.sqrt(late_s**2 + 4 * half_braking_s * contact_s))
+
+
+@compiled
+def _near(
+    depth_m: npt.NDArray[np.float32], t: npt.NDArray[np.float32], fx: float, fy: float, cx: float, cy: float
+) -> NearPoints:
+    height, width = depth_m.shape
+    found, count = np.empty(((height // STRIDE + 1) * (width // STRIDE + 1), 2), dtype=np.float32), 0
+    for i in range(0, height, STRIDE):
+        b = np.float32((i - cy) / fy)
+        for j in range(0, width, STRIDE):
+            depth = depth_m[i, j]
+            if not 0 < depth < REACH_M:
+                continue
+            a = np.float32((j - cx) / fx)
+            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
+            if not LOWEST_M < z < HIGHEST_M:
+                continue
+            found[count, 0] = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
+            found[count, 1] = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
+            count += 1
+    return found[:count].copy()
+
+
+@compiled
+def _meeting(points: NearPoints, v_mps: float, w_radps: float, half_length: float, half_width: float, step_s: float) -> float:
+    reach = half_length + half_width + abs(v_mps) * HORIZON_S + AHEAD_M
+    near, wide, count = np.empty_like(points), np.empty(len(points), dtype=np.bool_), 0
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        if not (abs(x) < reach and abs(y) < reach) or (abs(x) <= half_length and abs(y) <= half_width):
+            continue
+        near[count, 0], near[count, 1] = x, y
+        wide[count] = abs(x) > half_length + AHEAD_M or abs(y) > half_width + ASIDE_M
+        count += 1
+    if count < PIXELS:
+        return np.inf
+    steps = math.ceil(HORIZON_S / step_s)
+    for step in range(1, steps + 1):
+        t = min(step * step_s, HORIZON_S)
+        turn = w_radps * t
+        sin, cos = math.sin(turn), math.cos(turn)
+        if abs(w_radps) < 1e-6:
+            at_x, at_y = v_mps * t, 0.0
+        else:
+            at_x, at_y = v_mps * sin / w_radps, v_mps * (1 - cos) / w_radps
+        hit = 0
+        for n in range(count):
+            dx, dy = near[n, 0] - at_x, near[n, 1] - at_y
+            x, y = abs(cos * dx + sin * dy), abs(cos * dy - sin * dx)
+            if wide[n]:
+                x, y = x - AHEAD_M, y - ASIDE_M
+            hit += x <= half_length and y <= half_width
+        if hit >= PIXELS:
+            return (step - 1) * step_s
+    return np.inf
