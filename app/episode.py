@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from app.faults import Sabotage
 from app.pilot import COMMAND_PERIOD_S, Intent, Pilot
 from app.segmenter import Perception, colour_perception
 from app.timing import Stopwatch
@@ -19,6 +20,8 @@ from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Navigator
+from navcore.robot import HUSKY, RobotProfile
+from navcore.safety import Verdict
 from navcore.transform import Pose2
 from navcore.warmup import warm_up
 from sim.scenario import Scenario
@@ -70,6 +73,8 @@ class Episode:
         config: NavigatorConfig | None = None,
         max_time_s: float = 600.0,
         perception: Perception | None = None,
+        camera_size: tuple[int, int] = (424, 240),
+        robot: RobotProfile = HUSKY,
     ) -> None:
         """Without a perception the colour rules look for what is to beware of."""
         self.scenario, self.seed, self._max_time_s = scenario, seed, max_time_s
@@ -80,31 +85,46 @@ class Episode:
         if not mission.queue:
             raise BadConfiguration(f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y")
         self._goals = mission.queue
-        self.simulator = Simulator(scenario, seed=seed)
+        self.simulator = Simulator(scenario, seed=seed, camera_size=camera_size, robot=robot)
         profile = self.simulator.profile
         self._config = config or NavigatorConfig()
         self._perception = perception or colour_perception()
         navigator = Navigator(spec=spec, profile=profile, segmenter=self._perception.segmenter, config=self._config)
+        self._sabotage = Sabotage(navigator, lambda: self.simulator.faults, lambda: self._now_s)
         self.stopwatch = Stopwatch(navigator)
         self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware))
+        self._thinks_of: Frame | None = None
+        self._thinks_until_s = 0.0
+        self.on_verdict: Callable[[float, Verdict], None] = lambda t_s, verdict: None
+        """Told of each command as it is sent, with the simulated time."""
         self._arrived: dict[int, float] = {}
         self._explored: list[tuple[float, float, float]] = []
         self.driven: list[tuple[float, float]] = []
         """(x, y) where the robot truly was, once a command."""
 
-    def run(self, on_progress: Callable[[Progress], None] = lambda progress: None) -> dict[str, Any]:
-        """Drive until every goal is reached or the time is up; the report of the contract."""
+    def run(
+        self,
+        on_progress: Callable[[Progress], None] = lambda progress: None,
+        ended: Callable[[Simulator], bool] = lambda simulator: False,
+        look_first_s: float = 0.0,
+    ) -> dict[str, Any]:
+        """Drive until every goal is reached, the time is up or `ended` says so; the report of the contract.
+
+        Before it sets out the robot stands and looks for `look_first_s`.
+        """
         warm_up(self._perception.segmenter)
         started = time.perf_counter()
-        self._wait_for_camera()
+        frame = self._look(look_first_s)
         self.pilot.change_mission(Mission.start)
-        frame, next_command_s, next_sample_s = None, 0.0, 0.0
+        next_command_s, next_sample_s = 0.0, 0.0
         while self.pilot.intent.mission.phase is Phase.DRIVING and self._now_s < self._max_time_s:
             self.simulator.step()
+            if ended(self.simulator):
+                break
             if self.simulator.newest_frame() is not frame:
                 frame = self.simulator.newest_frame()
-                if frame is not None:
-                    self._think(frame)
+                self._begin_tick(frame)
+            self._end_tick()
             if self._now_s >= next_command_s:
                 next_command_s += COMMAND_PERIOD_S
                 self._command()
@@ -124,9 +144,31 @@ class Episode:
     def _now_s(self) -> float:
         return self.simulator.now_ns() / 1e9
 
-    def _wait_for_camera(self) -> None:
-        while self.simulator.newest_frame() is None:
+    def _look(self, seconds: float) -> Frame | None:
+        """Stand and look for so long, at least until there is a picture; the last one thought about, None without any."""
+        seen: Frame | None = None
+        while (newest := self.simulator.newest_frame()) is None or self._now_s < seconds:
+            if newest is not None and newest is not seen:
+                seen = newest
+                self._think(newest)
             self.simulator.step()
+        return seen
+
+    def _begin_tick(self, frame: Frame | None) -> None:
+        """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile are missed."""
+        if self._thinks_of is None:
+            self._thinks_of, self._thinks_until_s = frame, self._now_s + self._sabotage.delay_s()
+
+    def _end_tick(self) -> None:
+        if self._thinks_of is None or self._now_s < self._thinks_until_s:
+            return
+        frame, self._thinks_of = self._thinks_of, None
+        try:
+            self._think(frame)
+        except Exception as error:
+            if not self.simulator.faults:
+                raise
+            self.pilot.note_failure(frame, error)
 
     def _think(self, frame: Frame) -> None:
         goal = self.pilot.intent.mission.goal
@@ -136,7 +178,9 @@ class Episode:
             self._arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
-        verdict = self.pilot.command(self.simulator.now_ns(), COMMAND_PERIOD_S, self.simulator.send)
+        now_ns, newest = self.simulator.now_ns(), self.simulator.newest_frame()
+        verdict = self.pilot.command(now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest)
+        self.on_verdict(self._now_s, verdict)
         pose = self.simulator.true_pose()
         self.driven.append((pose.x_m, pose.y_m))
         self.simulator.referee.note_stop(verdict.reasons[0].cause if verdict.reasons else None)

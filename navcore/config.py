@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from navcore.cloud_map import MapRules
 from navcore.local_planner import LocalRules
 from navcore.points import PointRules
+from navcore.robot import HUSKY, RobotProfile
 from navcore.settings import between, from_table, read_toml
+from navcore.yielding import PeopleRules
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +34,34 @@ class NavigatorConfig:
     """When points are replaced and cleared."""
     local: LocalRules = field(default_factory=LocalRules)
     """How the local planner moves."""
+    people: PeopleRules = field(default_factory=PeopleRules)
+    """How it behaves beside people."""
 
 
 def load_config(path: Path) -> NavigatorConfig:
     """The configuration of a file; raises `BadConfiguration`."""
     return from_table(NavigatorConfig, read_toml(path), path.name)
+
+
+def config_for(robot: RobotProfile) -> NavigatorConfig:
+    """The configuration that a robot starts with: the defaults, which were found with the Husky, fitted to body and limits.
+
+    The margin is the same share of the room that a turn in place needs beyond half the width; speeds and decelerations are the
+    same shares of the platform's limits.
+    """
+    usual, rules = NavigatorConfig(), LocalRules()
+    room = _turning_room_m(robot) / _turning_room_m(HUSKY)
+    return replace(
+        usual,
+        safety_margin_m=min(usual.safety_margin_m * room, 1.0),
+        local=replace(
+            rules,
+            padding_m=min(rules.padding_m * room, 0.5),
+            braking_mps2=min(rules.braking_mps2 * (robot.max_accel_mps2 / HUSKY.max_accel_mps2), 5.0),
+            turn_rate_radps=min(rules.turn_rate_radps * (robot.max_yaw_rate_radps / HUSKY.max_yaw_rate_radps), 2.0),
+        ),
+    )
+
+
+def _turning_room_m(robot: RobotProfile) -> float:
+    return robot.circumscribed_radius_m - robot.width_m / 2

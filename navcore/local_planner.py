@@ -7,6 +7,8 @@ walls.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -22,8 +24,10 @@ from navcore.grid import GridSpec, OccupancyGrid, inflate, inflation_radius
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
 from navcore.transform import Pose2, wrap_angle
+from navcore.yielding import NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
 
 Points = npt.NDArray[np.float64]
+MANNERS = PeopleRules()
 
 
 class Outcome(StrEnum):
@@ -36,6 +40,7 @@ class Outcome(StrEnum):
     IDLE = "no path to follow"
     BOXED_IN = "boxed in: no motion keeps clear of what stands near"
     IN_ZONE = "standing in a beware area"
+    YIELD = "waiting for somebody to pass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,13 +142,15 @@ def plan_motion(
     profile: RobotProfile,
     rules: LocalRules,
     cell_m: float,
+    people: Bodies = NOBODY,
+    manners: PeopleRules = MANNERS,
 ) -> Motion:
-    """The motion that follows the path best without touching anything.
+    """The motion that follows the path best without touching anything, and slower or not at all where people are near.
 
     `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `unseen` the rim of what the camera has
     not seen yet: the planner of paths counts it as free, but no part of the body is swept over it before it was looked at.
     `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
-    as far as its cell's corners.
+    as far as its cell's corners. `people` are kept clear of by the rules of `manners`.
     """
     path = path_from(path_map, pose)
     if float(np.hypot(*path[-1])) <= rules.arrival_m:
@@ -153,12 +160,20 @@ def plan_motion(
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
     geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
     near = _Surroundings(
-        obstacles=np.vstack([geometric, ruled]),
+        obstacles=np.vstack([geometric, ruled, people.outlines()[_outside(people.outlines(), profile, 0.0)]]),
         unseen=unseen[_outside(unseen, profile, 0.0)],
         reach_m=cell_m * math.sqrt(0.5),
         profile=profile,
         rules=rules,
+        people=people,
+        manners=manners,
     )
+    return _beside_people(_chosen(near, path, pose, previous), near)
+
+
+def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
+    """Go on backing off, turn towards the path, follow it, or begin to back off: the first that is called for."""
+    rules = near.rules
     if previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
         motion = _back_off(near, previous.began)
         if motion.outcome is Outcome.BACK:
@@ -170,14 +185,39 @@ def plan_motion(
         turn = _turn(near, bearing)
         if turn is not None:
             return turn
-    return _follow(near, path) or _back_off(near, pose)
+    follow = _follow(near, path)
+    if follow is None and len(near.people.walking) and _follow(near.without_people(), path):
+        return Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
+    return follow or _back_off(near, pose)
+
+
+def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
+    """The same motion, no faster than the people near allow."""
+    twist, most = motion.twist, allowed_mps(near.people, near.profile, near.manners)
+    fastest = abs(twist.v_mps) + abs(twist.w_radps) * near.profile.circumscribed_radius_m
+    if fastest <= most:
+        return motion
+    if most == 0.0:
+        return Motion(twist=STANDSTILL, outcome=Outcome.YIELD, began=motion.began)
+    slower = Twist(v_mps=twist.v_mps * most / fastest, w_radps=twist.w_radps * most / fastest)
+    return dataclasses.replace(motion, twist=slower)
 
 
 class _Surroundings:
     """What stands near, and how much room the footprint keeps to it along a motion."""
 
-    def __init__(self, *, obstacles: Points, unseen: Points, reach_m: float, profile: RobotProfile, rules: LocalRules) -> None:
-        self.profile, self.rules = profile, rules
+    def __init__(
+        self,
+        *,
+        obstacles: Points,
+        unseen: Points,
+        reach_m: float,
+        profile: RobotProfile,
+        rules: LocalRules,
+        people: Bodies,
+        manners: PeopleRules,
+    ) -> None:
+        self.profile, self.rules, self.people, self.manners = profile, rules, people, manners
         self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
         here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
         # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
@@ -194,30 +234,64 @@ class _Surroundings:
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
         return np.asarray(_clearances(self._unseen, poses, half_length, half_width) > 0)
 
+    def without_people(self) -> _Surroundings:
+        """The same place with nobody walking about."""
+        alone = copy.copy(self)
+        alone.people = NOBODY
+        return alone
+
 
 def _follow(near: _Surroundings, path: Points) -> Motion | None:
-    """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once."""
-    rules, profile = near.rules, near.profile
+    """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once.
+
+    Where somebody walks the arcs are tried at several speeds: what is blocked by him now may be free a moment later.
+    """
+    rules = near.rules
     curvatures, poses = _arcs()
     clear = near.clear(poses)
     free = (clear > near.padding_m) & near.looked_at(poses)
     progress, aside, askew = _along(path, poses, rules.lookahead_m)
     gain = progress - aside - 0.15 * askew - 0.6 * np.maximum(0.0, 0.25 - clear) - 0.02 * np.abs(curvatures)[:, None]
-    gain = np.where(free, gain, -np.inf)
+    free, gain, fastest = _apart_from_people(near, curvatures, poses, free, gain)
     arc, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
     goal_m = float(np.hypot(*path[-1]))
     if not np.isfinite(gain[arc, step]) or progress[arc, step] < min(0.05, 0.5 * goal_m):
         return None
     free_m = float(ALONG_M[free[arc]].max())
+    if len(near.people.walking) and not free[arc, -1]:
+        waiting = place_to_wait(near.people, poses[arc][free[arc]], ALONG_M[free[arc]] / fastest, near.profile, near.manners)
+        free_m = float(ALONG_M[waiting]) if waiting >= 0 else 0.0
     # free_m ends where the padding would be touched; the padding itself is what is left after braking.
     speed = min(
-        profile.max_speed_mps,
+        fastest,
         math.sqrt(2 * rules.braking_mps2 * max(free_m - 0.04, 0.02)),
         math.sqrt(2 * 0.5 * rules.braking_mps2 * goal_m) + 0.02,
-        0.3 + 2.0 * float(clear[arc, : step + 1].min()),
-        0.9 / max(abs(float(curvatures[arc])), 1e-6),
+        near.profile.max_speed_mps * (0.3 + 2.0 * float(clear[arc, : step + 1].min())),
+        rules.turn_rate_radps / max(abs(float(curvatures[arc])), 1e-6),
     )
     return Motion(twist=Twist(v_mps=speed, w_radps=speed * float(curvatures[arc])), outcome=Outcome.FOLLOW)
+
+
+def _apart_from_people(
+    near: _Surroundings,
+    curvatures: Points,
+    poses: npt.NDArray[np.float64],
+    free: npt.NDArray[np.bool_],
+    gain: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], float]:
+    """Which (A, S) poses are free of people too, what they gain, and at which speed: of those tried the one that gains most."""
+    fastest = near.profile.max_speed_mps
+    if not len(near.people.walking):
+        return free, np.where(free, gain, -np.inf), fastest
+    best = None
+    for share in SPEEDS:
+        speeds = np.minimum(share * fastest, near.rules.turn_rate_radps / np.maximum(np.abs(curvatures), 1e-6))
+        clear = free & free_of(near.people, poses, ALONG_M / speeds[:, None], near.profile, near.manners)
+        gained = np.where(clear, gain - 0.3 * (1 - share), -np.inf)
+        if best is None or gained.max() > best[1].max():
+            best = clear, gained, share * fastest
+    assert best is not None
+    return best
 
 
 def _along(
@@ -280,6 +354,8 @@ def _back_off(near: _Surroundings, began: Pose2) -> Motion:
 
 ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
 """Where along an arc the footprint is looked at: close together at first, because there it may be close to something."""
+SPEEDS = (1.0, 0.6, 0.35)
+"""Shares of the full speed at which the way past somebody is tried."""
 BACK_STEPS = 13
 """Of these, the first 0.4 m, for reversing."""
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.settings import between, from_table, read_toml
+from navcore.transform import Matrix, camera_mount
 
 if TYPE_CHECKING:
     from navcore.frame import Frame
@@ -36,23 +42,42 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CameraMount:
+    """Where the camera sits: in the robot's middle plane, looking ahead and down."""
+
+    x_m: float = between(-5.0, 5.0)
+    """Ahead of the middle of the footprint."""
+    z_m: float = between(0.05, 5.0)
+    """Above the floor."""
+    pitch_down_deg: float = between(-45.0, 89.0)
+    """Below the horizon."""
+
+    @property
+    def T_base_camera(self) -> Matrix:
+        """(4, 4) of the optical frame."""
+        return camera_mount(x_m=self.x_m, y_m=0.0, z_m=self.z_m, pitch_down_rad=math.radians(self.pitch_down_deg))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotProfile:
     """Body and limits of a platform; the origin of the base is the middle of the footprint, on the floor."""
 
     name: str
     """Platform, as in `robot` of reports."""
-    length_m: float
+    length_m: float = between(0.05, 5.0)
     """Footprint along x."""
-    width_m: float
+    width_m: float = between(0.05, 5.0)
     """Footprint along y; the vehicle width w_v of the paper's Algorithm 1."""
-    max_speed_mps: float
+    max_speed_mps: float = between(0.05, 5.0)
     """Largest forward speed."""
-    max_yaw_rate_radps: float
+    max_yaw_rate_radps: float = between(0.05, 10.0)
     """Largest yaw rate."""
-    max_accel_mps2: float
+    max_accel_mps2: float = between(0.05, 20.0)
     """Largest change of speed, both ways."""
-    max_yaw_accel_radps2: float
+    max_yaw_accel_radps2: float = between(0.05, 50.0)
     """Largest change of yaw rate."""
+    camera: CameraMount
+    """Its one camera."""
 
     @property
     def circumscribed_radius_m(self) -> float:
@@ -65,15 +90,27 @@ class RobotProfile:
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
 
-HUSKY = RobotProfile(
-    name="husky",
-    length_m=1.0,
-    width_m=0.7,
-    max_speed_mps=1.0,
-    max_yaw_rate_radps=2.0,
-    max_accel_mps2=3.0,
-    max_yaw_accel_radps2=6.0,
-)
+ROBOTS = Path(__file__).parent / "robots"
+"""Where the profiles of known platforms lie."""
+
+
+def robot_names() -> tuple[str, ...]:
+    """The known platforms, sorted."""
+    return tuple(sorted(path.stem for path in ROBOTS.glob("*.toml")))
+
+
+def load_profile(name_or_path: str | Path) -> RobotProfile:
+    """A known platform by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        if name_or_path not in robot_names():
+            known = ", ".join(robot_names())
+            raise BadConfiguration(f"no robot is called {str(name_or_path)!r}; give a .toml file or one of: {known}")
+        path = ROBOTS / f"{name_or_path}.toml"
+    return from_table(RobotProfile, read_toml(path), path.name)
+
+
+HUSKY = load_profile("husky")
 
 
 class Robot(Protocol):

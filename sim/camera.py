@@ -1,8 +1,4 @@
-"""The RealSense D455 on the Husky: one registered RGB-D picture, colour aligned to depth.
-
-It sits on the sensor arch, 0.35 m ahead of the middle of the robot and 0.65 m above the floor, and looks 12° down, so that
-it sees the floor from 0.6 m ahead of the bumper and nothing of the robot itself.
-"""
+"""The RealSense D455: one registered RGB-D picture, colour aligned to depth, from where the robot's profile mounts it."""
 
 from __future__ import annotations
 
@@ -16,7 +12,8 @@ import pybullet
 
 from navcore.errors import BadConfiguration
 from navcore.frame import Intrinsics
-from navcore.transform import Matrix, Pose2, camera_mount
+from navcore.robot import HUSKY
+from navcore.transform import Matrix, Pose2
 from sim.egl import egl_works, load_egl, unload_egl
 from sim.stereo import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
 
@@ -25,8 +22,8 @@ Bodies = npt.NDArray[np.int32]
 
 FIELD_OF_VIEW_DEG = (87.0, 58.0)
 """Of the depth imagers, across and along."""
-T_BASE_CAMERA: Matrix = camera_mount(x_m=0.35, y_m=0.0, z_m=0.65, pitch_down_rad=math.radians(12.0))
-"""The mount, optical frame."""
+T_BASE_CAMERA: Matrix = HUSKY.camera.T_base_camera
+"""The Husky's mount, optical frame."""
 NEAR_M, FAR_M = 0.1, 30.0
 """The renderer's clipping planes."""
 TINY_SHIFT_PX = 0.5
@@ -90,10 +87,13 @@ class Camera:
         renderer: Literal["auto", "tiny", "egl"],
         errors: StereoErrors,
         rng: np.random.Generator,
+        mount: Matrix = T_BASE_CAMERA,
     ) -> None:
         """Before anything is built in the client: the renderer learns of bodies as they are made."""
         self.intrinsics = d455_intrinsics(size)
         self._client, self._errors, self._rng = client, errors, rng
+        self.mount = mount
+        """T_base_camera, optical frame."""
         self._plugin = _start_renderer(client, renderer)
         self.renderer: Renderer = "tiny" if self._plugin < 0 else "egl"
         """What draws the pictures."""
@@ -106,7 +106,7 @@ class Camera:
 
     def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """The same without the camera's errors; depth is that of the far plane where nothing is."""
-        rgb, depth, _ = self.shoot(pose.matrix() @ T_BASE_CAMERA, flags=pybullet.ER_NO_SEGMENTATION_MASK)
+        rgb, depth, _ = self.shoot(pose.matrix() @ self.mount, flags=pybullet.ER_NO_SEGMENTATION_MASK)
         return rgb, depth
 
     def shoot(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from navcore.robot import HUSKY
+from navcore.robot import HUSKY, RobotProfile
 from navcore.transform import Pose2, wrap_angle
 from sim.scenario import Person
 
@@ -27,7 +27,8 @@ TURN_RADPS = math.radians(240)
 class Walker:
     """One person; `step` moves him."""
 
-    def __init__(self, person: Person, rng: np.random.Generator, period_s: float) -> None:
+    def __init__(self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY) -> None:
+        self._robot = robot
         self._points = np.array(person.points)
         self._speed_mps = person.speed_mps if len(self._points) > 1 else 0.0
         self._yields, self._period_s = person.yields, period_s
@@ -35,6 +36,10 @@ class Walker:
         self._ends_m = np.concatenate([[0.0], np.cumsum(self._legs_m)])
         self._along_m = float(rng.uniform(0, self._ends_m[-1])) if self.walks else 0.0
         self._sense = 1 if rng.random() < 0.5 else -1
+        if person.begins_at is not None:
+            self._along_m, self._sense = person.begins_at * float(self._ends_m[-1]), 1
+        self._pauses_s = np.array(person.pauses_s or [0.0] * len(self._points))
+        self._pause_left_s = 0.0
         self._waited_s = 0.0
         self.pose = self._place(math.radians(person.yaw_deg))
         """T_map_person; he faces along x."""
@@ -56,7 +61,13 @@ class Walker:
                 self._waited_s, self._sense = 0.0, -self._sense
             return
         self._waited_s = 0.0
+        self._pause_left_s -= self._period_s
+        if self._pause_left_s > 0:
+            return
+        before_m = self._along_m
         self._along_m += self._sense * self._speed_mps * self._period_s
+        low, high = min(before_m, self._along_m), max(before_m, self._along_m)
+        self._pause_left_s = float(self._pauses_s[(low < self._ends_m) & (self._ends_m < high)].max(initial=0.0))
         if not 0 <= self._along_m <= self._ends_m[-1]:
             self._along_m = min(max(self._along_m, 0.0), float(self._ends_m[-1]))
             self._sense = -self._sense
@@ -64,9 +75,9 @@ class Walker:
 
     def _must_wait(self, robot: Pose2) -> bool:
         reach = robot.distance_to(self.pose.x_m, self.pose.y_m)
-        if reach > HUSKY.circumscribed_radius_m + BODY_DIAMETER_M / 2 + POLITE_GAP_M:
+        if reach > self._robot.circumscribed_radius_m + BODY_DIAMETER_M / 2 + POLITE_GAP_M:
             return False
-        x, y = _nearest_of_footprint(robot, self.pose.x_m, self.pose.y_m)
+        x, y = _nearest_of_footprint(self._robot, robot, self.pose.x_m, self.pose.y_m)
         gap = math.hypot(x - self.pose.x_m, y - self.pose.y_m) - BODY_DIAMETER_M / 2
         if gap <= 0:
             bearing = math.atan2(robot.y_m - self.pose.y_m, robot.x_m - self.pose.x_m)
@@ -98,11 +109,11 @@ class Walker:
         return Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw_rad)
 
 
-def _nearest_of_footprint(robot: Pose2, x_m: float, y_m: float) -> tuple[float, float]:
+def _nearest_of_footprint(profile: RobotProfile, robot: Pose2, x_m: float, y_m: float) -> tuple[float, float]:
     """The footprint's point nearest to a point, in the map frame."""
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     dx, dy = x_m - robot.x_m, y_m - robot.y_m
-    half_x, half_y = HUSKY.length_m / 2, HUSKY.width_m / 2
+    half_x, half_y = profile.length_m / 2, profile.width_m / 2
     along = max(-half_x, min(half_x, cos * dx + sin * dy))
     across = max(-half_y, min(half_y, -sin * dx + cos * dy))
     return robot.x_m + cos * along - sin * across, robot.y_m + sin * along + cos * across

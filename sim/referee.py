@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid, GridSpec
-from navcore.robot import HUSKY, Twist
+from navcore.robot import HUSKY, RobotProfile, Twist
 from navcore.transform import Pose2
 from sim.clearance import Outlines, distance_m
 from sim.layout import beware_markings, items, obstacles
+from sim.movers import Moving
 from sim.people import BODY_DIAMETER_M
 from sim.scenario import Scenario
 from sim.shapes import Polygon, cylinder, placed
@@ -32,16 +33,18 @@ SERIES_PERIOD_S = 1.0
 class Referee:
     """Counts what must not happen, from the moment it is made; times are seconds since then."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, robot: RobotProfile = HUSKY) -> None:
+        self._scenario, self._robot = scenario, robot
         fixed = [thing.outlines() for thing in obstacles(scenario)]
         off_limits = [thing.outlines() for thing in items(scenario)] + [(area,) for area in beware_markings(scenario)]
         self._fixed, self._beware, self._zones = Outlines.of(fixed), Outlines.of(off_limits), Outlines.of([])
         self._polygons = [outline for parts in (*fixed, *off_limits) for outline in parts]
-        self._person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
-        self._person_reach_m = float(np.hypot(*self._person.T).max())
+        person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
+        self._person = (person, float(np.hypot(*person.T).max()))
+        movers = [Moving(mover, 1.0).outline() for mover in scenario.movers]
+        self._movers = [(outline, float(np.hypot(*outline.T).max())) for outline in movers]
         self._zone_polygons: tuple[Polygon, ...] = ()
-        self._footprint = HUSKY.footprint()
+        self._footprint = robot.footprint()
         self._began_s: float | None = None
         self._stops = StopLog()
         self._t_s = 0.0
@@ -70,7 +73,7 @@ class Referee:
         """Way of the robot's middle."""
 
     def observe(self, *, t_s: float, pose: Pose2, rolling: Twist, people: Sequence[Pose2], period_s: float) -> None:
-        """Judge one physics step from the true pose, what its wheels do, and the people; `t_s` on the simulator's clock.
+        """Judge one physics step from the true pose, what its wheels do, and all that moves; `t_s` on the simulator's clock.
 
         By its wheels, because a standing robot that somebody pushes does not drive.
         """
@@ -80,7 +83,7 @@ class Referee:
             self.distance_m += self._here.distance_to(pose.x_m, pose.y_m)
         self._here = pose
         body = placed(self._footprint, pose)
-        drives = abs(rolling.v_mps) + abs(rolling.w_radps) * HUSKY.circumscribed_radius_m > STANDING_MPS
+        drives = abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m > STANDING_MPS
         self._judge_contacts(body, people, drives)
         self._judge_areas(body, period_s)
         self._sample()
@@ -152,20 +155,21 @@ class Referee:
     def _judge_contacts(self, body: Polygon, people: Sequence[Pose2], drives: bool) -> None:
         touched, self.min_clearance_m = self._fixed.near(body, CONTACT_M, self.min_clearance_m)
         now = {int(k) for k in np.flatnonzero(touched)} if touched.any() else set()
-        for i, person in enumerate(people):
-            gap_m = self._gap_to(person, body)
+        shapes = [self._person] * (len(people) - len(self._movers)) + self._movers
+        for i, (person, shape) in enumerate(zip(people, shapes, strict=True)):
+            gap_m = self._gap_to(person, *shape, body)
             self.min_clearance_m = min(self.min_clearance_m, gap_m)
             if gap_m <= CONTACT_M:
                 now.add(self._fixed.count + i)
         self._count_contacts(now, drives)
 
-    def _gap_to(self, person: Pose2, body: Polygon) -> float:
+    def _gap_to(self, person: Pose2, outline: Polygon, reach_m: float, body: Polygon) -> float:
         """Exact where it matters: infinite for somebody who is neither in contact nor nearer than anything before."""
         assert self._here is not None
-        apart_m = self._here.distance_to(person.x_m, person.y_m) - HUSKY.circumscribed_radius_m - self._person_reach_m
+        apart_m = self._here.distance_to(person.x_m, person.y_m) - self._robot.circumscribed_radius_m - reach_m
         if apart_m > CONTACT_M and apart_m >= self.min_clearance_m:
             return math.inf
-        return distance_m(body, placed(self._person, person))
+        return distance_m(body, placed(outline, person))
 
     def _count_contacts(self, now: set[int], drives: bool) -> None:
         """Each contact counts once: as a collision, or as a blow that the standing robot took."""

@@ -13,6 +13,7 @@ from typing import Literal
 from navcore.errors import BadConfiguration
 from navcore.settings import between, from_table, read_toml
 from navcore.transform import Pose2
+from sim.faults import Fault
 from sim.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.scenario_checks import check_scenario
@@ -173,6 +174,26 @@ class Person:
     """Of walking."""
     yields: bool = True
     """Whether a walker waits, or turns back, when the robot is right before him."""
+    begins_at: float | None = between(0.0, 1.0, default=None)
+    """Share of his line at which a walker begins, towards its end; anywhere and either way, by the seed, when left out."""
+    pauses_s: tuple[float, ...] = between(0.0, 3600.0, default=())
+    """How long a walker stands at each of his points before he walks on; nowhere when left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mover:
+    """A cylinder that moves by a timetable and yields to nobody."""
+
+    keys: tuple[tuple[float, float, float], ...] = between(-86_400.0, 86_400.0)
+    """Seconds, x and y in metres: where it is when; in between it goes straight. In order of time, one or more."""
+    period_s: float = between(0.1, 86_400.0)
+    """After so long it is where it began, and does the same again."""
+    radius_m: float = between(0.02, 5.0, default=0.5)
+    """Of the cylinder."""
+    height_m: float = between(0.1, 5.0, default=1.5)
+    """From the floor."""
+    colour: tuple[int, int, int] = between(0, 255, default=(120, 120, 125))
+    """Red, green, blue."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,6 +224,10 @@ class Scenario:
     """All pictures on floor and walls."""
     people: tuple[Person, ...] = field(default=())
     """Everybody."""
+    movers: tuple[Mover, ...] = field(default=())
+    """Everything that moves by a timetable."""
+    faults: tuple[Fault, ...] = field(default=())
+    """Everything that goes wrong, and when."""
 
     @property
     def start_pose(self) -> Pose2:

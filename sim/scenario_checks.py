@@ -13,6 +13,7 @@ from shapely.validation import explain_validity
 
 from navcore.errors import BadConfiguration
 from navcore.robot import HUSKY
+from sim.faults import check_faults
 from sim.items import item_shapes
 from sim.layout import Thing, items, obstacles
 from sim.shapes import placed
@@ -29,6 +30,7 @@ def check_scenario(scenario: Scenario, where: str) -> None:
     _check_inside(scenario, where)
     _check_markings(scenario, where)
     _check_room(scenario, where)
+    check_faults(scenario.faults, where)
 
 
 def _check_lists(scenario: Scenario, where: str) -> None:
@@ -46,8 +48,17 @@ def _check_lists(scenario: Scenario, where: str) -> None:
     for i, person in enumerate(scenario.people):
         if not person.points:
             raise BadConfiguration(f"{where}.people[{i}].points: is empty, expected one point to stand on, or more to walk")
+        if person.pauses_s and len(person.pauses_s) != len(person.points):
+            raise BadConfiguration(
+                f"{where}.people[{i}].pauses_s: has {len(person.pauses_s)}, expected {len(person.points)}, one for each point"
+            )
         if len(person.points) > 1 and person.speed_mps == 0:
             raise BadConfiguration(f"{where}.people[{i}].speed_mps: is 0 for a walker, expected more, or a single point")
+
+    for i, mover in enumerate(scenario.movers):
+        times = [t_s for t_s, _, _ in mover.keys]
+        if not times or times != sorted(times) or times[0] < 0:
+            raise BadConfiguration(f"{where}.movers[{i}].keys: expected one or more, from 0 s on, in order of time")
 
 
 def _check_inside(scenario: Scenario, where: str) -> None:

@@ -14,12 +14,14 @@ from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.robot import HUSKY, RobotProfile, Twist
 from navcore.transform import Pose2
-from sim.camera import T_BASE_CAMERA, Camera, Renderer
-from sim.husky import Driver, Husky
+from sim.camera import Camera, Renderer
+from sim.chassis import chassis_of
+from sim.faults import Fault, FaultLine
 from sim.odometry import Gyro, Odometry
 from sim.quiet import quiet_stdout
 from sim.referee import Referee
 from sim.scenario import Scenario
+from sim.skid_steer import Driver, SkidSteer
 from sim.stereo import StereoErrors
 from sim.variation import Source, generator, vary
 from sim.world import Crowd, build_world
@@ -33,8 +35,6 @@ SETTLING_STEPS = 60
 class Simulator:
     """One scenario, one seed; same seed and commands, same run, bit for bit. Several may live in one process."""
 
-    profile: RobotProfile = HUSKY
-
     def __init__(
         self,
         scenario: Scenario,
@@ -44,12 +44,14 @@ class Simulator:
         camera_size: tuple[int, int] = (424, 240),
         camera_rate_hz: float = 10.0,
         errors: StereoErrors | None = None,
+        robot: RobotProfile = HUSKY,
     ) -> None:
         """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err."""
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
+        self.profile, self._chassis = robot, chassis_of(robot)
         self.scenario = vary(scenario, seed)
         """As it is found in this run."""
         with quiet_stdout():
@@ -64,8 +66,9 @@ class Simulator:
                 raise
         self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
         self._yaw_rate_radps = 0.0
+        self._faults = FaultLine(scenario.faults, (seed, Source.FAULTS))
         self._frame: Frame | None = None
-        self.referee = Referee(self.scenario)
+        self.referee = Referee(self.scenario, robot)
         """The ground truth's verdict."""
 
     @property
@@ -80,20 +83,24 @@ class Simulator:
     def step(self) -> None:
         """Let 1/240 s pass; takes a picture when one is due."""
         before = self.true_pose()
-        self._husky.drive(*self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps))
+        t_s = self._steps * PERIOD_S
+        self._robot.drive(*self._faults.wheels(self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps), t_s))
         self._crowd.step(before)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._steps += 1
         pose = self.true_pose()
-        self._yaw_rate_radps = self._gyro.measure(self._husky.velocity(pose).w_radps)
-        self._odometry.update(*self._husky.rolled_m(), self._yaw_rate_radps)
-        people = [walker.pose for walker in self._crowd.walkers]
+        self._yaw_rate_radps = self._faults.gyro(self._gyro.measure(self._robot.velocity(pose).w_radps), t_s)
+        self._odometry.update(*self._robot.rolled_m(), self._yaw_rate_radps)
         self.referee.observe(
-            t_s=self._steps * PERIOD_S, pose=pose, rolling=self._husky.rolling(), people=people, period_s=PERIOD_S
+            t_s=self._steps * PERIOD_S,
+            pose=pose,
+            rolling=self._robot.rolling(),
+            people=self._crowd.poses(),
+            period_s=PERIOD_S,
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
             self._pictures += 1
-            self._frame = self.capture()
+            self._frame = self._faults.frame(self.capture(), self._steps * PERIOD_S) or self._frame
 
     def newest_frame(self) -> Frame | None:
         """The last picture that was due, or None before the first."""
@@ -108,7 +115,7 @@ class Simulator:
             rgb=rgb,
             depth_m=depth_m,
             intrinsics=self._camera.intrinsics,
-            T_base_camera=T_BASE_CAMERA,
+            T_base_camera=self._camera.mount,
             pose=self.odometry(),
             twist=self.velocity(),
         )
@@ -127,15 +134,24 @@ class Simulator:
 
     def true_pose(self) -> Pose2:
         """T_map_base as it is: for the referee and for tests, never for navigation."""
-        return self._husky.pose()
+        return self._robot.pose()
 
     def true_people(self) -> tuple[Pose2, ...]:
         """T_map_person of everybody: for tests, never for navigation."""
         return tuple(walker.pose for walker in self._crowd.walkers)
 
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The schedule of what goes wrong, on the simulator's clock."""
+        return self._faults.faults
+
+    def inject(self, fault: Fault) -> None:
+        """Let one more thing go wrong, from `fault.from_s` on this clock; raises `BadConfiguration` when it cannot."""
+        self._faults.add(fault)
+
     def new_run(self) -> None:
         """Begin to judge afresh, by the same zones; robot, people and clock go on."""
-        zones, self.referee = self.referee.zones, Referee(self.scenario)
+        zones, self.referee = self.referee.zones, Referee(self.scenario, self.profile)
         self.referee.set_zones(zones)
 
     def close(self) -> None:
@@ -156,17 +172,19 @@ class Simulator:
         self, renderer: Literal["auto", "tiny", "egl"], size: tuple[int, int], errors: StereoErrors, seed: int
     ) -> Camera:
         rng = generator(seed, Source.CAMERA)
-        return Camera(self._client, size=size, renderer=renderer, errors=errors, rng=rng)
+        return Camera(
+            self._client, size=size, renderer=renderer, errors=errors, rng=rng, mount=self.profile.camera.T_base_camera
+        )
 
     def _build(self, seed: int) -> None:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
         build_world(self._client, self.scenario)
-        self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S)
-        self._husky = Husky(self._client, self.scenario.start_pose)
+        self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile)
+        self._robot = SkidSteer(self._client, self.scenario.start_pose, self._chassis)
         for _ in range(SETTLING_STEPS):
-            self._husky.drive(0.0, 0.0)
+            self._robot.drive(0.0, 0.0)
             pybullet.stepSimulation(physicsClientId=self._client)
-        self._driver = Driver(PERIOD_S)
+        self._driver = Driver(PERIOD_S, self.profile, self._chassis)
         self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
         self._odometry: Odometry = Odometry(self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S)

@@ -8,34 +8,42 @@ to a limit. So the wheels are frictionless to the engine, and these forces hold 
 from __future__ import annotations
 
 import math
-
-STIFFNESS_NSPM = 3000.0
-"""Force per slip speed of the two tyres of one side, along and across."""
-SIDE_GRIP_N = 200.0
-"""Largest force of one side: friction 0.8 on half the robot's weight."""
-SCRUB_NMS = 200.0
-"""Torque per yaw rate that it takes to drag the tyres sideways in a turn."""
-SCRUB_NM = 60.0
-"""Largest such torque."""
+from dataclasses import dataclass
 
 Force = tuple[float, float]
 """Forward and to the left, N."""
 
 
-def grip(motion: tuple[float, float, float], left_mps: float, right_mps: float, track_m: float) -> tuple[Force, Force]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tyres:
+    """Of one platform."""
+
+    stiffness_nspm: float
+    """Force per slip speed of the two tyres of one side, along and across."""
+    side_grip_n: float
+    """Largest force of one side: friction 0.8 on half the robot's weight."""
+    scrub_nms: float
+    """Torque per yaw rate that it takes to drag the tyres sideways in a turn."""
+    scrub_nm: float
+    """Largest such torque."""
+
+
+def grip(
+    motion: tuple[float, float, float], left_mps: float, right_mps: float, track_m: float, tyres: Tyres
+) -> tuple[Force, Force]:
     """What the floor does to the (left, right) tyres.
 
     `motion` is the body's speed forward and to the left and its yaw rate; the wheels' rims move at `left_mps`, `right_mps`.
     """
     along, across, yaw_rate = motion
-    scrub = max(-SCRUB_NM, min(SCRUB_NM, SCRUB_NMS * yaw_rate)) / track_m
-    sideways = -STIFFNESS_NSPM * across / 2
+    scrub = max(-tyres.scrub_nm, min(tyres.scrub_nm, tyres.scrub_nms * yaw_rate)) / track_m
+    sideways, stiffness = -tyres.stiffness_nspm * across / 2, tyres.stiffness_nspm
     return (
-        _limited(STIFFNESS_NSPM * (left_mps - along + yaw_rate * track_m / 2) + scrub, sideways),
-        _limited(STIFFNESS_NSPM * (right_mps - along - yaw_rate * track_m / 2) - scrub, sideways),
+        _limited(stiffness * (left_mps - along + yaw_rate * track_m / 2) + scrub, sideways, tyres.side_grip_n),
+        _limited(stiffness * (right_mps - along - yaw_rate * track_m / 2) - scrub, sideways, tyres.side_grip_n),
     )
 
 
-def _limited(forward: float, left: float) -> Force:
-    share = min(1.0, SIDE_GRIP_N / max(math.hypot(forward, left), 1e-9))
+def _limited(forward: float, left: float, most: float) -> Force:
+    share = min(1.0, most / max(math.hypot(forward, left), 1e-9))
     return (share * forward, share * left)

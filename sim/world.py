@@ -7,14 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
+from navcore.robot import HUSKY, RobotProfile
 from navcore.transform import Pose2
 from sim.bodies import NO_SHAPE, PARTS, load_texture, put_texture, show_patch, show_solids, show_square
 from sim.figure import person_solids
 from sim.items import ITEM_MASSES_KG
 from sim.layout import Thing, items, obstacles
+from sim.movers import Moving
 from sim.people import BODY_DIAMETER_M, Walker
 from sim.scenario import Item, Marking, Print, Scenario
-from sim.shapes import Colour, Solid, box, quaternion
+from sim.shapes import Colour, Solid, box, cylinder, quaternion
 from sim.textures import SPILL_SIDE_M, print_texture, spill_texture
 
 PAINT_M = 0.003
@@ -42,12 +44,16 @@ def build_world(client: int, scenario: Scenario) -> None:
 
 
 class Crowd:
-    """All people of a world, and their bodies."""
+    """All people of a world, all that moves by a timetable, and their bodies."""
 
-    def __init__(self, client: int, scenario: Scenario, rng: np.random.Generator, period_s: float) -> None:
+    def __init__(
+        self, client: int, scenario: Scenario, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY
+    ) -> None:
         self._client = client
-        self.walkers = [Walker(person, rng, period_s) for person in scenario.people]
+        self.walkers = [Walker(person, rng, period_s, robot) for person in scenario.people]
         self._bodies = [_build_person(client, walker) for walker in self.walkers]
+        self._movers = [Moving(mover, period_s) for mover in scenario.movers]
+        self._mover_bodies = [_build_mover(client, mover) for mover in self._movers]
 
     def step(self, robot: Pose2) -> None:
         """Move everybody by one physics step."""
@@ -55,6 +61,13 @@ class Crowd:
             if walker.walks:
                 walker.step(robot)
                 _move(self._client, body, walker.pose)
+        for mover, body in zip(self._movers, self._mover_bodies, strict=True):
+            mover.step()
+            _move(self._client, body, mover.pose)
+
+    def poses(self) -> list[Pose2]:
+        """T_map_body of everybody, then of all that moves by a timetable."""
+        return [*(walker.pose for walker in self.walkers), *(mover.pose for mover in self._movers)]
 
 
 def _build_floor(client: int, scenario: Scenario) -> None:
@@ -127,6 +140,10 @@ def _build_person(client: int, walker: Walker) -> int:
     )
     visual = show_solids(client, person_solids(stride=0.1 if walker.walks else 0.0))
     return _place(client, 0.0, collision, visual, walker.pose, 0.0)
+
+
+def _build_mover(client: int, mover: Moving) -> int:
+    return _build_fixed(client, [cylinder(mover.diameter_m, mover.height_m, (0.0, 0.0), mover.colour)], mover.pose)
 
 
 def _place(client: int, mass_kg: float, collision: int, visual: int, pose: Pose2, z_m: float) -> int:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from navcore.beware import default_beware_list, load_beware_list
+from navcore.esanet.preprocess import Size
+from navcore.learning.recipe import load_recipe
 from sim.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -15,23 +18,32 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def examples(tmp_path: Path) -> list[Path]:
-    """Every TOML block of the README, as a file."""
-    blocks = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
-    for number, block in enumerate(blocks):
-        (tmp_path / f"example{number}.toml").write_text(block, encoding="utf-8")
-    return sorted(tmp_path.glob("example*.toml"))
+def example(tmp_path: Path) -> Callable[[str], Path]:
+    """The one TOML block of the README that holds some words, as a file."""
+
+    def as_file(words: str) -> Path:
+        (block,) = [block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if words in block]
+        path = tmp_path / "example.toml"
+        path.write_text(block, encoding="utf-8")
+        return path
+
+    return as_file
 
 
-def test_the_world_of_the_readme_is_a_world(examples: list[Path]) -> None:
-    world = load_scenario(str(examples[0]))
+def test_the_world_of_the_readme_is_a_world(example: Callable[[str], Path]) -> None:
+    world = load_scenario(str(example("[[furniture]]")))
     assert world.name == "my_room"
-    assert len(world.people) == len(world.items) == len(world.markings) == len(world.furniture) == 1
+    assert len(world.people) == len(world.items) == len(world.furniture) == len(world.prints) == len(world.faults) == 1
+    assert len(world.markings) == 2
 
 
-def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(examples: list[Path]) -> None:
-    shown = load_beware_list(examples[1])
+def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(example: Callable[[str], Path]) -> None:
+    shown = load_beware_list(example("[[beware]]"))
     assert shown.classes == (default_beware_list().named("red floor"),)
+
+
+def test_the_recipe_of_the_readme_is_one(example: Callable[[str], Path]) -> None:
+    assert load_recipe(example("variant =")).size == Size(height=256, width=416)
 
 
 def test_every_make_target_and_file_that_the_readme_names_exists() -> None:

@@ -8,9 +8,10 @@ from itertools import pairwise
 import pytest
 
 from navcore.robot import HUSKY, Twist
-from sim.husky import COMMAND_TIMEOUT_NS, Driver
+from sim.husky import HUSKY_CHASSIS
 from sim.scenario import load_scenario
 from sim.simulator import PERIOD_S, Simulator
+from sim.skid_steer import COMMAND_TIMEOUT_NS, Driver
 from tests.sim.worlds import blind, drive, open_floor, turned_by, wait
 
 
@@ -54,7 +55,7 @@ def test_the_driver_forgets_a_command_after_its_timeout() -> None:
 
 @pytest.mark.parametrize("v_mps, w_radps", [(1e9, 0.0), (-1e9, 1e9), (math.nan, math.inf), (math.inf, math.nan)])
 def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: float) -> None:
-    driver = Driver(PERIOD_S)
+    driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
     before = (0.0, 0.0)
     for step in range(480):
         driver.ask(Twist(v_mps=v_mps, w_radps=w_radps), step)
@@ -65,7 +66,7 @@ def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: fl
 
 
 def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
-    driver = Driver(PERIOD_S)
+    driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
     driver.ask(Twist(v_mps=1.0, w_radps=0.0), 0)
     speeds = [driver.wheel_speeds(0, 0.0)[0] * 0.17775 for _ in range(100)]
     rises = [b - a for a, b in pairwise(speeds)]

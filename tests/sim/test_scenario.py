@@ -127,7 +127,7 @@ def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None
 def test_items_of_every_kind_stay_where_they_were_put() -> None:
     with blind(open_floor(items=every_item(), start=(-8.0, 0.0, 0.0))) as simulator:
         client = {"physicsClientId": simulator._client}
-        bodies = [b for b in range(simulator._husky.body) if p.getDynamicsInfo(b, -1, **client)[0] > 0]  # not the floor
+        bodies = [b for b in range(simulator._robot.body) if p.getDynamicsInfo(b, -1, **client)[0] > 0]  # not the floor
         before = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
         wait(simulator, 1.0)
         after = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])

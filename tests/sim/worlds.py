@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from navcore.robot import Twist
-from sim.scenario import Furniture, Item, MapExtent, Marking, Person, Scenario
+from sim.scenario import Furniture, Item, MapExtent, Marking, Mover, Person, Scenario
 from sim.simulator import STEPS_PER_S, Simulator
 from sim.stereo import PERFECT
 
@@ -18,6 +18,7 @@ def open_floor(
     markings: tuple[Marking, ...] = (),
     items: tuple[Item, ...] = (),
     people: tuple[Person, ...] = (),
+    movers: tuple[Mover, ...] = (),
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Scenario:
     """20 m × 20 m without walls."""
@@ -30,6 +31,7 @@ def open_floor(
         markings=markings,
         items=items,
         people=people,
+        movers=movers,
     )
 
 

@@ -355,3 +355,15 @@ def test_loaded_weights_can_be_trained_further(tmp_path: Path) -> None:
     outputs = network(torch.randn(2, 3, 64, 64), torch.randn(2, 1, 64, 64))
     torch.autograd.backward([output.mean() for output in outputs])
     torch.optim.SGD(network.parameters(), lr=0.1).step()
+
+
+def test_kernels_in_half_precision_take_half_the_room_and_come_back_as_the_nearest_numbers(tmp_path: Path) -> None:
+    network = slim()
+    save(network, card(), tmp_path / "whole.safetensors")
+    save(network, card(), tmp_path / "half.safetensors", half=True)
+    sizes = [(tmp_path / f"{name}.safetensors").stat().st_size for name in ("whole", "half")]
+    assert sizes[1] < 0.6 * sizes[0]
+    back = load(tmp_path / "half.safetensors").network.state_dict()
+    for key, value in network.state_dict().items():
+        assert back[key].dtype == value.dtype
+        assert torch.equal(back[key], value.half().float() if value.ndim == 4 else value)

@@ -1,0 +1,94 @@
+"""Many episodes over several workers, resumable: what is in `episodes.jsonl` is not driven again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import statistics
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console as Terminal
+from rich.table import Table
+
+from navcore.errors import BadConfiguration
+
+Report = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """What is driven, and where it is kept."""
+
+    key: str
+    """The field of a report that tells one episode of the campaign from another: a whole number."""
+    rules: object
+    """All that an episode depends on beside its key; its `repr` names the campaign, and episodes of another are refused."""
+    holds: str
+    """The same in words, for that refusal."""
+    drive: Callable[[int], Report]
+    """Drives one episode in this process."""
+    drive_alone: Callable[[int], Report]
+    """The same in a process of its own; can be pickled."""
+
+    def run(self, wanted: Sequence[int], *, workers: int, out: Path) -> list[Report]:
+        """Drive what is not kept yet, keep each as it ends; the reports in the order wanted."""
+        name = hashlib.sha256(repr(self.rules).encode()).hexdigest()[:16]
+        kept = out / "episodes.jsonl"
+        try:
+            text = kept.read_text(encoding="utf-8") if kept.exists() else ""
+            done = {report[self.key]: report for report in self._read(text, name, kept)}
+            out.mkdir(parents=True, exist_ok=True)
+            with kept.open("a", encoding="utf-8") as file:
+                if text and not text.endswith("\n"):
+                    file.write("\n")
+                for report in self._driven([key for key in wanted if key not in done], workers):
+                    done[report[self.key]] = report
+                    file.write(json.dumps({**report, "campaign": name}) + "\n")
+                    file.flush()
+        except OSError as error:
+            raise BadConfiguration(f"{out} cannot be written: {error}") from None
+        return [done[key] for key in wanted]
+
+    def _driven(self, keys: list[int], workers: int) -> Iterator[Report]:
+        if workers == 1:
+            yield from map(self.drive, keys)
+            return
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            jobs = [pool.submit(self.drive_alone, key) for key in keys]
+            yield from (job.result() for job in as_completed(jobs))
+
+    def _read(self, text: str, name: str, path: Path) -> Iterator[Report]:
+        """The episodes kept before; a line that a kill cut short is driven again."""
+        for line in text.splitlines():
+            try:
+                report = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            if report.get("campaign") != name:
+                raise BadConfiguration(f"{path} holds episodes of {self.holds}; give another --out")
+            yield report
+
+
+def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> float:
+    """The mean of a figure over reports."""
+    return round(statistics.fmean(value(report) for report in reports), 4)
+
+
+def conclude(reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path) -> None:
+    """Write `summary.json` and print the table."""
+    try:
+        (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    except OSError as error:
+        raise BadConfiguration(f"{out} cannot be written: {error}") from None
+    table = Table(*columns, title=title)
+    for report in reports:
+        table.add_row(*(f"{report[column]}" for column in columns))
+    terminal = Terminal(width=None if sys.stdout.isatty() else 160)
+    terminal.print(table)
+    terminal.print_json(data=summary)
