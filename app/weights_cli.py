@@ -38,6 +38,33 @@ def halve(
 
 
 @weights_cli.command()
+def calibrate(
+    source: Annotated[Path, typer.Argument(help="A trained .safetensors file.")],
+    target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
+    data: Annotated[Path, typer.Option(metavar="DIR", help="A data set that it was not trained on the split of.")],
+    split: Annotated[str, typer.Option(help="The split to do best on.")] = "valid",
+) -> None:
+    """Shift the classes' logits so that the mean IoU of a split is largest: undoes what class weights have skewed."""
+    from navcore.errors import BadConfiguration
+    from navcore.esanet import weights
+    from navcore.learning.batches import Pictures
+    from navcore.learning.calibration import calibrate as shift
+    from navcore.learning.dataset import load_dataset
+    from navcore.learning.evaluation import Looking
+
+    trained = weights.load(source)
+    if trained.card.size is None:
+        raise BadConfiguration(f"{source} does not say at what size it was trained")
+    if split not in ("train", "valid", "test"):
+        raise BadConfiguration(f"--split {split!r}: expected train, valid or test")
+    pictures = Pictures(load_dataset(data), split, cache_mb=0)  # type: ignore[arg-type]
+    offsets = shift(trained.network, pictures, Looking(size=trained.card.size))
+    weights.save(trained.network, trained.card, target)
+    for name, offset in zip(trained.card.class_names, offsets, strict=True):
+        typer.echo(f"{name}: {offset:+.3f}")
+
+
+@weights_cli.command()
 def info(path: Annotated[Path, typer.Argument(help="A converted or shipped .safetensors file.")]) -> None:
     """Check that a file is whole and say what network it holds."""
     from navcore.esanet import weights

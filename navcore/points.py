@@ -32,6 +32,8 @@ class PointRules:
     """Anything higher is an obstacle (the paper's 10 cm)."""
     ceiling_m: float = between(0.2, 2.8, default=1.5)
     """Anything higher than this is above the robot and none of its business."""
+    drop_m: float = between(0.05, 2.0, default=0.15)
+    """Floor that lies deeper than this is no floor to drive on: a stair down, a kerb, a pit."""
     max_range_m: float = between(0.5, 20.0, default=5.0)
     """Depth beyond this is too coarse to be put on the map."""
     min_support: int = between(1, 100, default=2)
@@ -187,8 +189,9 @@ def locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> Voxels:
 
 
 def tall_voxels(voxels: Voxels, box: Box, rules: PointRules) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """One pixel of each voxel that something tall stands in, and every voxel of the box in which anything was measured."""
-    return _tally(voxels.keys, voxels.z_m, rules.obstacle_height_m, rules.ceiling_m, _counts(box), rules.min_support)
+    """One pixel of each voxel where something stands or the floor drops, and every voxel of the box that was measured."""
+    limits = (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m)
+    return _tally(voxels.keys, voxels.z_m, limits, _counts(box), rules.min_support)
 
 
 def _counts(box: Box) -> npt.NDArray[np.uint8]:
@@ -232,14 +235,13 @@ def _project(
 def _tally(
     keys: npt.NDArray[np.int32],
     z_m: npt.NDArray[np.float32],
-    low_m: float,
-    high_m: float,
+    limits_m: tuple[float, float, float],
     counts: npt.NDArray[np.uint8],
     min_support: int,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """One pixel of each voxel in which enough lie between two heights, and every voxel in which anything was measured."""
+    """One pixel of each voxel with enough between the first two heights or below the third, and every voxel measured."""
     touched, pixels = np.empty(len(keys), dtype=np.int32), np.empty(len(keys), dtype=np.int32)
-    low, high, count = np.float32(low_m), np.float32(high_m), 0
+    low, high, deep, count = np.float32(limits_m[0]), np.float32(limits_m[1]), np.float32(limits_m[2]), 0
     # What is measured anywhere is one bit a voxel: a word a cell stays in the cache where a counter a voxel would not.
     seen = np.zeros(len(counts) // HEIGHT_BINS + 1, dtype=np.uint64)
     outside = np.uint32(len(seen) - 1)
@@ -253,7 +255,8 @@ def _tally(
             key = keys[pixel]
             cell = np.uint32(key >> 6) if key >= 0 else outside
             seen[cell] |= ONE << np.uint64(key & 63)
-            if key >= 0 and low < z_m[pixel] < high:
+            z = z_m[pixel]
+            if key >= 0 and (low < z < high or z < deep):
                 slot = np.uint32(key)
                 before = counts[slot]
                 if before == 0:

@@ -62,7 +62,7 @@ def predict(
     network: nn.Module, samples: Sequence[Sample], looking: Looking, statistics: DepthStatistics
 ) -> list[npt.NDArray[np.uint8]]:
     """The most likely class 0 … C−1 of every pixel, (H, W) at each sample's own size."""
-    logits = _logits(network, plain_batch(samples, looking.size, statistics), looking)
+    logits = logits_of(network, plain_batch(samples, looking.size, statistics), looking)
     return [_classes(one, sample.labels.shape) for one, sample in zip(logits, samples, strict=True)]
 
 
@@ -78,8 +78,8 @@ def _classes(logits: Tensor, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
     return logits.argmax(dim=0).to(torch.uint8).cpu().numpy()
 
 
-def _logits(network: nn.Module, batch: Batch, looking: Looking) -> Tensor:
-    """(B, C, h, w) float32."""
+def logits_of(network: nn.Module, batch: Batch, looking: Looking) -> Tensor:
+    """The network's (B, C, h, w) float32 for a batch."""
     device = device_of(network)
     rgb, depth = batch.rgb.to(device), batch.depth.to(device)
     network.eval()

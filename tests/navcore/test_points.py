@@ -183,3 +183,20 @@ def test_what_lies_off_the_grid_makes_no_points() -> None:
     beyond = Box(x=(8.5, 9.0), y=(-1, 1), z=(0, 1))
     assert len(look(picture(beyond, pose=edge)).points_map) == 0
     assert len(look(picture(dataclasses.replace(beyond, x=(7.9, 9.0)), pose=Pose2(x_m=5, y_m=0, yaw_rad=0))).points_map) > 0
+
+
+def test_a_stair_down_is_an_obstacle_and_an_uneven_floor_is_not() -> None:
+    def lowered(by_m: float) -> Frame:
+        flat = picture()
+        z = flat.T_map_camera[2]
+        rows, cols = np.mgrid[0 : flat.intrinsics.height, 0 : flat.intrinsics.width]
+        a, b = (cols - flat.intrinsics.cx) / flat.intrinsics.fx, (rows - flat.intrinsics.cy) / flat.intrinsics.fy
+        # Beyond 2 m the floor lies deeper, along the same rays.
+        deeper = np.where(flat.depth_m > 2.0, (z[3] + by_m) / np.maximum(-(z[0] * a + z[1] * b + z[2]), 1e-6), flat.depth_m)
+        depth = np.where(flat.depth_m > 0, deeper, 0.0).astype(np.float32)
+        return dataclasses.replace(flat, depth_m=depth)
+
+    assert len(look(lowered(0.05)).points_map) == 0
+    edge = look(lowered(0.3)).points_map
+    assert len(edge) > 20
+    assert np.all(edge[:, 2] < -0.15)
