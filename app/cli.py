@@ -123,7 +123,9 @@ def drive(
 
 @cli.command()
 def evaluate(
-    suite: Annotated[str, typer.Argument(help="A scenario, e.g. office, or the suites barn, dynabarn and crossings.")],
+    suite: Annotated[
+        str, typer.Argument(help="A scenario, e.g. office, or one of the suites barn, dynabarn, crossings and finding.")
+    ],
     worlds: Annotated[Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")] = None,
     robot: Annotated[str, typer.Option(metavar="husky|jackal", help="What drives; suites are scaled to fit it.")] = "husky",
     episodes: Annotated[
@@ -152,6 +154,13 @@ def evaluate(
         seeds, into = range(seed, seed + (episodes or 200)), out or Path("runs") / suite
         verdict = evaluate_crossings(seeds=seeds, workers=workers, out=into, beware=_beware(beware))
         sys.exit(0 if verdict["drove_into_somebody"] == 0 else 1)
+    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
+    if suite == "finding":
+        from app.finding import run_finding
+
+        into = out or Path("runs") / suite
+        found = run_finding(perception.segmenter, _beware(beware), seed=seed, walks=episodes or 40, out=into)
+        sys.exit(0 if found["found_in_time"] >= 0.95 and found["false_items_per_10_m"] < 1.0 else 1)
     summary = evaluate_scenario(
         suite,
         robot=robot,
@@ -160,7 +169,7 @@ def evaluate(
         out=out or Path("runs") / suite,
         max_time_s=max_time,
         beware=_beware(beware),
-        perception=compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)),
+        perception=perception,
     )
     sys.exit(0 if summary["success_rate"] == 1.0 else 1)
 

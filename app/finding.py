@@ -7,6 +7,7 @@ here avoids nothing: that the camera comes near is the point.
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -111,8 +112,6 @@ def measure_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walk
 
 def run_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int, out: Path | None) -> dict[str, Any]:
     """Measure, print a table, and write `finding.json` into `out`."""
-    import json
-
     findings = measure_finding(segmenter, beware, seed=seed, walks=walks)
     summary = findings.summary()
     table = Table("class", "in view ≤ 4 m", "found ≥ 1.5 m away", "by its name", "false items", title="things found in time")
@@ -149,7 +148,8 @@ def _walk(
             pose=pose,
             twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
         )
-        cloud.insert(observe(frame, segmenter.segment(frame, beware), beware, spec, PointRules()), frame)
+        found = segmenter.segment(frame, beware)
+        cloud.insert(observe(frame, found, beware, spec, PointRules()), frame, found)
         _look(things, cloud, beware, frame, true_depth_m, labels)
     for thing in things:
         findings.seen[thing.name] += thing.in_view

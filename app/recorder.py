@@ -121,6 +121,7 @@ class Recorder:
             path=route.points if route else nowhere,
             waypoints=route.waypoints if route else nowhere,
             driven=self._driven_points,
+            people=decision.people,
         )
 
     def _copied_cloud(self) -> Cloud:

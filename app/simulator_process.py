@@ -139,12 +139,13 @@ def _serve(link: Connection, scenario: str, seed: int) -> None:
             elif behind_s <= 0:
                 time.sleep(min(-behind_s + 1e-3, 0.01))
                 continue
-            stamp_ns = time.monotonic_ns()
+            lead_ns = time.monotonic_ns() - simulator.now_ns()
             simulator.step()
             if simulator.newest_frame() is not frame:
                 frame = simulator.newest_frame()
                 if frame is not None:
-                    outbox.post("frame", _encode(frame, stamp_ns, simulator.referee.summary()))
+                    # A picture that is late, or wrongly dated, by a fault stays so on the machine's clock.
+                    outbox.post("frame", _encode(frame, frame.stamp_ns + lead_ns, simulator.referee.summary()))
 
 
 def _obey(link: Connection, simulator: Simulator) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from navcore.navigator import Navigator
 
-STAGES = ("tick", "label", "remember", "occupancy", "route", "plan", "move")
+STAGES = ("tick", "label", "remember", "occupancy", "route", "plan", "move", "track")
 
 
 class Stopwatch:

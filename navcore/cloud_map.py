@@ -15,6 +15,7 @@ follows the map pays for what changed and not for its size.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareList
 from navcore.clearing import find_outdated
 from navcore.errors import BadConfiguration
+from navcore.evidence import first_look, weigh
 from navcore.explored import Explored
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
@@ -34,6 +36,7 @@ from navcore.mask import Mask
 from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Observation, frustum_box
 from navcore.search.bits import Plane, empty_plane, unpack
 from navcore.search.free_space import MOST_CELLS, Planes
+from navcore.segment import Labels
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
 from navcore.zones import Zone, rasterise
@@ -97,8 +100,14 @@ class CloudMap:
         self.version = 0
         """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
 
-    def insert(self, observation: Observation, frame: Frame) -> None:
-        """Replace or append the points of the frame's pose ID, and clear what the frame sees through."""
+    def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
+        """Replace or append the points of the frame's pose ID, and clear what the frame sees through.
+
+        With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its word is taken once for all.
+        """
+        if labels is not None:
+            self._weigh(frame, labels, observation.max_range_m)
+            observation = dataclasses.replace(observation, confidence=first_look(observation.confidence))
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
@@ -267,6 +276,23 @@ class CloudMap:
         if not near:
             self._poses.append(pose)
         return len(self._poses) - 1
+
+    def _weigh(self, frame: Frame, labels: Labels, max_range_m: float) -> None:
+        """Let the picture speak for or against what was seen before in the places it shows."""
+        forgotten, cells = weigh(
+            self._points.records,
+            self._points.first,
+            self.spec.cols,
+            frustum_box(frame, self.spec, max_range_m),
+            frame,
+            invert(frame.T_map_camera),
+            labels,
+            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+        )
+        self._points.remove(forgotten)
+        if len(cells):
+            self._refresh(np.unique(cells))
+            self.version += 1
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
         lens = frame.intrinsics

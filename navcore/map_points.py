@@ -201,6 +201,28 @@ def refresh_planes(
 
 
 @compiled
+def points_in(
+    first: Cells, records: Records, cells: npt.NDArray[np.int64], kinds: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.int64]:
+    """Indices of the points in (N,) cells, each named once, whose class is among `kinds`, (256,) by class id."""
+    total = 0
+    for cell in cells:
+        at = first[cell]
+        while at > 0:
+            total += 1
+            at = records[at - 1].next
+    found, count = np.empty(total, dtype=np.int64), 0
+    for cell in cells:
+        at = first[cell]
+        while at > 0:
+            if kinds[records[at - 1].class_id]:
+                found[count] = at - 1
+                count += 1
+            at = records[at - 1].next
+    return found[:count]
+
+
+@compiled
 def coarse_doubles(records: Records, count: int, first: Cells, newest_pose_id: int) -> npt.NDArray[np.int64]:
     """Indices of points up to a pose ID that share cell and class with another: all but one of each cell, the surest."""
     found = np.empty(count, dtype=np.int64)

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList
+from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, check_frame
@@ -29,6 +29,7 @@ from navcore.local_planner import (
 from navcore.mask import Mask
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
+from navcore.people import PERSON, PeopleTracker, Track
 from navcore.points import observe
 from navcore.robot import STANDSTILL, RobotProfile
 from navcore.search.bits import Plane
@@ -40,6 +41,7 @@ from navcore.taut import pull_taut
 from navcore.transform import Pose2
 from navcore.way_out import way_out
 from navcore.waypoints import choose_waypoints
+from navcore.yielding import Bodies
 from navcore.zones import Zone
 
 NO_POINTS: Points = np.empty((0, 2))
@@ -88,6 +90,8 @@ class Decision:
     """The way to the goal; None without a goal."""
     motion: Motion
     """What to do until the next frame."""
+    people: tuple[Track, ...] = ()
+    """Who walks or stands about, and how."""
 
 
 class Navigator:
@@ -103,25 +107,33 @@ class Navigator:
         self._route: tuple[tuple[object, ...], Route] | None = None
         self._motion = IDLE
         self._placed = False
+        self._tracker = PeopleTracker()
 
     def tick(self, frame: Frame, order: Order) -> Decision:
         """From a frame to a motion. Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
         labels = self.label(frame, order)
+        people = self.track(frame, labels, order)
         self.remember(frame, labels, order)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
-        motion = self.move(occupancy, frame.pose, route, leaving=order.leave)
-        return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion)
+        motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave)
+        return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
     def label(self, frame: Frame, order: Order) -> Labels:
         """Which pixels show something on the beware list."""
         return self._segmenter.segment(frame, order.beware)
 
+    def track(self, frame: Frame, labels: Labels, order: Order) -> tuple[Track, ...]:
+        """Everybody who walks, and everybody whom the segmenter recognises."""
+        return self._tracker.follow(frame, labels, order.beware)
+
     def remember(self, frame: Frame, labels: Labels, order: Order) -> None:
-        """Put the frame's points on the map, under its pose ID, and note the ground the robot stands on."""
+        """Put the frame's points on the map, under its pose ID, but for those of people who walk; note the ground trodden."""
         self._tread(frame.pose)
-        self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame)
+        self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame, labels)
+        people = [entry.class_id for entry in order.beware.classes if entry.name == PERSON]
+        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
         self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:
@@ -195,8 +207,10 @@ class Navigator:
             track=read_only(_evenly(track, spec.resolution_m)),
         )
 
-    def move(self, occupancy: Occupancy, pose: Pose2, route: Route | None, *, leaving: bool = False) -> Motion:
-        """The velocity that follows the route and touches nothing; standing without a route.
+    def move(
+        self, occupancy: Occupancy, pose: Pose2, route: Route | None, people: tuple[Track, ...] = (), *, leaving: bool = False
+    ) -> Motion:
+        """The velocity that follows the route, touches nothing and is in nobody's way; standing without a route.
 
         A robot that is `leaving` may pass over the area it stands in, and over no other.
         """
@@ -220,6 +234,8 @@ class Navigator:
             profile=self._profile,
             rules=self._config.local,
             cell_m=around.spec.resolution_m,
+            people=Bodies.of(people, pose),
+            manners=self._config.people,
         )
         return self._motion
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from navcore.beware import default_beware_list
@@ -12,6 +14,7 @@ from navcore.navigator import Navigator, Order
 from navcore.robot import HUSKY, STANDSTILL
 from navcore.segment import ColourSegmenter, Segmenter
 from navcore.transform import Pose2, camera_mount
+from navcore.yielding import NOBODY, free_of
 
 
 def warm_up(segmenter: Segmenter | None = None) -> None:
@@ -41,3 +44,7 @@ def warm_up(segmenter: Segmenter | None = None) -> None:
             twist=STANDSTILL,
         )
         navigator.tick(frame, Order(goal=(1.0, 1.0), beware=default_beware_list(), zones=()))
+    # Nobody walks before the wall; what looks out for people is compiled all the same.
+    poses = np.zeros((1, 2, 3))
+    somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
+    free_of(somebody, poses, poses[..., 0].copy(), HUSKY, NavigatorConfig().people)

@@ -19,6 +19,7 @@ PATH: Rgb = (10, 132, 255)
 DRIVEN: Rgb = (87, 100, 122)
 GOAL: Rgb = (0, 168, 107)
 DRAFT: Rgb = (255, 183, 3)
+PERSON: Rgb = (232, 93, 4)
 
 # Readable beside each other for the common forms of colour blindness (after Okabe and Ito); patterns tell them apart as well.
 _CLASSES: tuple[Rgb, ...] = (

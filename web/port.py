@@ -19,6 +19,7 @@ from navcore.mask import Mask
 from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path
+from navcore.people import Track
 from navcore.robot import RobotProfile, Twist
 from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
@@ -121,6 +122,8 @@ class Picture:
     """(M, 2) the path's corners and its end."""
     driven: npt.NDArray[np.float64]
     """(K, 2) where the robot has been."""
+    people: tuple[Track, ...] = ()
+    """Who walks or stands about, and how."""
 
     @property
     def grid(self) -> OccupancyGrid:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.local_planner import (
     IDLE,
+    MANNERS,
     LocalRules,
     Motion,
     Outcome,
@@ -23,8 +25,10 @@ from navcore.local_planner import (
     path_from,
     plan_motion,
 )
+from navcore.people import Track
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.transform import Pose2
+from navcore.yielding import NOBODY, Bodies
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
@@ -43,6 +47,7 @@ def decide(
     path: Points = AHEAD,
     previous: Motion = IDLE,
     rules: LocalRules = RULES,
+    people: Bodies = NOBODY,
 ) -> Motion:
     """A decision at the map's origin, where the base frame is the map frame."""
     return plan_motion(
@@ -55,6 +60,7 @@ def decide(
         profile=HUSKY,
         rules=rules,
         cell_m=0.1,
+        people=people,
     )
 
 
@@ -311,3 +317,97 @@ def test_the_path_is_seen_from_the_robot_from_its_nearest_point_on() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
     seen = path_from(path, Pose2(x_m=1.1, y_m=-0.5, yaw_rad=math.pi / 2))
     np.testing.assert_allclose(seen, [[0.5, 0.1], [0.5, -0.9], [1.5, -0.9]], atol=1e-12)
+
+
+def crossing(x: float, y: float, vx: float, vy: float) -> Bodies:
+    """Somebody who walks, in the base frame."""
+    return Bodies(walking=np.array([[x, y, vx, vy, 0.3]]), standing=np.empty((0, 5)))
+
+
+def closest(people: Bodies, *, care: bool) -> tuple[float, float, float, set[Outcome]]:
+    """A drive past somebody: least room to him while the robot moves, its x and his y at that moment, and what was decided."""
+    pose, motion, period_s = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE, 0.1
+    path = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)])
+    x, y, vx, vy, radius = people.walking[0].tolist()
+    least, outcomes = (math.inf, 0.0, 0.0), set[Outcome]()
+    for _ in range(90):
+        track = Track(id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=radius, age_s=1.0, last_seen_ns=0)
+        motion = plan_motion(
+            geometric=NONE,
+            ruled=NONE,
+            unseen=NONE,
+            path_map=path,
+            pose=pose,
+            previous=motion,
+            profile=HUSKY,
+            rules=RULES,
+            cell_m=0.1,
+            people=Bodies.of((track,) if care else (), pose),
+        )
+        outcomes.add(motion.outcome)
+        turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * period_s / 2)
+        pose = pose @ turn @ Pose2(x_m=motion.twist.v_mps * period_s, y_m=0.0, yaw_rad=0.0) @ turn
+        x, y = x + period_s * vx, y + period_s * vy
+        room = float(shapely.distance(footprints([pose])[0], shapely.Point(x, y))) - radius
+        least = min(least, (room, pose.x_m, y)) if motion.twist != STANDSTILL else least
+    return *least, outcomes
+
+
+CROSSINGS = [
+    (3.0, -2.2, 0.0, 0.8),
+    (3.0, 1.4, 0.0, -0.5),
+    (2.5, -3.0, 0.0, 1.4),
+    (4.0, -2.0, -0.5, 0.6),
+    (5.0, 2.0, -0.8, -0.6),
+]
+
+
+@pytest.mark.parametrize("person", CROSSINGS)
+def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(person: tuple[float, float, float, float]) -> None:
+    assert closest(crossing(*person), care=True)[0] > 0.2
+    assert closest(crossing(*person), care=False)[0] <= 0.05  # the control
+
+
+def test_the_robot_waits_and_passes_behind_somebody_and_not_before_him() -> None:
+    _, _, y, outcomes = closest(crossing(3.0, -2.2, 0.0, 0.8), care=True)
+    assert y > -0.65  # he was past the robot's near side when they were nearest
+    assert outcomes <= {Outcome.FOLLOW, Outcome.YIELD}
+
+
+def test_a_robot_in_whose_face_somebody_walks_stands_until_he_is_gone() -> None:
+    assert stands(decide(people=crossing(1.1, 0.0, -1.0, 0.0)), Outcome.YIELD)
+    assert decide(people=crossing(4.0, 3.0, 0.0, 1.0)).twist.v_mps > 0.7
+
+
+def test_beside_people_the_robot_is_slow_and_away_from_them_it_is_not() -> None:
+    standing = Bodies(walking=np.empty((0, 5)), standing=np.array([[0.6, 1.0, 0.0, 0.0, 0.3]]))
+    assert 0.1 < decide(people=standing).twist.v_mps <= 0.5
+    afar = dataclasses.replace(standing, standing=np.array([[0.6, 4.0, 0.0, 0.0, 0.3]]))
+    assert decide(people=afar).twist.v_mps > 0.7
+
+
+def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
+    around = np.array([[x, y, 0.0, 0.0, 0.3] for x, y in ((0.84, 0.0), (-0.84, 0.0), (0.0, 0.7), (0.0, -0.7))])
+    assert stands(decide(people=dataclasses.replace(NOBODY, standing=around)), Outcome.BOXED_IN)
+    assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is Outcome.FOLLOW
+
+
+def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> None:
+    lost = Track(id=1, x_m=0.8, y_m=1.6, vx_mps=0.0, vy_mps=0.8, radius_m=0.35, age_s=3.0, last_seen_ns=0, unseen_s=1.0)
+    here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    assert stands(decide(people=Bodies.of((lost,), here)), Outcome.YIELD)
+    later = dataclasses.replace(lost, y_m=2.8, unseen_s=2.5)
+    assert decide(people=Bodies.of((later,), here)).twist.v_mps > 0.5
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int) -> None:
+    """Whatever he does within the speed he walks at, for the time that it takes to notice him and to brake."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-3, 3, 2)
+    speed, heading = rng.uniform(0.5, 1.6), rng.uniform(-math.pi, math.pi)
+    twist = decide(people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading))).twist
+    fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
+    assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from navcore.zones import MAX_CORNERS
 from web.schemas import Corner
 
-LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones")
-Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones"]
+LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones", "people")
+Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones", "people"]
 Mode = Literal["navigate", "goal", "draw", "edit"]
 
 

@@ -25,6 +25,7 @@ from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
 from web.viewer.marks import GoalLayer, ZoneLayer
 from web.viewer.messages import LAYERS, Draft, Look, Show
+from web.viewer.people import PeopleLayer
 from web.viewer.sketch import Sketch
 
 log = logging.getLogger(__name__)
@@ -188,7 +189,8 @@ class Viewer:
         robot = RobotLayer(self._server)
         self._guarded("robot body", self._add_body)
         server = self._server
-        return (FloorLayer(server), robot, CameraLayer(server), PathLayer(server), GoalLayer(server), ZoneLayer(server))
+        ways, marks = (CameraLayer(server), PathLayer(server)), (GoalLayer(server), ZoneLayer(server), PeopleLayer(server))
+        return (FloorLayer(server), robot, *ways, *marks)
 
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile

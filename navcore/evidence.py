@@ -1,0 +1,123 @@
+"""How sure the map is of what a network has seen: every look at a place speaks for or against it.
+
+A network errs now and then, and a place that it took for a thing once must not bind the robot for ever; a thing that it found
+in many pictures must not be lost when it misses one. So each point's confidence is a probability that looks add to in log-odds
+(Thrun, Burgard, Fox: Probabilistic Robotics, 4.2): half of what the network claims, for pictures that follow one another err
+alike. What is certain (confidence 1: the rules of colour) is never weighed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import NOTHING
+from navcore.frame import Frame
+from navcore.map_points import Cells, Records
+from navcore.points import Box
+from navcore.search.bits import compiled
+from navcore.segment import Labels
+
+PRIOR = -1.0
+"""Log-odds of a thing before the first look."""
+CLAIM = 0.5
+"""Share of the network's log-odds that one look is worth."""
+MISS = 0.25
+"""What a look that shows the place and finds nothing takes away."""
+LEAST, MOST = -2.5, 3.0
+"""Beyond these no look goes; a point as unsure as the least is forgotten."""
+TRUSTED_M = 4.0
+"""Further away a network may well overlook a small thing."""
+BORDER_PX = 8
+"""Nor does it see much of a thing at the border of the picture."""
+Confidence = npt.NDArray[np.float32]
+
+
+def first_look(confidence: Confidence) -> Confidence:
+    """(N,) how sure to be of points that the network is so sure of and that were never seen before; 1 stays 1."""
+    claimed = np.clip(confidence.astype(np.float64), 0.01, 0.99)
+    odds = PRIOR + CLAIM * np.log(claimed / (1 - claimed))
+    return np.where(confidence >= 1, np.float32(1), 1 / (1 + np.exp(-odds))).astype(np.float32)
+
+
+def weigh(
+    records: Records,
+    first: Cells,
+    cols: int,
+    box: Box,
+    frame: Frame,
+    T_camera_map: npt.NDArray[np.float64],
+    labels: Labels,
+    clearing: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Let one picture speak for or against the points of beware classes it shows; changes their confidence.
+
+    Returns the indices of the points to forget, and the cells in which a confidence has changed. `clearing` is constant and
+    factor of the depth's tolerance, `T_camera_map` (4, 4).
+    """
+    lens = frame.intrinsics
+    return _weigh(
+        records,
+        first,
+        cols,
+        box,
+        frame.depth_m,
+        T_camera_map,
+        np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
+        labels.class_ids,
+        labels.confidence,
+        clearing,
+    )
+
+
+@compiled
+def _weigh(
+    records: Records,
+    first: Cells,
+    cols: int,
+    box: Box,
+    depth_m: npt.NDArray[np.float32],
+    t: npt.NDArray[np.float64],
+    lens: npt.NDArray[np.float64],
+    class_ids: npt.NDArray[np.uint8],
+    confidence: Confidence,
+    clearing: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    height, width = depth_m.shape
+    forget, cells = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
+    for row in range(box[0], box[2]):
+        for col in range(box[1], box[3]):
+            at = first[row * cols + col]
+            while at > 0:
+                index = at - 1
+                at = records[index].next
+                if records[index].class_id == NOTHING or records[index].confidence >= 1:
+                    continue
+                x, y, z = float(records[index].x), float(records[index].y), float(records[index].z)
+                depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+                if depth < 0.3 or depth > TRUSTED_M:
+                    continue
+                j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
+                i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
+                if i < BORDER_PX or i >= height - BORDER_PX or j < BORDER_PX or j >= width - BORDER_PX:
+                    continue
+                if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > clearing[0] + clearing[1] * depth * depth:
+                    continue
+                claim = 0.0
+                for r in range(i - 1, i + 2):
+                    for c in range(j - 1, j + 2):
+                        if class_ids[r, c] == records[index].class_id:
+                            claim = max(claim, float(confidence[r, c]))
+                odds = math.log(max(float(records[index].confidence), 0.01) / max(1 - float(records[index].confidence), 0.01))
+                if claim > 0.0:
+                    claim = min(max(claim, 0.01), 0.99)
+                    odds = min(odds + CLAIM * math.log(claim / (1 - claim)), MOST)
+                else:
+                    odds = max(odds - MISS, LEAST)
+                records[index].confidence = 1 / (1 + math.exp(-odds))
+                cells.append(np.int64(row * cols + col))
+                if odds <= LEAST:
+                    forget.append(np.int64(index))
+    return np.array(forget, dtype=np.int64), np.array(cells, dtype=np.int64)

@@ -1,0 +1,154 @@
+"""Keeping clear of people: where they will be along a motion, and how fast the robot may be beside them.
+
+Two rules, and either is enough by itself when the other errs. The first looks ahead: at the moment the robot would be at a pose
+nobody may be near it, and nobody may be about to come there, so that it passes behind somebody and not before him. The second
+looks at no prediction: the robot must be able to stand still before the nearest walker could reach it, wherever he turns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from navcore.people import Track
+from navcore.robot import RobotProfile
+from navcore.settings import between
+from navcore.transform import Pose2
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeopleRules:
+    """How the robot behaves beside people."""
+
+    personal_m: float = between(0.0, 1.0, default=0.25)
+    """Room left between the body and somebody who walks …"""
+    personal_per_s: float = between(0.0, 0.5, default=0.1)
+    """… and so much more for each second that he is predicted ahead."""
+    headway_s: float = between(0.0, 3.0, default=0.8)
+    """The robot is past a place so long before somebody comes there, or it waits …"""
+    waiting_s: float = between(0.0, 10.0, default=3.0)
+    """… where nobody will come for so long."""
+    near_m: float = between(0.0, 3.0, default=1.0)
+    """Nearer to somebody than this …"""
+    near_mps: float = between(0.1, 1.0, default=0.5)
+    """… no part of the body is faster than this."""
+    reaction_s: float = between(0.1, 1.0, default=0.45)
+    """From somebody's change of mind to the moment the wheels brake."""
+    braking_mps2: float = between(0.5, 5.0, default=2.5)
+    """Deceleration then; the platform's own is higher."""
+
+
+SHORT_M = 0.05
+"""Left between somebody who turns towards the robot and the robot that has stopped."""
+SLOWEST_MPS = 0.5
+"""Whoever walks may walk at least this fast the next moment."""
+TURNING_S = 2.0
+"""Whoever is out of sight for no longer may have turned back where he was lost from it."""
+ASIDE_M = 0.2
+"""Who waits leaves so much more room, for nobody walks quite straight."""
+LEAST_MPS = 0.05
+"""Slower than this the robot stands."""
+MOMENT_S = 0.25
+"""So close together are the moments of the headway that are looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bodies:
+    """People in the base frame, as they are now."""
+
+    walking: Floats
+    """(P, 5) x, y, velocity along both, radius."""
+    standing: Floats
+    """(Q, 5) the same; the velocities are 0."""
+    turning: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    """(R, 5) those who walk out of sight once more, where they were lost from it: they may have turned back there."""
+
+    @staticmethod
+    def of(people: tuple[Track, ...], pose: Pose2) -> Bodies:
+        """As seen from a pose of the robot in the map frame."""
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        lost = [(p, p.at(-p.unseen_s)) for p in people if 0 < p.unseen_s < TURNING_S]
+        places = [(p, (p.x_m, p.y_m)) for p in people] + lost
+        rows = np.array([[x - pose.x_m, y - pose.y_m, p.vx_mps, p.vy_mps, p.radius_m] for p, (x, y) in places]).reshape(-1, 5)
+        rows[:, :2], rows[:, 2:4] = rows[:, :2] @ turn, rows[:, 2:4] @ turn
+        walks = rows[:, 2:4].any(axis=1)
+        now = np.arange(len(rows)) < len(people)
+        return Bodies(walking=rows[walks & now], standing=rows[~walks & now], turning=rows[walks & ~now])
+
+    def outlines(self) -> Floats:
+        """(N, 2) points around everybody who stands: obstacles like any other."""
+        angles = np.linspace(0.0, 2 * math.pi, 20, endpoint=False)
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.vstack([np.empty((0, 2)), *(body[:2] + body[4] * circle for body in self.standing)])
+
+
+NOBODY = Bodies(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
+
+
+def free_of(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleRules) -> npt.NDArray[np.bool_]:
+    """(A, S) whether the way to each of (A, S, 3) poses, reached at (A, S) times, keeps clear of everybody who walks."""
+    room = _room(bodies.walking, poses, times_s, profile.length_m / 2, profile.width_m / 2, rules.headway_s)
+    return np.asarray(np.logical_and.accumulate(room > rules.personal_m + rules.personal_per_s * times_s, axis=1))
+
+
+def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleRules) -> int:
+    """Index of the last of (S, 3) poses, reached at (S,) times, where the robot can wait in nobody's way; −1 if none."""
+    half_length, half_width = profile.length_m / 2, profile.width_m / 2
+    room = _room(bodies.walking, poses[None], times_s[None], half_length, half_width, rules.waiting_s)[0]
+    return int(np.flatnonzero(room > rules.personal_m + ASIDE_M).max(initial=-1))
+
+
+def allowed_mps(bodies: Bodies, profile: RobotProfile, rules: PeopleRules) -> float:
+    """How fast any point of the body may be, for the people that are near; 0 to stand, infinite with nobody near."""
+    most = math.inf
+    for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing, bodies.turning]).tolist():
+        gap_m = _gap(x, y, profile) - radius
+        most = min(most, rules.near_mps + max(0.0, gap_m - rules.near_m))
+        if vx or vy:
+            ahead = x > 0
+            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), ahead, rules))
+    return 0.0 if most < LEAST_MPS else most
+
+
+def _stoppable(room_m: float, walker_mps: float, ahead: bool, rules: PeopleRules) -> float:
+    """The speed v from which the robot stands before a walker has crossed the room between them.
+
+    He needs walker · (reaction + v / braking); the robot itself goes v · reaction + v² / (2 braking) if he is ahead of it.
+    """
+    left = room_m - walker_mps * rules.reaction_s
+    if left <= 0:
+        return 0.0
+    linear = walker_mps / rules.braking_mps2 + (rules.reaction_s if ahead else 0.0)
+    square = 1 / (2 * rules.braking_mps2) if ahead else 0.0
+    # square · v² + linear · v = left
+    return 2 * left / (linear + math.sqrt(linear**2 + 4 * square * left))
+
+
+def _gap(x: float, y: float, profile: RobotProfile) -> float:
+    return math.hypot(max(abs(x) - profile.length_m / 2, 0.0), max(abs(y) - profile.width_m / 2, 0.0))
+
+
+@numba.njit(cache=True, nogil=True)
+def _room(walking: Floats, poses: Floats, times_s: Floats, half_length: float, half_width: float, headway_s: float) -> Floats:
+    """(A, S) least distance of the footprint at each pose to where anybody is then, or comes within the headway."""
+    arcs, steps = times_s.shape
+    room, moments = np.full((arcs, steps), np.inf), max(math.ceil(headway_s / MOMENT_S), 1)
+    for a in range(arcs):
+        for s in range(steps):
+            cos, sin = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
+            for p in range(len(walking)):
+                for moment in range(moments + 1):
+                    t = times_s[a, s] + headway_s * moment / moments
+                    dx = walking[p, 0] + t * walking[p, 2] - poses[a, s, 0]
+                    dy = walking[p, 1] + t * walking[p, 3] - poses[a, s, 1]
+                    out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
+                    out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
+                    room[a, s] = min(room[a, s], math.hypot(out_x, out_y) - walking[p, 4])
+    return room

@@ -1,0 +1,179 @@
+"""People are followed as they walk; nothing that stands still is a person, however the robot moves; who left is on no map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from navcore.beware import BewareClass, BewareList
+from navcore.config import NavigatorConfig
+from navcore.frame import Frame
+from navcore.grid import GridSpec
+from navcore.navigator import Navigator, Order
+from navcore.people import PERSON, PeopleTracker, Track
+from navcore.robot import HUSKY
+from navcore.segment import ColourSegmenter, Labels
+from navcore.transform import Pose2
+from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
+
+TENTH_NS = 100_000_000
+NO_LIST = BewareList(classes=())
+WITH_PEOPLE = BewareList(classes=(BewareClass(name=PERSON, class_id=11),))
+FURNITURE = (
+    Box(x=(4.0, 4.1), y=(-6.0, 6.0), z=(0.0, 2.5)),
+    Box(x=(2.6, 3.1), y=(1.2, 1.7), z=(0.0, 0.9)),
+    Box(x=(1.9, 2.3), y=(-1.6, -1.2), z=(0.0, 1.4)),
+)
+SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
+
+
+def somebody(x_m: float, y_m: float) -> Box:
+    """As broad as a person, with the middle there."""
+    return Box(x=(x_m - 0.12, x_m + 0.12), y=(y_m - 0.2, y_m + 0.2), z=(0.0, 1.75))
+
+
+def unlabelled(frame: Frame) -> Labels:
+    return Labels(class_ids=np.zeros(frame.depth_m.shape, np.uint8), confidence=np.ones(frame.depth_m.shape, np.float32))
+
+
+def follow(tracker: PeopleTracker, frame: Frame) -> tuple[Track, ...]:
+    return tracker.follow(frame, unlabelled(frame), NO_LIST)
+
+
+def walk(
+    tracker: PeopleTracker, start: tuple[float, float], velocity: tuple[float, float], frames: int, *things: Box
+) -> list[tuple[Track, ...]]:
+    """What is followed while somebody walks before a standing robot, ten pictures a second."""
+    (x, y), (vx, vy) = start, velocity
+    return [
+        follow(tracker, picture(*things, somebody(x + vx * k / 10, y + vy * k / 10), stamp_ns=k * TENTH_NS))
+        for k in range(frames)
+    ]
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.5), (0.0, -0.8), (-0.6, 0.6), (-0.8, 0.0), (0.0, 1.6), (0.3, -1.0)])
+def test_a_straight_walkers_place_and_velocity_are_found(velocity: tuple[float, float]) -> None:
+    frames = 14
+    start = (2.6 - 0.7 * velocity[0], -0.65 * velocity[1])
+    (track,) = walk(PeopleTracker(), start, velocity, frames)[-1]
+    speed = math.hypot(*velocity)
+    assert math.hypot(track.vx_mps - velocity[0], track.vy_mps - velocity[1]) < 0.15 * speed + 0.05
+    end = (start[0] + velocity[0] * (frames - 1) / 10, start[1] + velocity[1] * (frames - 1) / 10)
+    assert math.dist((track.x_m, track.y_m), end) < 0.15
+
+
+def test_a_walker_keeps_his_number_and_is_noticed_within_half_a_second_among_furniture() -> None:
+    seen = walk(PeopleTracker(), (2.4, -0.8), (0.0, 0.8), 20, *FURNITURE[:2])
+    first = next(k for k, tracks in enumerate(seen) if tracks)
+    assert first <= 6
+    assert {track.id for tracks in seen[first:] for track in tracks} == {seen[first][0].id}
+
+
+def test_nothing_that_stands_still_is_a_person_while_the_robot_stands_turns_or_drives() -> None:
+    for vx, w in ((0.0, 0.0), (0.0, 0.9), (0.0, -0.9), (0.8, 0.0), (0.5, 0.6)):
+        tracker, pose = PeopleTracker(), Pose2(x_m=-1.0, y_m=0.0, yaw_rad=-8 * w / 10)
+        for k in range(20):
+            assert follow(tracker, picture(*FURNITURE, pose=pose, stamp_ns=k * TENTH_NS)) == ()
+            pose = pose @ Pose2(x_m=vx / 10, y_m=0.0, yaw_rad=w / 10)
+
+
+def test_the_same_pictures_give_the_same_tracks() -> None:
+    runs = [walk(PeopleTracker(), (2.4, -0.8), (0.0, 0.8), 12, *FURNITURE) for _ in range(2)]
+    assert runs[0] == runs[1]
+
+
+def test_somebody_whom_the_segmenter_recognises_is_a_person_though_he_stands() -> None:
+    tracker, tracks = PeopleTracker(), tuple[Track, ...]()
+    for k in range(3):
+        frame = picture(somebody(2.0, 0.3), stamp_ns=k * TENTH_NS)
+        shown = (frame.depth_m > 1.2) & (frame.depth_m < 2.2)
+        labels = Labels(class_ids=np.where(shown, 11, 0).astype(np.uint8), confidence=np.ones(shown.shape, np.float32))
+        tracks = tracker.follow(frame, labels, WITH_PEOPLE)
+    assert len(tracks) == 1
+    assert math.dist((tracks[0].x_m, tracks[0].y_m), (2.0, 0.3)) < 0.15
+    assert tracks[0].speed_mps == 0.0
+
+
+def test_who_stops_has_no_velocity_a_while_later_and_walks_on_as_himself() -> None:
+    tracker = PeopleTracker()
+    number = walk(tracker, (2.4, -0.8), (0.0, 0.8), 10)[-1][0].id
+    for k in range(10, 30):
+        (standing,) = follow(tracker, picture(somebody(2.4, -0.08), stamp_ns=k * TENTH_NS))
+    assert (standing.id, standing.speed_mps) == (number, 0.0)
+    for k in range(30, 40):
+        (walking,) = follow(tracker, picture(somebody(2.4, -0.08 + (k - 29) * 0.08), stamp_ns=k * TENTH_NS))
+    assert walking.id == number
+    assert walking.vy_mps == pytest.approx(0.8, abs=0.15)
+
+
+def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_forgotten() -> None:
+    tracker = PeopleTracker()
+    (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]
+    away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
+    (later,) = [follow(tracker, picture(pose=away, stamp_ns=(12 + k) * TENTH_NS)) for k in range(10)][-1]
+    assert later.y_m == pytest.approx(last.y_m + 1.0 * last.vy_mps, abs=0.05)
+    assert later.radius_m > last.radius_m
+    assert later.last_seen_ns == last.last_seen_ns
+    for k in range(22, 60):
+        tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
+    assert tracks == ()
+
+
+def test_where_the_camera_sees_the_floor_under_his_feet_he_is_gone_at_once() -> None:
+    tracker = PeopleTracker()
+    walk(tracker, (2.0, -0.8), (0.0, 0.6), 12)
+    tracks = [follow(tracker, picture(stamp_ns=(12 + k) * TENTH_NS)) for k in range(5)]
+    assert tracks[0] != ()
+    assert tracks[-1] == ()
+
+
+def test_a_jump_of_the_clock_forgets_everybody() -> None:
+    tracker = PeopleTracker()
+    assert walk(tracker, (2.0, -0.8), (0.0, 0.8), 12)[-1]
+    assert follow(tracker, picture(somebody(2.0, 0.1), stamp_ns=100 * TENTH_NS)) == ()
+
+
+def occupied_after_he_left(*, tracked: bool) -> int:
+    """Cells held where somebody walked, when the camera turned away while he was still there and a second has passed."""
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    if not tracked:
+        navigator.track = lambda frame, labels, order: ()  # type: ignore[method-assign]
+    order = Order(goal=None, beware=NO_LIST, zones=())
+    for k in range(12):
+        navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
+    away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
+    for k in range(12, 22):
+        decision = navigator.tick(picture(pose=away, stamp_ns=k * TENTH_NS), order)
+    (row, left), (_, right) = SPEC.cell(1.8, -1.1), SPEC.cell(2.6, -1.1)
+    return int(decision.occupancy.grid.geometric[row : row + 52, left:right].sum())
+
+
+def test_somebody_who_walked_leaves_no_ghost_on_the_map_though_the_camera_looked_away() -> None:
+    assert occupied_after_he_left(tracked=True) == 0
+    assert occupied_after_he_left(tracked=False) > 5  # the control: without the tracker he would stand there for ever
+
+
+def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    order = Order(goal=None, beware=NO_LIST, zones=())
+    wall = Box(x=(2.9, 3.0), y=(-4.0, 4.0), z=(0.0, 2.0))
+    for k in range(25):
+        navigator.tick(picture(wall, stamp_ns=k * TENTH_NS), order)
+    held = int(navigator.map.grid(NO_LIST, ()).geometric.sum())
+    for k in range(25, 37):
+        decision = navigator.tick(picture(wall, somebody(2.3, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order)
+    assert len(decision.people) == 1
+    assert int(decision.occupancy.grid.geometric.sum()) > 0.9 * held
+    for k in range(37, 60):
+        decision = navigator.tick(picture(wall, somebody(2.3, 0.08), stamp_ns=k * TENTH_NS), order)
+    (row, col) = SPEC.cell(2.2, 0.08)
+    assert decision.occupancy.grid.geometric[row - 4 : row + 4, col - 2 : col + 3].any()
+
+
+def test_the_mount_of_these_pictures_sees_a_person_whole_enough() -> None:
+    """Control of the scene: a person before the robot covers many pixels."""
+    assert MOUNT[2, 3] == pytest.approx(0.6)
+    empty, there = picture(pose=ORIGIN), picture(somebody(2.0, 0.0), pose=ORIGIN)
+    assert int((empty.depth_m != there.depth_m).sum()) > 1000

@@ -1,0 +1,34 @@
+"""Somebody walks across the robot's way: it yields, as the referee sees it, and without care it would have met him."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.crossings import draw_crossing, drive_crossing
+from navcore.beware import default_beware_list
+from navcore.people import PeopleTracker
+
+
+def drive() -> dict[str, Any]:
+    return drive_crossing(7, beware=default_beware_list(), max_time_s=40.0)
+
+
+def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    report = drive()
+    assert report["collisions"] == report["struck_while_standing"] == 0
+    assert report["goals_reached"] == 1
+    assert report["min_clearance_m"] > 0.05
+    # The control: without the tracker, with only the map and the gate to stop the robot.
+    monkeypatch.setattr(PeopleTracker, "follow", lambda *arguments: ())
+    assert drive()["min_clearance_m"] < 0.03
+
+
+def test_every_crossing_is_drawn_so_that_a_robot_without_care_meets_him_and_the_same_seed_draws_the_same() -> None:
+    drawn = [draw_crossing(seed) for seed in range(60)]
+    assert all(crossing.meets_the_careless() for crossing in drawn)
+    assert drawn == [draw_crossing(seed) for seed in range(60)]
+    assert {crossing.kind for crossing in drawn} == {"walks on", "stops", "turns back"}
+    assert min(crossing.speed_mps for crossing in drawn) < 0.6
+    assert max(crossing.speed_mps for crossing in drawn) > 1.3
