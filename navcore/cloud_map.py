@@ -96,6 +96,7 @@ class CloudMap:
         """What of the space is known."""
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
         self._poses: list[Pose2] = []
+        self._unsure = False  # whether any point may be less than certain
         self._over_budget = False
         self.version = 0
         """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
@@ -111,6 +112,7 @@ class CloudMap:
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
+        self._unsure = self._unsure or bool((new["confidence"] < 1).any())
         self._make_layers(new["class_id"])
         touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
         ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
@@ -186,6 +188,7 @@ class CloudMap:
         records = self._records(state.points, state.points.pose_ids)
         self._points = PointTable(self.spec.rows * self.spec.cols)
         self._points.add(records)
+        self._unsure = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         self._prior = state.prior.bools.reshape(-1).copy()
         self._has_prior = bool(self._prior.any())
@@ -279,6 +282,8 @@ class CloudMap:
 
     def _weigh(self, frame: Frame, labels: Labels, max_range_m: float) -> None:
         """Let the picture speak for or against what was seen before in the places it shows."""
+        if not self._unsure:
+            return
         forgotten, cells = weigh(
             self._points.records,
             self._points.first,
