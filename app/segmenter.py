@@ -68,7 +68,8 @@ def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
-        warning = f"The network does not run, only the colour rules look for things to beware of: {error}"
+        why = str(error) if shipped.exists() else "no trained weights come with this version"
+        warning = f"The network does not run, only the colour rules look for things to beware of: {why}"
         log.warning("%s", warning)
         return colour_perception(warning)
     log.info("segmentation: %s", perception.title)
