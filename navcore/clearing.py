@@ -12,7 +12,21 @@ from navcore.search.bits import compiled
 
 FLAT_M = 0.05
 """Beware points below this lie on the floor, as far as depth can tell."""
+NEAREST_M = 0.2
+"""Nothing nearer to the camera is measured."""
 Indices = npt.NDArray[np.int64]
+
+
+@compiled
+def pixel_of(point: np.void, T_camera_map: npt.NDArray[np.float64], lens: npt.NDArray[np.float64]) -> tuple[int, int, float]:
+    """Row, column and depth at which the camera would see a point of the map; (−1, −1) where it is behind or too near."""
+    t, x, y, z = T_camera_map, float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
+    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+    if depth < NEAREST_M:
+        return -1, -1, depth
+    j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
+    i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
+    return i, j, depth
 
 
 @compiled
@@ -61,13 +75,8 @@ def _is_outdated(
     pose_id: int,
 ) -> bool:
     height, width = depth_m.shape
-    x, y, z = float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
-    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
-    if depth < 0.2 or depth > max_range_m:
-        return False
-    j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
-    i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
-    if i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
+    i, j, depth = pixel_of(point, t, lens)
+    if depth < NEAREST_M or depth > max_range_m or i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
         return False
     tolerance = clearing[0] + clearing[1] * depth * depth
     nearest = np.inf
@@ -76,7 +85,8 @@ def _is_outdated(
             if 0.0 < depth_m[r, c] < nearest:
                 nearest = depth_m[r, c]
     beware = point.class_id != NOTHING  # type: ignore[attr-defined]
-    if nearest == np.inf or nearest < depth - tolerance or (beware and z < FLAT_M):
+    flat = beware and point.z < FLAT_M  # type: ignore[attr-defined]
+    if nearest == np.inf or nearest < depth - tolerance or flat:
         return False
     again = not beware and (point.pose_id == pose_id or depth < 0.7 * point.range_m)  # type: ignore[attr-defined]
     return bool(nearest > depth + tolerance or again)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import NOTHING
+from navcore.clearing import pixel_of
 from navcore.frame import Frame
 from navcore.map_points import Cells, Records
 from navcore.points import Box
@@ -73,6 +74,16 @@ def weigh(
 
 
 @compiled
+def _weighed(confidence: float, claim: float) -> float:
+    """Log-odds after one more look, in which the network is so sure of the thing; 0 when it finds nothing."""
+    odds = math.log(max(confidence, 0.01) / max(1 - confidence, 0.01))
+    if claim == 0.0:
+        return max(odds - MISS, LEAST)
+    claim = min(max(claim, 0.01), 0.99)
+    return min(odds + CLAIM * math.log(claim / (1 - claim)), MOST)
+
+
+@compiled
 def _weigh(
     records: Records,
     first: Cells,
@@ -95,12 +106,9 @@ def _weigh(
                 at = records[index].next
                 if records[index].class_id == NOTHING or records[index].confidence >= 1:
                     continue
-                x, y, z = float(records[index].x), float(records[index].y), float(records[index].z)
-                depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
-                if depth < 0.3 or depth > TRUSTED_M:
+                i, j, depth = pixel_of(records[index], t, lens)
+                if depth > TRUSTED_M:
                     continue
-                j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens[0] + lens[2])
-                i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens[1] + lens[3])
                 if i < BORDER_PX or i >= height - BORDER_PX or j < BORDER_PX or j >= width - BORDER_PX:
                     continue
                 if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > clearing[0] + clearing[1] * depth * depth:
@@ -110,12 +118,7 @@ def _weigh(
                     for c in range(j - 1, j + 2):
                         if class_ids[r, c] == records[index].class_id:
                             claim = max(claim, float(confidence[r, c]))
-                odds = math.log(max(float(records[index].confidence), 0.01) / max(1 - float(records[index].confidence), 0.01))
-                if claim > 0.0:
-                    claim = min(max(claim, 0.01), 0.99)
-                    odds = min(odds + CLAIM * math.log(claim / (1 - claim)), MOST)
-                else:
-                    odds = max(odds - MISS, LEAST)
+                odds = _weighed(float(records[index].confidence), claim)
                 records[index].confidence = 1 / (1 + math.exp(-odds))
                 cells.append(np.int64(row * cols + col))
                 if odds <= LEAST:

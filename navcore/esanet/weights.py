@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ import torch
 from safetensors import SafetensorError
 from torch import Tensor
 
-from navcore.errors import BadConfiguration, StorageFailed
+from navcore.errors import BadConfiguration
 from navcore.esanet.architecture import Architecture, fitting, infer
 from navcore.esanet.checkpoint import read_checkpoint
 from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
@@ -29,6 +28,7 @@ from navcore.esanet.model import EsaNet
 from navcore.esanet.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size
 from navcore.esanet.variants import MAX_CLASSES
 from navcore.settings import between, from_table
+from navcore.whole_file import read_whole, write_whole
 
 MAX_WEIGHTS_BYTES = 2 << 30
 """A width of 2 in the largest variant fits."""
@@ -128,12 +128,12 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
         tensors = {key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value for key, value in tensors.items()}
     metadata = _as_metadata(card)
     content = safetensors.torch.save(tensors, {**metadata, "sha256": _digest(tensors, metadata)})
-    _replace(target, content)
+    write_whole(target, content)
 
 
 def load(path: Path) -> TrainedNetwork:
     """Read what `save` or `convert` wrote; raises `BadConfiguration` naming the file and what is wrong with it."""
-    content = _read(path)
+    content = read_whole(path, at_most=MAX_WEIGHTS_BYTES)
     metadata = _metadata(content, path)
     claimed = metadata.pop("sha256", "")
     try:
@@ -188,29 +188,3 @@ def _metadata(content: bytes, path: Path) -> dict[str, str]:
     if not known:
         raise BadConfiguration(f"{path}: no weights of format {_FORMAT}; convert an official checkpoint first")
     return dict(metadata)
-
-
-def _read(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_WEIGHTS_BYTES + 1)
-    except OSError as error:
-        raise BadConfiguration(f"{path}: the weights cannot be read: {error.strerror or error}") from None
-    if len(content) > MAX_WEIGHTS_BYTES:
-        raise BadConfiguration(f"{path}: more than {MAX_WEIGHTS_BYTES} bytes, too many for weights")
-    return content
-
-
-def _replace(target: Path, content: bytes) -> None:
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        try:
-            with partial.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise StorageFailed(f"{target}: the weights cannot be written: {error.strerror or error}") from error

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration, StorageFailed
+from navcore.whole_file import read_whole
 
 MAX_SIDE_PX = 8192
 MAX_PIXELS = 1 << 25
@@ -88,14 +89,7 @@ def write_grey(path: Path, picture: DepthArray | LabelArray) -> None:
 
 def read_bytes(path: Path) -> bytes:
     """The file's content; raises `BadConfiguration` when it is missing or larger than a picture can be."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise BadConfiguration(f"{path}: the picture cannot be read: {error.strerror or error}") from None
-    if len(content) > MAX_FILE_BYTES:
-        raise BadConfiguration(f"{path}: more than {MAX_FILE_BYTES} bytes, too many for a picture")
-    return content
+    return read_whole(path, at_most=MAX_FILE_BYTES)
 
 
 def picture_size(content: bytes) -> tuple[int, int] | None:

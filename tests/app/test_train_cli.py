@@ -131,7 +131,7 @@ def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
     [
         (("train", "--data", "/nowhere"), "no data set with a train split"),
         (("segment", "/nowhere.safetensors"), "either --rgb and --depth, or --data"),
-        (("segment", "/nowhere.safetensors", "--data", "/nowhere"), "cannot be read"),
+        (("segment", "/nowhere.safetensors", "--data", "/nowhere"), "no such file"),
         (("dataset", "info", "/nowhere"), "no data set"),
         (("dataset", "import", "labelme", "/nowhere", "/nowhere/b"), "no labelme file"),
         (("dataset", "import", "labelme", "/nowhere", "/nowhere/b", "--split", "some"), "expected one of train"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 
 import cv2
 import numpy as np
@@ -19,6 +18,7 @@ from sim.egl import egl_works
 from sim.scenario import Furniture, Marking, load_scenario
 from sim.simulator import Simulator
 from sim.stereo import PERFECT, StereoErrors, spoil_depth
+from tests.sim.renderers import need_egl
 from tests.sim.worlds import drive, open_floor, seeing, shifted
 
 BOX = Furniture(kind="box", at=(3.0, 0.5), size_m=(1.0, 1.0, 1.0))
@@ -34,16 +34,6 @@ def test_the_lens_has_the_d455s_field_of_view() -> None:
     assert 2 * math.degrees(math.atan(212 / lens.fx)) == pytest.approx(87)
     assert 2 * math.degrees(math.atan(120 / lens.fy)) == pytest.approx(58)
     assert (lens.cx, lens.cy) == (211.5, 119.5)
-
-
-def need_egl() -> None:
-    """Skip where EGL does not work; in continuous integration it must."""
-    if egl_works():
-        return
-    text = "EGL does not work here: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
-    if os.environ.get("CI") == "true":
-        pytest.fail(text)
-    pytest.skip(text)
 
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])

@@ -14,13 +14,13 @@ from navcore.errors import BadConfiguration
 from navcore.learning.classes import BEWARE_CLASSES
 from navcore.transform import Pose2
 from sim.camera import T_BASE_CAMERA, Light
-from sim.egl import egl_works
 from sim.items import ITEM_COLOURS, ITEM_SIZES, item_shapes, item_solids
 from sim.pictures import SHARDS_PER_SPLIT, SPLITS, WORLDS_PER_SHARD, Picture, render_pictures, shard_seed
 from sim.pictures.rooms import random_scene
 from sim.pictures.scene import BACKGROUND, Patch, Piece, Scene, Sheet
 from sim.pictures.studio import LABELS, PATTERNS, Studio
 from sim.shapes import Colour
+from tests.sim.renderers import need_egl
 
 SMALL = (212, 120)
 MAGENTA: Colour = (255, 0, 255)
@@ -33,8 +33,8 @@ RendererName = Literal["tiny", "egl"]
 
 @pytest.fixture(params=["tiny", "egl"], scope="module")
 def studio(request: pytest.FixtureRequest) -> Iterator[Studio]:
-    if request.param == "egl" and not egl_works():
-        pytest.skip("EGL does not work here")
+    if request.param == "egl":
+        need_egl()
     with Studio(seed=1, size=SMALL, renderer=request.param) as made:
         yield made
 
@@ -59,8 +59,8 @@ def small_set(seed: int, renderer: RendererName = "tiny") -> list[Picture]:
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])
 def test_the_same_seed_gives_the_same_bits(renderer: RendererName) -> None:
-    if renderer == "egl" and not egl_works():
-        pytest.skip("EGL does not work here")
+    if renderer == "egl":
+        need_egl()
     first, again = small_set(4, renderer), small_set(4, renderer)
     assert [picture.name for picture in first] == [picture.name for picture in again]
     for one, two in zip(first, again, strict=True):

@@ -13,7 +13,6 @@ from shapely import Polygon
 
 from navcore.errors import BadConfiguration
 from navcore.grid import GridSpec
-from sim.egl import egl_works
 from sim.items import ITEM_SIZES, item_shapes
 from sim.layout import beware_markings, items, obstacles
 from sim.referee import Referee
@@ -21,6 +20,7 @@ from sim.scenario import WORLDS, Furniture, Item, Marking, Print, Scenario, Wall
 from sim.simulator import Simulator
 from sim.stereo import PERFECT
 from sim.variation import vary
+from tests.sim.renderers import need_egl
 from tests.sim.worlds import blind, open_floor, wait
 
 ROOM = (WORLDS / "empty_room.toml").read_text(encoding="utf-8")
@@ -149,8 +149,8 @@ def test_a_print_is_nothing_to_run_into_and_nothing_to_beware_of() -> None:
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])
 def test_prints_and_spills_are_seen_with_their_pictures_and_without_height(renderer: Literal["tiny", "egl"]) -> None:
-    if renderer == "egl" and not egl_works():
-        pytest.skip("EGL does not work here")
+    if renderer == "egl":
+        need_egl()
     wall = Wall(points=((4.0, -2.0), (4.0, 2.0)))
     prints = (
         Print(shows="cup", at=(1.8, 0.5), yaw_deg=270, size_m=(0.6, 0.6)),
