@@ -17,6 +17,9 @@ def train(
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Data set folder; see `bewarenav dataset`.")],
     recipe: Annotated[Path | None, typer.Argument(metavar="RECIPE.toml", help="Without it the defaults are taken.")] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where model, state and report go.")] = Path("runs/train"),
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE.safetensors", help="Weights to go on from, e.g. to add your own pictures.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; at most one epoch was lost.")] = False,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
     workers: Annotated[int, typer.Option(min=0, max=64, help="Threads that prepare pictures.")] = 2,
@@ -27,6 +30,7 @@ def train(
     import torch
 
     from app import training, training_report
+    from navcore.esanet.weights import load
     from navcore.learning.dataset import load_dataset
     from navcore.learning.recipe import Recipe, load_recipe
 
@@ -36,6 +40,15 @@ def train(
     if not (data / "train_rgb.txt").is_file():
         raise BadConfiguration(f"--data {data}: no data set with a train split (train_rgb.txt) is there")
     started = time.monotonic()
-    run = training.train(chosen, load_dataset(data), out, resume=resume, device=device, workers=workers, cache_mb=cache_mb)
+    run = training.train(
+        chosen,
+        load_dataset(data),
+        out,
+        resume=resume,
+        start=None if start is None else load(start),
+        device=device,
+        workers=workers,
+        cache_mb=cache_mb,
+    )
     if run is not None:
         training_report.report(run, command=["bewarenav", *sys.argv[1:]], seconds=time.monotonic() - started)

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 
 from app.prefetch import prefetching
 from navcore.errors import BadConfiguration, StorageFailed
+from navcore.esanet.weights import TrainedNetwork
 from navcore.learning.dataset import Dataset
 from navcore.learning.ranks import Ranks
 from navcore.learning.recipe import Recipe
@@ -25,9 +26,17 @@ from navcore.learning.training import STATE_NAME, Step, Surroundings, Training
 
 
 def train(
-    recipe: Recipe, dataset: Dataset, out: Path, *, resume: bool, device: str = "auto", workers: int = 2, cache_mb: int = 4096
+    recipe: Recipe,
+    dataset: Dataset,
+    out: Path,
+    *,
+    resume: bool,
+    start: TrainedNetwork | None = None,
+    device: str = "auto",
+    workers: int = 2,
+    cache_mb: int = 4096,
 ) -> Training | None:
-    """Train to the end; returns the run, or `None` in the processes that write nothing.
+    """Train to the end, from `start` or from nothing; returns the run, or `None` in the processes that write nothing.
 
     `out` must not hold another run unless `resume` is said. Raises `BadConfiguration` or `StorageFailed`.
     """
@@ -42,7 +51,7 @@ def train(
             map_batches=prefetching(workers),
         )
         _prepare(out, resume=resume)
-        training = Training(recipe, dataset, out, surroundings)
+        training = Training(recipe, dataset, out, surroundings, start=start)
         if resume:
             training.resume()
         with _watching(training, ranks) as watcher:

@@ -127,7 +127,7 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
     if half:
         tensors = {key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value for key, value in tensors.items()}
     metadata = _as_metadata(card)
-    content = safetensors.torch.save(tensors, {**metadata, "sha256": _digest(tensors, metadata)})
+    content = safetensors.torch.save(tensors, {**metadata, "sha256": digest(tensors, metadata)})
     write_whole(target, content)
 
 
@@ -140,21 +140,21 @@ def load(path: Path) -> TrainedNetwork:
         tensors = safetensors.torch.load(content)
     except (SafetensorError, ValueError, TypeError, KeyError, RuntimeError) as error:
         raise BadConfiguration(f"{path}: the weights are damaged: {error!s:.200}") from None
-    if _digest(tensors, metadata) != claimed:
+    if digest(tensors, metadata) != claimed:
         raise BadConfiguration(f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again")
     card = _from_metadata(metadata, path)
     tensors = {key: value.float() if value.dtype is torch.float16 else value for key, value in tensors.items()}
     return TrainedNetwork(network=fitting(card.architecture, tensors, str(path)), card=card)
 
 
-def _digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
+def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
     """SHA-256 of the metadata and of every tensor's name, type, shape and bytes, in the order of their names."""
-    digest = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
+    hashed = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
     for key in sorted(tensors):
         tensor = tensors[key]
-        digest.update(json.dumps([key, str(tensor.dtype), list(tensor.shape)]).encode())
-        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
-    return digest.hexdigest()
+        hashed.update(json.dumps([key, str(tensor.dtype), list(tensor.shape)]).encode())
+        hashed.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return hashed.hexdigest()
 
 
 def _as_metadata(card: WeightsCard) -> dict[str, str]:

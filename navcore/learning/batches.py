@@ -80,10 +80,12 @@ def training_batch(
     *,
     seed: int,
     epoch: int,
+    crop: Size | None = None,
 ) -> Batch:
     """Random variations of these pictures, which depend on nothing but seed, epoch and index."""
     samples = [
-        augmented(pictures[int(index)], size, changes, np.random.default_rng([seed, epoch, int(index)])) for index in indexes
+        augmented(pictures[int(index)], size, changes, np.random.default_rng([seed, epoch, int(index)]), crop=crop)
+        for index in indexes
     ]
     return as_batch(samples, pictures.dataset.card.depth)
 

@@ -38,6 +38,8 @@ class Augmentation:
     """Hue, saturation and value are each multiplied by a factor between these two."""
     flip: float = between(0.0, 1.0, default=0.5)
     """Share of the pictures that are mirrored."""
+    focus: float = between(0.0, 1.0, default=0.0)
+    """Share of the pictures that are cropped around a pixel of a random class in them, small classes first."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in (("scale", self.scale), ("hsv", self.hsv)):
@@ -54,7 +56,9 @@ class Recipe:
     width: float = between(0.0, 2.0, default=0.5)
     """Channels relative to the paper's, in steps of 1/8."""
     size: Size = field(default_factory=lambda: Size(height=480, width=640))
-    """What pictures are resized to."""
+    """What pictures are resized to; the size the network works at."""
+    crop: Size | None = None
+    """What a step sees of a resized picture; the whole size if not said. Smaller ones train faster."""
     epochs: int = between(1, 100_000, default=100)
     """Times that the train split is seen."""
     batch: int = between(2, 4096, default=8)
@@ -90,17 +94,23 @@ class Recipe:
         variant_named(self.variant)
         stem_channels(self.width)
         check_size(self.size, STRIDE)
+        if self.crop is not None:
+            check_size(self.crop, STRIDE)
+            if self.crop.height > self.size.height or self.crop.width > self.size.width:
+                raise BadConfiguration(f"training: crop: {self.crop} is larger than the working size {self.size}")
 
-    def identity(self, card: DatasetCard) -> str:
-        """SHA-256 of this recipe and the data set's card: which run this is.
+    def identity(self, card: DatasetCard, start: str | None = None) -> str:
+        """SHA-256 of this recipe, the data set's card and the SHA-256 of the weights it starts from: which run this is.
 
         Only what differs from the defaults is hashed, so that a setting added later leaves the identity of old runs alone.
         """
         usual = dataclasses.asdict(Recipe())
-        told = {
+        told: dict[str, object] = {
             "recipe": {key: value for key, value in dataclasses.asdict(self).items() if value != usual[key]},
             "data": dataclasses.asdict(card),
         }
+        if start is not None:
+            told["start"] = start
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

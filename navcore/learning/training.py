@@ -20,7 +20,7 @@ from torch.nn.parallel import DistributedDataParallel
 from navcore.errors import BadConfiguration
 from navcore.esanet import EsaNet, build
 from navcore.esanet.variants import variant_named
-from navcore.esanet.weights import WeightsCard, save
+from navcore.esanet.weights import TrainedNetwork, WeightsCard, digest, save
 from navcore.learning.batches import Batch, Pictures, epoch_batches, training_batch
 from navcore.learning.dataset import Dataset
 from navcore.learning.evaluation import Looking, evaluate
@@ -73,16 +73,19 @@ Watcher = Callable[[Step | Epoch], None]
 class Training:
     """One run: a network, its optimiser, and how far they have come."""
 
-    def __init__(self, recipe: Recipe, dataset: Dataset, out: Path, surroundings: Surroundings) -> None:
-        """Raises `BadConfiguration` when recipe and data do not fit together."""
+    def __init__(
+        self, recipe: Recipe, dataset: Dataset, out: Path, surroundings: Surroundings, *, start: TrainedNetwork | None = None
+    ) -> None:
+        """From `start`, else from nothing; raises `BadConfiguration` when recipe, data and start do not fit together."""
         self.recipe, self.dataset, self.out, self._at = recipe, dataset, out, surroundings
         if recipe.selection != "last" and not dataset.count(recipe.selection):
             raise BadConfiguration(f"training: selection: the data set has no {recipe.selection} pictures; say another split")
-        self.identity = recipe.identity(dataset.card)
+        self.identity = recipe.identity(dataset.card, digest(start.network.state_dict(), {}) if start else None)
         self._pictures = Pictures(dataset, "train", cache_mb=surroundings.cache_mb)
         self._selection = None if recipe.selection == "last" else Pictures(dataset, recipe.selection, cache_mb=256)
         self.steps = len(self._batches(0))
-        self.network = fresh_network(recipe, len(dataset.card.class_names)).to(surroundings.device)
+        network = _taught(start, self.card()) if start else fresh_network(recipe, len(dataset.card.class_names))
+        self.network = network.to(surroundings.device)
         self.network = self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.SGD(
             self.network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay
@@ -210,7 +213,9 @@ class Training:
 
     def _batch(self, indexes: Indexes, number: int) -> Batch:
         recipe = self.recipe
-        return training_batch(self._pictures, indexes, recipe.size, recipe.augmentation, seed=recipe.seed, epoch=number)
+        return training_batch(
+            self._pictures, indexes, recipe.size, recipe.augmentation, seed=recipe.seed, epoch=number, crop=recipe.crop
+        )
 
 
 def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool) -> Tensor:
@@ -232,6 +237,14 @@ def fresh_network(recipe: Recipe, num_classes: int) -> EsaNet:
         if recipe.he_init:
             return build(recipe.variant, num_classes, width=recipe.width)
         return EsaNet(variant_named(recipe.variant), num_classes, width=recipe.width)
+
+
+def _taught(start: TrainedNetwork, card: WeightsCard) -> EsaNet:
+    """The network to go on from; raises `BadConfiguration` when it is not of the kind that `card` describes."""
+    if start.card.architecture != card.architecture or start.card.class_names != card.class_names:
+        told, wanted = (f"{of.variant} × {of.width:g} for {', '.join(of.class_names):.200}" for of in (start.card, card))
+        raise BadConfiguration(f"training: cannot start from a network {told}; recipe and data ask for {wanted}")
+    return start.network
 
 
 def class_weights(recipe: Recipe, dataset: Dataset) -> npt.NDArray[np.float64]:

@@ -267,7 +267,7 @@ def test_weights_that_were_appended_to_are_refused(tmp_path: Path) -> None:
 def forged(path: Path, tensors: State, **fields: object) -> Path:
     """A file whose digest is right and whose content is not."""
     metadata = weights._as_metadata(card()) | {key: json.dumps(value) for key, value in fields.items()}
-    content = safetensors.torch.save(tensors, {**metadata, "sha256": weights._digest(tensors, metadata)})
+    content = safetensors.torch.save(tensors, {**metadata, "sha256": weights.digest(tensors, metadata)})
     path.write_bytes(content)
     return path
 

@@ -16,6 +16,7 @@ from torch import Tensor
 from app.training import train
 from navcore.errors import BadConfiguration
 from navcore.esanet import weights
+from navcore.esanet.preprocess import Size
 from navcore.learning.batches import Pictures, epoch_batches, training_batch
 from navcore.learning.dataset import load_dataset
 from navcore.learning.evaluation import Looking, evaluate, predict
@@ -225,3 +226,27 @@ def _by_hand(recipe: Recipe, data: Path) -> dict[str, Tensor]:
                 torch.autograd.backward(training_loss(network, batch, loss_weights, bfloat16=False) / 2)
             optimiser.step()
     return {key: value.detach() for key, value in network.named_parameters()}
+
+
+def test_a_run_goes_on_from_trained_weights(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    first = begun(tiny_recipe(epochs=2), tmp_path / "d", tmp_path / "first")
+    first.run()
+    start = weights.load(tmp_path / "first" / MODEL_NAME)
+    recipe = tiny_recipe(epochs=1, crop=Size(height=32, width=32))
+    out = tmp_path / "second"
+    out.mkdir()
+    second = Training(recipe, load_dataset(tmp_path / "d"), out, HERE, start=start)
+    assert same(second.network.state_dict(), weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict())
+    second.run()
+    assert not same(second.network.state_dict(), weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict())
+    with pytest.raises(BadConfiguration, match="another recipe or other data"):  # the start is part of what a run is
+        begun(recipe, tmp_path / "d", out).resume()
+
+
+def test_a_run_does_not_start_from_another_kind_of_network(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
+    start = weights.load(tmp_path / "first" / MODEL_NAME)
+    with pytest.raises(BadConfiguration, match=r"r18 × 0\.125 .* ask for r18 × 0\.25|cannot start from a network"):
+        Training(tiny_recipe(width=0.25), load_dataset(tmp_path / "d"), tmp_path, HERE, start=start)
