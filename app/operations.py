@@ -25,6 +25,7 @@ from navcore.path import NoPath, Path
 from navcore.robot import STANDSTILL, Robot, RobotProfile
 from navcore.safety import Verdict
 from navcore.segment import Finder
+from navcore.transform import Pose2
 from navcore.zones import Zone, check_polygon, rasterise
 from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
 
@@ -253,6 +254,16 @@ class LiveOperations:
         self._store.save_beware(beware)
         self._pilot.change(lambda intent: dataclasses.replace(intent, beware=beware))
         return beware
+
+    # The poses that the map is made from
+
+    def poses(self) -> tuple[Pose2, ...]:
+        """By pose ID."""
+        return self._pilot.navigator.map.poses
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Move past poses, and what was seen from them."""
+        self._pilot.correct_poses(poses)
 
     # Drafts and the past
 

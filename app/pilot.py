@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from app.occupant import occupant
 from navcore.beware import BewareList
 from navcore.contact import NO_POINTS, near_points
-from navcore.errors import BadFrame
+from navcore.errors import BadConfiguration, BadFrame
 from navcore.frame import Frame
 from navcore.local_planner import Outcome
 from navcore.mission import Mission, Phase
@@ -23,6 +23,7 @@ from navcore.path import NoPath, Reason
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
 from navcore.safety import BLOCKED_NS, COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, pushes_in_vain, ranked
 from navcore.senses import Doubt, Senses
+from navcore.transform import Pose2
 from navcore.zones import Zone
 
 COMMAND_PERIOD_S = 0.05
@@ -80,6 +81,7 @@ class Pilot:
         self._mapped, self._watched = Senses(), Senses()
         self._near = NO_POINTS
         self._pushing_ns: int | None = None
+        self._corrected: dict[int, Pose2] = {}
 
     @property
     def intent(self) -> Intent:
@@ -106,13 +108,28 @@ class Pilot:
         """Replace the mission by `edit(mission)`, as one step."""
         return self.change(lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))).mission
 
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Past poses as they are known by now, e.g. after a loop closure; the map follows before the next tick.
+
+        Raises `BadConfiguration` for a pose ID that is not on the map, and then has changed nothing.
+        """
+        known = len(self.navigator.map.poses)  # it only grows
+        for pose_id in poses:
+            if not 0 <= pose_id < known:
+                raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {known}")
+        with self._lock:
+            self._corrected |= poses
+
     def think(self, frame: Frame, *, clock: Callable[[], int]) -> Decision | None:
         """One tick; None when the frame was refused or shows nothing new. `clock` dates the command, after the work is done."""
         intent = self._intent
         goal = intent.mission.goal
         order = _order(intent)
         with self._lock:
+            corrected, self._corrected = self._corrected, {}
             senses = self._mapped = self._mapped.after(frame, self.profile)
+        if corrected:  # here and not where they come in: only this thread touches the map
+            self.navigator.map.correct(corrected)
         if senses.doubt is not None or senses.repeats:
             # What cannot be true must not enter the map; the gate says why the robot stands, or the command just expires.
             command = None if senses.doubt is not None else self._thought.command

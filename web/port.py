@@ -249,6 +249,12 @@ class Operations(Protocol):
     def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
         """The path from here to the goal (default: the present one) if the draft zone stood; applies nothing."""
 
+    def poses(self) -> tuple[Pose2, ...]:
+        """T_map_base by pose ID: the places from which the map's points were seen."""
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Put past poses right, e.g. after a loop closure: what was seen from them moves along, before the next tick."""
+
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Reports of past missions, newest first, without their series."""
 

@@ -204,3 +204,18 @@ class Problem(BaseModel):
     """Every refusal has this shape."""
 
     error: ProblemBody
+
+
+class NumberedPoseOut(BaseModel):
+    """A pose that the map's points were seen from, T_map_base."""
+
+    id: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class PosesOut(BaseModel):
+    """All of them, in the order of their IDs."""
+
+    poses: list[NumberedPoseOut]

@@ -11,6 +11,7 @@ from navcore.zones import MAX_CORNERS
 from web.port import ZoneDraft
 
 MAX_NAME = 80
+MAX_POSES = 100_000
 MAX_CLASSES = LARGEST_CLASS_ID
 FAR_M = 1e6
 """No map is larger; keeps arithmetic on what a client sends far away from overflow."""
@@ -28,6 +29,7 @@ Margin = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX
 Relief = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=2.0)]
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
 Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=360.0)]
+Angle = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-7.0, le=7.0)]
 Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
 Corner = tuple[Metres, Metres]
 
@@ -152,3 +154,18 @@ class PreviewIn(_Closed):
 
     goal: GoalIn | None = Field(None, description="default: the present goal")
     polygon: Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)] | None = Field(None, description="corners of a zone")
+
+
+class NumberedPoseIn(_Closed):
+    """A pose that the map's points were seen from, T_map_base."""
+
+    id: Annotated[int, Field(strict=True, ge=0, description="pose ID")]
+    x_m: Metres
+    y_m: Metres
+    yaw_rad: Angle
+
+
+class PosesIn(_Closed):
+    """Past poses as they are known by now; those that are not named stay."""
+
+    poses: Annotated[list[NumberedPoseIn], Field(min_length=1, max_length=MAX_POSES)]

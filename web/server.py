@@ -17,6 +17,7 @@ from web.api.events import events_router
 from web.api.health import health_router
 from web.api.maps import maps_router
 from web.api.mission import mission_router
+from web.api.poses import poses_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zones import zones_router
 from web.guard import Guard
@@ -55,7 +56,7 @@ def create_app(
         redoc_url=None,
         default_response_class=JsonResponse,
     )
-    for router in (mission_router, zones_router, beware_router, maps_router, events_router):
+    for router in (mission_router, zones_router, beware_router, maps_router, poses_router, events_router):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(viewer_link_router(viewer), prefix="/api/v1")
     app.include_router(health_router(operations))

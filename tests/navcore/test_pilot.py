@@ -10,7 +10,7 @@ import pytest
 
 from app.pilot import Intent, Pilot
 from navcore.config import NavigatorConfig
-from navcore.errors import BadFrame, Refused
+from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.frame import Frame
 from navcore.local_planner import Outcome
 from navcore.mask import Mask
@@ -147,6 +147,24 @@ def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
     think(driver, dataclasses.replace(OPEN, twist=Twist(v_mps=0.5, w_radps=0.0)))
     assert driver.intent.mission.reached == ()
     assert driver.intent.mission.phase is Phase.DRIVING
+
+
+def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
+    driver = pilot()
+    wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
+    think(driver, wall)
+    before = driver.navigator.map.points
+    with pytest.raises(BadConfiguration, match="pose ID 5 is not on the map, which has 1"):
+        driver.correct_poses({0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)})
+    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    # A picture from elsewhere, so that the old pose's points are not replaced.
+    think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
+    after = driver.navigator.map.points
+    moved = after.pose_ids == 0
+    assert moved.sum() == len(before.points_map) > 0
+    np.testing.assert_allclose(
+        np.sort(after.points_map[moved, 1]), np.sort(before.points_map[:, 1] + np.float32(0.5)), atol=1e-5
+    )
 
 
 def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:

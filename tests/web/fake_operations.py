@@ -45,6 +45,7 @@ class FakeOperations:
         self._beware = default_beware_list()
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
+        self._poses = [self._pose, Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0)]
         self._stopped_by: str | None = None
         self._counts = {"serial": 0, "grid": 0, "zones": 0, "replans": 0}
         self._urdf = robot_urdf
@@ -242,6 +243,16 @@ class FakeOperations:
             return PathPreview(outcome=outcome, points=points, length_m=self._length(points))
 
     # ----------------------------------------------------------------------------------------------------------- runs
+
+    def poses(self) -> tuple[Pose2, ...]:
+        return tuple(self._poses)
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        for pose_id in poses:
+            if pose_id >= len(self._poses):
+                raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {len(self._poses)}")
+        for pose_id, pose in poses.items():
+            self._poses[pose_id] = pose
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """One past mission."""

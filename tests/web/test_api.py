@@ -377,3 +377,14 @@ def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(clien
         assert answer.status_code == 200 and answer.headers["content-type"].startswith(kind)
         assert "https://" not in answer.text and "http://" not in answer.text.replace("http://www.w3.org", "")
     assert client.get("/page/__init__.py").status_code == client.get("/page/..%2fserver.py").status_code == 404
+
+
+def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(client: httpx.Client) -> None:
+    second = client.get("/api/v1/map/poses").json()["poses"][1]
+    assert second == {"id": 1, "x_m": -5.0, "y_m": 0.0, "yaw_rad": 0.0}
+    moved = {**second, "x_m": -4.9, "yaw_rad": 0.01}
+    unknown = wrong(client.patch("/api/v1/map/poses", json={"poses": [moved, {**moved, "id": 7}]}), 422)
+    assert "pose ID 7 is not on the map" in unknown["message"]
+    assert client.get("/api/v1/map/poses").json()["poses"][1] == second
+    assert client.patch("/api/v1/map/poses", json={"poses": [moved]}).status_code == 204
+    assert client.get("/api/v1/map/poses").json()["poses"][1] == moved
