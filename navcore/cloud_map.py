@@ -39,7 +39,7 @@ from navcore.search.free_space import MOST_CELLS, Planes
 from navcore.segment import Labels
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
-from navcore.zones import Zone, rasterise
+from navcore.zones import Zone, cells_of
 
 Indices = npt.NDArray[np.int64]
 
@@ -206,7 +206,7 @@ class CloudMap:
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
         self.use(beware)
-        drawn, wide = self.drawn(tuple(zone for zone in zones if zone.enabled))
+        drawn, wide = self.drawn(tuple(zones))
         return OccupancyGrid(
             spec=self.spec,
             geometric=self._layer(NOTHING),
@@ -244,16 +244,7 @@ class CloudMap:
     def drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
         """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
         if self._zones is None or self._zones[0] != zones:
-            union = np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
-            for zone in zones:
-                if zone.margin_m == 0:
-                    union |= rasterise(zone.polygon, self.spec)
-            wide: dict[float, BoolGrid] = {}
-            for zone in zones:
-                if zone.margin_m > 0:
-                    mask = rasterise(zone.polygon, self.spec)
-                    wide[zone.margin_m] = wide[zone.margin_m] | mask if zone.margin_m in wide else mask
-            self._zones = (zones, (union, tuple(wide.items())))
+            self._zones = (zones, cells_of(zones, self.spec))
         return self._zones[1]
 
     @property
