@@ -92,6 +92,7 @@ class CloudMap:
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
         self._has_prior = False
+        self._prior_mask: Mask | None = None
         self.explored = Explored(spec)
         """What of the space is known."""
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
@@ -161,6 +162,7 @@ class CloudMap:
             raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self.spec.rows, self.spec.cols)}")
         before = np.flatnonzero(self._prior)
         self._prior = occupied.reshape(-1).copy()
+        self._prior_mask = None
         self._has_prior = True
         self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
 
@@ -191,6 +193,7 @@ class CloudMap:
         self._unsure = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         self._prior = state.prior.bools.reshape(-1).copy()
+        self._prior_mask = None
         self._has_prior = bool(self._prior.any())
         explored = self.explored
         explored.measured, explored.looked, explored.trodden = (
@@ -246,6 +249,13 @@ class CloudMap:
         if self._zones is None or self._zones[0] != zones:
             self._zones = (zones, cells_of(zones, self.spec))
         return self._zones[1]
+
+    @property
+    def prior(self) -> Mask | None:
+        """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
+        if self._has_prior and self._prior_mask is None:
+            self._prior_mask = Mask.of(self._prior.reshape(self.spec.rows, self.spec.cols))
+        return self._prior_mask if self._has_prior else None
 
     @property
     def points(self) -> MapPoints:
@@ -339,6 +349,8 @@ class CloudMap:
         floor = voxels[np.abs(levels) < FLOOR_M] // HEIGHT_BINS
         cells: Indices = floor[self._prior[floor]]
         self._prior[cells] = False
+        if len(cells):
+            self._prior_mask = None
         return cells
 
     def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:

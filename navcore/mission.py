@@ -76,7 +76,7 @@ class Mission:
 
     def change(self, goal: Goal, spec: GridSpec) -> Mission:
         """Put a goal in the place of the waiting one with its id; raises `BadGeometry` outside the map."""
-        self._waiting(goal.id)
+        self.waiting(goal.id)
         goal = checked(goal, spec)
         return dataclasses.replace(self, queue=tuple(goal if old.id == goal.id else old for old in self.queue))
 
@@ -84,7 +84,7 @@ class Mission:
         """Let the waiting goals be driven to in this order; every one has to be named once."""
         if sorted(ids) != sorted(goal.id for goal in self.queue):
             raise Refused("the order has to name every waiting goal once; the queue has changed meanwhile, look again")
-        return dataclasses.replace(self, queue=tuple(self._waiting(goal_id) for goal_id in ids))
+        return dataclasses.replace(self, queue=tuple(self.waiting(goal_id) for goal_id in ids))
 
     def repeat(self, loop: bool) -> Mission:
         """Whether goals that are reached wait again."""
@@ -99,7 +99,8 @@ class Mission:
             empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
         return empty
 
-    def _waiting(self, goal_id: int) -> Goal:
+    def waiting(self, goal_id: int) -> Goal:
+        """The waiting goal with an id; raises `NotKnown`."""
         for goal in self.queue:
             if goal.id == goal_id:
                 return goal
@@ -107,7 +108,7 @@ class Mission:
 
     def remove(self, goal_id: int) -> Mission:
         """Take a waiting goal, or the present one, out of the queue."""
-        gone = self._waiting(goal_id)
+        gone = self.waiting(goal_id)
         queue = tuple(goal for goal in self.queue if goal is not gone)
         return dataclasses.replace(self, queue=queue, phase=self.phase if queue else Phase.IDLE)
 

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +64,7 @@ def _turning_rad(steps: Points, rules: LocalRules, start_yaw_rad: float | None) 
     headings = np.arctan2(moving[:, 1], moving[:, 0]).tolist()
     if start_yaw_rad is not None:
         headings.insert(0, start_yaw_rad)
-    turns = (abs(wrap_angle(after - before)) for before, after in zip(headings, headings[1:], strict=False))
+    turns = (abs(wrap_angle(after - before)) for before, after in pairwise(headings))
     return sum(turn for turn in turns if turn > math.radians(rules.turn_from_deg))
 
 
