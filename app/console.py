@@ -24,7 +24,7 @@ from app.segmenter import Perception, compose
 from app.segmenter_choice import SegmenterChoice
 from app.simulator_process import SimulatorProcess
 from app.storage import Store
-from app.threads import Loop
+from app.threads import Clockwork, Loop
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
@@ -37,6 +37,8 @@ from sim.husky import husky_urdf
 from sim.scenario import load_scenario
 from web.server import ConsoleServer, PortInUse
 
+EXPIRY_S = 1.0
+"""How often the zones' expiry is looked at."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -94,6 +96,9 @@ def console(
             robot_urdf=husky_urdf(),
             perception=perception,
         )
+        expiry = Clockwork(operations.expire_zones, period_s=EXPIRY_S, name="expiry of zones")
+        expiry.start()
+        stack.callback(expiry.stop)
         loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)

@@ -5,32 +5,46 @@ from __future__ import annotations
 import dataclasses
 import math
 import threading
-import uuid
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
-from app.occupant import occupant
+from app.mission_shelf import MissionShelf
+from app.occupant import check_standable
 from app.pilot import MOVING, Intent, Pilot
+from app.preview import compared, place_on, standing_at
 from app.recorder import Recorder
 from app.segmenter import Perception
 from app.storage import Store
 from app.timing import Stopwatch
+from app.zone_book import ZoneBook
 from navcore.beware import BewareClass, BewareList
-from navcore.errors import BadGeometry, NotKnown, Outdated, Refused
+from navcore.errors import BadGeometry, Outdated, Refused
+from navcore.grid import OccupancyGrid
 from navcore.local_planner import Outcome
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Decision
-from navcore.path import NoPath, Path
+from navcore.path import NoPath
 from navcore.robot import STANDSTILL, Robot, RobotProfile
 from navcore.safety import Verdict
 from navcore.segment import Finder
 from navcore.transform import Pose2
-from navcore.zones import Zone, check_polygon, rasterise
-from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
+from navcore.zones import Zone
+from web.port import (
+    Cloud,
+    MissionAction,
+    PathPreview,
+    Picture,
+    Preview,
+    PreviewDraft,
+    SavedMission,
+    State,
+    StopReason,
+    ZoneDraft,
+    ZoneHistory,
+)
 
-MAX_ZONES = 500
-MAX_ZONE_MARGIN_M = 2.0
 MOVING_MPS = 1e-3
 TRANSITIONS = {
     "start": Mission.start,
@@ -54,13 +68,19 @@ class LiveOperations:
         world: str,
         robot_urdf: FilePath | None,
         perception: Perception,
+        calendar_s: Callable[[], float] = time.time,
     ) -> None:
+        """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing else asks for it."""
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
         self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._stopwatch = Stopwatch(pilot.navigator)
         self._verdict = Verdict(twist=STANDSTILL, reasons=())
         self._editing = threading.Lock()
         self._zones_version = 0
+        self._missions = MissionShelf(store)
+        self._book = ZoneBook(
+            pilot.intent.zones, spec=pilot.navigator.map.spec, shelf=store, bind=self._bind, calendar_s=calendar_s
+        )
 
     @property
     def profile(self) -> RobotProfile:
@@ -111,6 +131,7 @@ class LiveOperations:
             beware_version=intent.beware.version,
             segmenter=self._perception.title,
             segmenter_warning=self._perception.warning,
+            loop=intent.mission.loop,
         )
 
     def picture(self) -> Picture | None:
@@ -123,16 +144,55 @@ class LiveOperations:
 
     # Mission and stop
 
-    def add_goal(self, x_m: float, y_m: float) -> Goal:
+    def add_goal(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """Queue a goal; refused where the robot could not stand as far as the map is known."""
+        self._standable(x_m, y_m)
+        spec = self._pilot.navigator.map.spec
+        return self._pilot.change_mission(lambda mission: mission.add(x_m, y_m, spec, yaw_rad=yaw_rad, name=name)).queue[-1]
+
+    def change_goal(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
+        """Move, turn or rename a waiting goal."""
+        spec = self._pilot.navigator.map.spec
+
+        def edit(mission: Mission) -> Mission:
+            goal = dataclasses.replace(mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
+            if "x_m" in changes or "y_m" in changes:
+                self._standable(goal.x_m, goal.y_m)
+            return mission.change(goal, spec)
+
+        return self._pilot.change_mission(edit).waiting(goal_id)
+
+    def order_goals(self, ids: Sequence[int]) -> None:
+        """Drive to the waiting goals in this order."""
+        self._pilot.change_mission(lambda mission: mission.reorder(ids))
+
+    def loop_goals(self, loop: bool) -> None:
+        """Whether goals that are reached wait again."""
+        self._pilot.change_mission(lambda mission: mission.repeat(loop))
+
+    def missions(self) -> Mapping[str, SavedMission]:
+        """Goals kept under a name."""
+        return self._missions.all()
+
+    def save_mission(self, name: str) -> None:
+        """Keep the waiting goals."""
+        self._missions.save(name, self._pilot.intent.mission)
+
+    def load_mission(self, name: str) -> None:
+        """Put kept goals in the place of those that wait."""
+        saved, spec = self._missions.named(name), self._pilot.navigator.map.spec
+        self._pilot.change_mission(lambda mission: mission.refill(saved.goals, spec, loop=saved.loop))
+
+    def delete_mission(self, name: str) -> None:
+        """Forget kept goals."""
+        self._missions.delete(name)
+
+    def _standable(self, x_m: float, y_m: float) -> None:
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             raise BadGeometry("the goal is not finite; give metres of the map frame")
-        spec, picture = self._pilot.navigator.map.spec, self._recorder.picture
-        if picture is not None and spec.contains(x_m, y_m) and picture.blocked[spec.cell(x_m, y_m)]:
-            where = occupant(picture.grid, spec.cell(x_m, y_m))
-            raise BadGeometry(f"goal ({x_m:.2f}, {y_m:.2f}) lies {where}; the robot cannot stand there, pick a free place")
-        mission = self._pilot.change_mission(lambda mission: mission.add(x_m, y_m, spec))
-        return mission.queue[-1]
+        picture = self._recorder.picture
+        if picture is not None:
+            check_standable(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
 
     def remove_goal(self, goal_id: int) -> None:
         """Take a goal out of the queue."""
@@ -174,49 +234,55 @@ class LiveOperations:
 
     def zones(self) -> tuple[Zone, ...]:
         """All stored zones."""
-        return self._pilot.intent.zones
+        return self._book.zones
 
     def add_zone(self, draft: ZoneDraft) -> Zone:
         """Store a zone, then let it bind the robot."""
-        with self._editing:
-            if len(self.zones()) >= MAX_ZONES:
-                raise Refused(f"there are {MAX_ZONES} zones already; delete some first")
-            zone = self._checked(draft, zone_id=uuid.uuid4().hex[:12], version=1)
-            self._store.save_zone(zone)
-            self._bind((*self.zones(), zone))
-        return zone
+        return self._book.add([draft], f"new zone {draft.name!r}")[0]
+
+    def import_zones(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
+        """Store many zones as one edit."""
+        return self._book.add(drafts, f"import of {len(drafts)} zones")
 
     def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
         """Change a stored zone."""
-        with self._editing:
-            old = self._zone(zone_id, expected_version)
-            zone = self._checked(draft, zone_id=zone_id, version=old.version + 1)
-            self._store.save_zone(zone)
-            self._bind(tuple(zone if other.id == zone_id else other for other in self.zones()))
-        return zone
+        return self._book.replace(zone_id, draft, expected_version=expected_version)
 
     def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Forget a zone."""
-        with self._editing:
-            self._zone(zone_id, expected_version)
-            self._store.delete_zone(zone_id)
-            self._bind(tuple(zone for zone in self.zones() if zone.id != zone_id))
+        self._book.delete(zone_id, expected_version=expected_version)
 
-    def _zone(self, zone_id: str, expected_version: int | None) -> Zone:
-        for zone in self.zones():
-            if zone.id == zone_id:
-                if expected_version is not None and expected_version != zone.version:
-                    raise Outdated(f"zone {zone.name!r} is at version {zone.version}, the edit was made on {expected_version}")
-                return zone
-        raise NotKnown(f"no zone has the id {zone_id!r}")
+    def zone_history(self) -> ZoneHistory:
+        """What undo and redo would do now."""
+        return self._book.history
 
-    def _checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
-        polygon = check_polygon(draft.polygon, self._pilot.navigator.map.spec)
-        if not 0 <= draft.margin_m <= MAX_ZONE_MARGIN_M:
-            raise BadGeometry(f"zone margin {draft.margin_m:g} m is out of range, allowed 0 to {MAX_ZONE_MARGIN_M:g} m")
-        return Zone(
-            id=zone_id, name=draft.name, polygon=polygon, enabled=draft.enabled, margin_m=draft.margin_m, version=version
-        )
+    def undo_zones(self) -> str:
+        """Take the newest edit back."""
+        return self._book.undo()
+
+    def redo_zones(self) -> str:
+        """Do it again."""
+        return self._book.redo()
+
+    def zone_sets(self) -> Mapping[str, tuple[Zone, ...]]:
+        """Zones kept under a name."""
+        return self._book.sets()
+
+    def save_zone_set(self, name: str) -> None:
+        """Keep the present zones under a name."""
+        self._book.save_set(name)
+
+    def use_zone_set(self, name: str) -> None:
+        """Switch to kept zones."""
+        self._book.use_set(name)
+
+    def delete_zone_set(self, name: str) -> None:
+        """Forget kept zones."""
+        self._book.delete_set(name)
+
+    def expire_zones(self) -> None:
+        """Switch off the zones whose time is over; called again and again."""
+        self._book.expire()
 
     def _bind(self, zones: tuple[Zone, ...]) -> None:
         self._pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
@@ -267,23 +333,30 @@ class LiveOperations:
 
     # Drafts and the past
 
-    def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
-        """Plan over the newest map with the draft added to it; nothing is applied."""
+    def preview(self, draft: PreviewDraft) -> Preview:
+        """Plan over the newest map with the draft and without it; nothing is applied."""
         decision, navigator = self._pilot.thought.decision, self._pilot.navigator
         queue = self._pilot.intent.mission.queue
-        target = goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
+        target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
         if target is None:
             raise Refused("there is no goal to preview a path to; give one")
         if decision is None:
             raise Refused("there is no map yet; the camera has not delivered a picture")
-        occupancy = decision.occupancy
-        if polygon is not None:
-            spec, grid = navigator.map.spec, occupancy.grid
-            grid = dataclasses.replace(grid, zones=grid.zones | rasterise(check_polygon(polygon, spec), spec))
-            occupancy = navigator.drafted(grid)
-        route = navigator.preview(occupancy, decision.frame.pose, target)
-        length = route.outcome.length * navigator.map.spec.resolution_m if isinstance(route.outcome, Path) else None
-        return PathPreview(outcome=route.outcome, points=route.points, length_m=length)
+        grid, spec = decision.occupancy.grid, navigator.map.spec
+        goal = place_on(grid, target, "goal")
+        pose = decision.frame.pose if draft.start is None else standing_at(place_on(grid, draft.start, "start"))
+        zone = None if draft.zone is None else self._book.checked(draft.zone, zone_id="draft", version=1)
+
+        def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
+            route = navigator.preview(navigator.drafted(grid), pose, goal)
+            if isinstance(route.outcome, NoPath):
+                return PathPreview(outcome=route.outcome, points=route.points, length_m=None, time_s=None)
+            yaw_rad = pose.yaw_rad if draft.start is None else None
+            time_s = navigator.travel_time_s(route, zones, start_yaw_rad=yaw_rad)
+            length_m = route.outcome.length * spec.resolution_m
+            return PathPreview(outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s)
+
+        return compared(grid, self.zones(), plan, draft=zone, replaces=draft.replaces)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Reports of past missions, newest first, without their series."""

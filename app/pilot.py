@@ -258,5 +258,6 @@ def _order(intent: Intent) -> Order:
         goal=(goal.x_m, goal.y_m) if goal else None,
         beware=intent.beware,
         zones=intent.zones,
+        goal_yaw_rad=goal.yaw_rad if goal else None,
         leave=intent.mission.phase is Phase.LEAVING,
     )

@@ -87,7 +87,7 @@ class Recorder:
     def watch_zones(self, zones: tuple[Zone, ...]) -> None:
         """Called when the zones have changed."""
         if self._referee is not None:
-            self._referee.watch_zones([list(zone.polygon) for zone in zones if zone.enabled])
+            self._referee.watch_zones([list(zone.polygon) for zone in zones if zone.closed])
 
     def _note_pose(self, pose: Pose2) -> None:
         if not self._driven:
@@ -122,6 +122,8 @@ class Recorder:
             waypoints=route.waypoints if route else nowhere,
             driven=self._driven_points,
             people=decision.people,
+            depth_m=frame.depth_m,
+            prior=self._pilot.navigator.map.prior,
         )
 
     def _copied_cloud(self) -> Cloud:

@@ -9,11 +9,12 @@ import fcntl
 import json
 import sqlite3
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from app.zone_records import zone_of, zone_record
 from navcore.beware import BewareClass, BewareList, as_table
 from navcore.errors import NotKnown, StorageFailed
 from navcore.settings import from_table
@@ -26,7 +27,15 @@ CREATE TABLE IF NOT EXISTS zones (
 ) STRICT;
 CREATE TABLE IF NOT EXISTS beware (only INTEGER PRIMARY KEY CHECK (only = 1), list TEXT NOT NULL) STRICT;
 CREATE TABLE IF NOT EXISTS runs (id TEXT PRIMARY KEY, report TEXT NOT NULL) STRICT;
+CREATE TABLE IF NOT EXISTS zone_details (id TEXT PRIMARY KEY, details TEXT NOT NULL) STRICT;
+CREATE TABLE IF NOT EXISTS kept (kind TEXT, name TEXT, value TEXT NOT NULL, PRIMARY KEY (kind, name)) STRICT;
 """
+_SAVE_ZONE = (
+    "INSERT INTO zones VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name, "
+    "polygon = excluded.polygon, enabled = excluded.enabled, margin_m = excluded.margin_m, version = excluded.version"
+)
+_DETAILS = ("kind", "max_speed_mps", "colour", "expires_at_s", "drawn")
+"""Of a zone, beside what the first version of the table has."""
 BUSY_S = 0.5
 """How long a write waits for another process's lock before it is refused."""
 
@@ -65,31 +74,59 @@ class Store:
     def zones(self) -> tuple[Zone, ...]:
         """All zones, in the order they were first stored."""
         with self._reading() as database:
-            rows = database.execute("SELECT id, name, polygon, enabled, margin_m, version FROM zones ORDER BY rowid").fetchall()
+            rows = database.execute(
+                "SELECT zones.id, name, polygon, enabled, margin_m, version, details "
+                "FROM zones LEFT JOIN zone_details ON zones.id = zone_details.id ORDER BY zones.rowid"
+            ).fetchall()
         return tuple(
-            Zone(
-                id=row[0],
-                name=row[1],
-                polygon=tuple((x, y) for x, y in json.loads(row[2])),
-                enabled=bool(row[3]),
-                margin_m=row[4],
-                version=row[5],
+            zone_of(
+                {
+                    "id": row[0],
+                    "name": row[1],
+                    "polygon": json.loads(row[2]),
+                    "enabled": bool(row[3]),
+                    "margin_m": row[4],
+                    "version": row[5],
+                    **json.loads(row[6] or "{}"),
+                }
             )
             for row in rows
         )
 
     def save_zone(self, zone: Zone) -> None:
         """Store or overwrite a zone by its id."""
-        values = (zone.id, zone.name, json.dumps(zone.polygon), int(zone.enabled), zone.margin_m, zone.version)
-        self._write(
-            "INSERT INTO zones VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name, "
-            "polygon = excluded.polygon, enabled = excluded.enabled, margin_m = excluded.margin_m, version = excluded.version",
-            values,
-        )
+        self.change_zones([zone], [])
 
     def delete_zone(self, zone_id: str) -> None:
         """Forget a zone."""
-        self._write("DELETE FROM zones WHERE id = ?", (zone_id,))
+        self.change_zones([], [zone_id])
+
+    def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
+        """Store some zones, each in the place of one with its id, and forget others: all or nothing."""
+        statements: list[tuple[str, tuple[object, ...]]] = []
+        for zone_id in deleted:
+            statements += [(f"DELETE FROM {table} WHERE id = ?", (zone_id,)) for table in ("zones", "zone_details")]
+        for zone in saved:
+            row = (zone.id, zone.name, json.dumps(zone.polygon), int(zone.enabled), zone.margin_m, zone.version)
+            details = {name: value for name, value in zone_record(zone).items() if name in _DETAILS}
+            statements += [
+                (_SAVE_ZONE, row),
+                ("INSERT OR REPLACE INTO zone_details VALUES (?, ?)", (zone.id, json.dumps(details))),
+            ]
+        self._write_all(statements)
+
+    def kept(self, kind: str) -> dict[str, Any]:
+        """Name → JSON value of everything of a kind, in the order of names."""
+        with self._reading() as database:
+            rows = database.execute("SELECT name, value FROM kept WHERE kind = ? ORDER BY name", (kind,)).fetchall()
+        return {name: json.loads(value) for name, value in rows}
+
+    def keep(self, kind: str, name: str, value: Any) -> None:
+        """Store a JSON value under a name; None forgets it."""
+        if value is None:
+            self._write("DELETE FROM kept WHERE kind = ? AND name = ?", (kind, name))
+        else:
+            self._write("INSERT OR REPLACE INTO kept VALUES (?, ?, ?)", (kind, name, json.dumps(value)))
 
     def beware(self) -> BewareList | None:
         """The list saved last; None on a new installation."""
@@ -134,8 +171,16 @@ class Store:
                 raise StorageFailed(f"the store {self.path} cannot be read: {error}") from None
 
     def _write(self, statement: str, values: tuple[object, ...]) -> None:
+        self._write_all([(statement, values)])
+
+    def _write_all(self, statements: Sequence[tuple[str, tuple[object, ...]]]) -> None:
         with self._lock:
             try:
-                self._database.execute(statement, values)
+                self._database.execute("BEGIN IMMEDIATE")
+                for statement, values in statements:
+                    self._database.execute(statement, values)
+                self._database.execute("COMMIT")
             except sqlite3.Error as error:
+                with suppress(sqlite3.Error):
+                    self._database.execute("ROLLBACK")
                 raise StorageFailed(f"not saved, what was stored before is intact: {error}") from None

@@ -96,3 +96,29 @@ class Loop:
                 self._robot.send(STANDSTILL)
             last, due = now, max(due + COMMAND_PERIOD_S, now)
             self._ended.wait(max(due - time.monotonic(), 0.0))
+
+
+class Clockwork:
+    """Does something again and again, in a thread of its own: what has to happen by the clock and not by a picture."""
+
+    def __init__(self, act: Callable[[], None], *, period_s: float, name: str) -> None:
+        self._act, self._period_s = act, period_s
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin, at once."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; waits for what is being done."""
+        self._ended.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            try:
+                self._act()
+            except Exception:
+                log.exception("%s goes on", self._thread.name)
+            self._ended.wait(self._period_s)

@@ -39,7 +39,7 @@ from navcore.search.free_space import MOST_CELLS, Planes
 from navcore.segment import Labels
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
-from navcore.zones import Zone, rasterise
+from navcore.zones import Zone, cells_of
 
 Indices = npt.NDArray[np.int64]
 
@@ -92,6 +92,7 @@ class CloudMap:
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
         self._has_prior = False
+        self._prior_mask: Mask | None = None
         self.explored = Explored(spec)
         """What of the space is known."""
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
@@ -161,6 +162,7 @@ class CloudMap:
             raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self.spec.rows, self.spec.cols)}")
         before = np.flatnonzero(self._prior)
         self._prior = occupied.reshape(-1).copy()
+        self._prior_mask = None
         self._has_prior = True
         self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
 
@@ -191,6 +193,7 @@ class CloudMap:
         self._unsure = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         self._prior = state.prior.bools.reshape(-1).copy()
+        self._prior_mask = None
         self._has_prior = bool(self._prior.any())
         explored = self.explored
         explored.measured, explored.looked, explored.trodden = (
@@ -206,7 +209,7 @@ class CloudMap:
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
         self.use(beware)
-        drawn, wide = self.drawn(tuple(zone for zone in zones if zone.enabled))
+        drawn, wide = self.drawn(tuple(zones))
         return OccupancyGrid(
             spec=self.spec,
             geometric=self._layer(NOTHING),
@@ -244,17 +247,15 @@ class CloudMap:
     def drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
         """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
         if self._zones is None or self._zones[0] != zones:
-            union = np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
-            for zone in zones:
-                if zone.margin_m == 0:
-                    union |= rasterise(zone.polygon, self.spec)
-            wide: dict[float, BoolGrid] = {}
-            for zone in zones:
-                if zone.margin_m > 0:
-                    mask = rasterise(zone.polygon, self.spec)
-                    wide[zone.margin_m] = wide[zone.margin_m] | mask if zone.margin_m in wide else mask
-            self._zones = (zones, (union, tuple(wide.items())))
+            self._zones = (zones, cells_of(zones, self.spec))
         return self._zones[1]
+
+    @property
+    def prior(self) -> Mask | None:
+        """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
+        if self._has_prior and self._prior_mask is None:
+            self._prior_mask = Mask.of(self._prior.reshape(self.spec.rows, self.spec.cols))
+        return self._prior_mask if self._has_prior else None
 
     @property
     def points(self) -> MapPoints:
@@ -348,6 +349,8 @@ class CloudMap:
         floor = voxels[np.abs(levels) < FLOOR_M] // HEIGHT_BINS
         cells: Indices = floor[self._prior[floor]]
         self._prior[cells] = False
+        if len(cells):
+            self._prior_mask = None
         return cells
 
     def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:

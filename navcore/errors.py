@@ -4,6 +4,7 @@
     ├── BadConfiguration    a file or a value of the operator: names the key, the value and what is allowed
     ├── BadFrame            a camera frame that must not enter the map
     ├── BadGeometry         a zone or a goal that is no place on the map
+    │   └── BlockedGoal     a goal where the robot cannot stand; knows the nearest place where it can
     ├── Refused             an action that does not fit the present state, e.g. start without a goal
     │   └── Outdated        an edit of a version that somebody else has changed meanwhile
     ├── NotKnown            an id that names nothing
@@ -27,6 +28,15 @@ class BadFrame(BewareNavError):  # noqa: N818
 
 class BadGeometry(BewareNavError):  # noqa: N818
     """A polygon or a point cannot stand on the map."""
+
+
+class BlockedGoal(BadGeometry):
+    """The robot cannot stand at the goal."""
+
+    def __init__(self, text: str, nearest: tuple[float, float] | None) -> None:
+        """`nearest`: (x, y) in metres of the map frame of the nearest place where it can stand; None without one."""
+        super().__init__(text)
+        self.nearest = nearest
 
 
 class Refused(BewareNavError):  # noqa: N818

@@ -36,6 +36,7 @@ class Outcome(StrEnum):
     FOLLOW = "following the path"
     TURN = "turning in place"
     BACK = "backing off"
+    ALIGN = "turning to the heading asked for"
     ARRIVED = "arrived"
     IDLE = "no path to follow"
     BOXED_IN = "boxed in: no motion keeps clear of what stands near"
@@ -53,6 +54,8 @@ class LocalRules:
     """How far ahead on the path the robot aims."""
     arrival_m: float = between(0.02, 0.3, default=0.12)
     """A goal this near is reached."""
+    aligned_deg: float = between(1.0, 45.0, default=5.0)
+    """A heading this near to the one asked for is reached."""
     braking_mps2: float = between(0.1, 5.0, default=0.8)
     """Deceleration that speeds are planned with; the platform brakes harder."""
     turn_from_deg: float = between(10.0, 170.0, default=50.0)
@@ -144,16 +147,21 @@ def plan_motion(
     cell_m: float,
     people: Bodies = NOBODY,
     manners: PeopleRules = MANNERS,
+    goal_yaw_rad: float | None = None,
 ) -> Motion:
     """The motion that follows the path best without touching anything, and slower or not at all where people are near.
 
     `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `unseen` the rim of what the camera has
     not seen yet: the planner of paths counts it as free, but no part of the body is swept over it before it was looked at.
     `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
-    as far as its cell's corners. `people` are kept clear of by the rules of `manners`.
+    as far as its cell's corners. `people` are kept clear of by the rules of `manners`. At the goal the robot turns in place to
+    `goal_yaw_rad`, map frame, where one is asked for.
     """
     path = path_from(path_map, pose)
-    if float(np.hypot(*path[-1])) <= rules.arrival_m:
+    askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
+    # Wheels that skid carry a turning robot off the spot; it does not drive back for every centimetre.
+    at_goal = float(np.hypot(*path[-1])) <= rules.arrival_m * (DRIFT if previous.outcome is Outcome.ALIGN else 1.0)
+    if at_goal and abs(askew) <= math.radians(rules.aligned_deg):
         return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
     if stands_in(ruled, profile, cell_m):
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
@@ -168,7 +176,16 @@ def plan_motion(
         people=people,
         manners=manners,
     )
-    return _beside_people(_chosen(near, path, pose, previous), near)
+    motion = _aligned(near, askew) if at_goal else _chosen(near, path, pose, previous)
+    return _beside_people(motion, near)
+
+
+def _aligned(near: _Surroundings, askew: float) -> Motion:
+    """Turn in place to the heading asked for; where there is no room to turn, stand."""
+    turn = _turn(near, askew)
+    if turn is None:
+        return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
+    return dataclasses.replace(turn, outcome=Outcome.ALIGN)
 
 
 def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
@@ -356,6 +373,8 @@ ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
 """Where along an arc the footprint is looked at: close together at first, because there it may be close to something."""
 SPEEDS = (1.0, 0.6, 0.35)
 """Shares of the full speed at which the way past somebody is tried."""
+DRIFT = 2.0
+"""While it turns to its heading the robot may be so many times as far from the goal as when it arrived."""
 BACK_STEPS = 13
 """Of these, the first 0.4 m, for reversing."""
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.grid import GridSpec
+from navcore.transform import wrap_angle
 
 MAX_GOALS = 1000
+"""That wait, and of those reached the newest."""
 
 
 class Phase(StrEnum):
@@ -35,6 +39,10 @@ class Goal:
     """Map frame."""
     y_m: float
     """Map frame."""
+    yaw_rad: float | None = None
+    """Heading to stand in, map frame; None for any."""
+    name: str = ""
+    """What the operator calls it; empty without a name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,26 +59,57 @@ class Mission:
     """Whether the last mission was cancelled rather than driven to its end."""
     next_id: int = 1
     """Id of the goal that is added next."""
+    loop: bool = False
+    """Whether a goal that is reached waits again, behind the others."""
 
     @property
     def goal(self) -> Goal | None:
         """Where the robot may drive now; None unless it is driving."""
         return self.queue[0] if self.phase is Phase.DRIVING else None
 
-    def add(self, x_m: float, y_m: float, spec: GridSpec) -> Mission:
+    def add(self, x_m: float, y_m: float, spec: GridSpec, *, yaw_rad: float | None = None, name: str = "") -> Mission:
         """Queue one more goal; raises `BadGeometry` outside the map."""
-        if not spec.contains(x_m, y_m):
-            raise BadGeometry(f"goal ({x_m:g}, {y_m:g}) lies outside the map, {spec.extent()}")
         if len(self.queue) >= MAX_GOALS:
             raise Refused(f"the queue is full, at most {MAX_GOALS} goals wait")
-        goal = Goal(id=self.next_id, x_m=x_m, y_m=y_m)
+        goal = checked(Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name), spec)
         return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
+
+    def change(self, goal: Goal, spec: GridSpec) -> Mission:
+        """Put a goal in the place of the waiting one with its id; raises `BadGeometry` outside the map."""
+        self.waiting(goal.id)
+        goal = checked(goal, spec)
+        return dataclasses.replace(self, queue=tuple(goal if old.id == goal.id else old for old in self.queue))
+
+    def reorder(self, ids: Sequence[int]) -> Mission:
+        """Let the waiting goals be driven to in this order; every one has to be named once."""
+        if sorted(ids) != sorted(goal.id for goal in self.queue):
+            raise Refused("the order has to name every waiting goal once; the queue has changed meanwhile, look again")
+        return dataclasses.replace(self, queue=tuple(self.waiting(goal_id) for goal_id in ids))
+
+    def repeat(self, loop: bool) -> Mission:
+        """Whether goals that are reached wait again."""
+        return dataclasses.replace(self, loop=loop)
+
+    def refill(self, goals: Sequence[Goal], spec: GridSpec, *, loop: bool) -> Mission:
+        """These goals, under new ids, in the place of those that wait; only while standing."""
+        if self.phase in (Phase.DRIVING, Phase.LEAVING):
+            raise Refused(f"the mission is {self.phase}; pause or cancel it before another is loaded")
+        empty = dataclasses.replace(self, queue=(), phase=Phase.IDLE, reached=(), loop=loop, cancelled=False)
+        for goal in goals:
+            empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
+        return empty
+
+    def waiting(self, goal_id: int) -> Goal:
+        """The waiting goal with an id; raises `NotKnown`."""
+        for goal in self.queue:
+            if goal.id == goal_id:
+                return goal
+        raise NotKnown(f"no waiting goal has the id {goal_id}")
 
     def remove(self, goal_id: int) -> Mission:
         """Take a waiting goal, or the present one, out of the queue."""
-        queue = tuple(goal for goal in self.queue if goal.id != goal_id)
-        if len(queue) == len(self.queue):
-            raise NotKnown(f"no waiting goal has the id {goal_id}")
+        gone = self.waiting(goal_id)
+        queue = tuple(goal for goal in self.queue if goal is not gone)
         return dataclasses.replace(self, queue=queue, phase=self.phase if queue else Phase.IDLE)
 
     def start(self) -> Mission:
@@ -113,6 +152,25 @@ class Mission:
         if not self.queue:
             raise Refused("there is no goal to arrive at")
         done, *rest = self.queue
+        next_id = self.next_id
+        if self.loop and rest:  # a single goal would be reached again and again without a move
+            rest.append(dataclasses.replace(done, id=next_id))
+            next_id += 1
         return dataclasses.replace(
-            self, queue=tuple(rest), reached=(*self.reached, done), phase=self.phase if rest else Phase.IDLE
+            self,
+            queue=tuple(rest),
+            reached=(*self.reached, done)[-MAX_GOALS:],
+            phase=self.phase if rest else Phase.IDLE,
+            next_id=next_id,
         )
+
+
+def checked(goal: Goal, spec: GridSpec) -> Goal:
+    """The goal with its heading in (-π, π]; raises `BadGeometry` outside the map and for a heading that is none."""
+    if not spec.contains(goal.x_m, goal.y_m):
+        raise BadGeometry(f"goal ({goal.x_m:g}, {goal.y_m:g}) lies outside the map, {spec.extent()}")
+    if goal.yaw_rad is None:
+        return goal
+    if not math.isfinite(goal.yaw_rad):
+        raise BadGeometry("the goal's heading is not finite; give radians")
+    return dataclasses.replace(goal, yaw_rad=wrap_angle(goal.yaw_rad))

@@ -124,6 +124,14 @@ def load(path: Path) -> Nav2Map:
     return Nav2Map(description=description, image=decode(read_whole(picture, at_most=MAX_BYTES), str(picture)))
 
 
+def read(text: bytes, picture: bytes, where: str) -> Nav2Map:
+    """The map of a YAML file's text and its picture's bytes, wherever they come from; the picture's name is not looked at."""
+    if len(text) > _LARGEST_YAML or len(picture) > MAX_BYTES:
+        raise BadConfiguration(f"{where}: larger than a map may be")
+    description = _description(_entries(text, f"{where}.yaml"), f"{where}.yaml")
+    return Nav2Map(description=description, image=decode(picture, f"{where}.picture"))
+
+
 def save(nav2_map: Nav2Map, path: Path) -> Path:
     """Write the YAML file and the picture beside it, of the same name; returns the picture's path. Raises `StorageFailed`."""
     if path.suffix not in (".yaml", ".yml"):

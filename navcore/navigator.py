@@ -37,6 +37,7 @@ from navcore.search.free_space import FREE, FreeSpace
 from navcore.search.jump_points import Arena
 from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
+from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s
 from navcore.taut import pull_taut
 from navcore.transform import Pose2
 from navcore.way_out import way_out
@@ -58,6 +59,8 @@ class Order:
     """What must not be touched."""
     zones: tuple[Zone, ...]
     """Where the robot must not be."""
+    goal_yaw_rad: float | None = None
+    """Heading in the map frame to stand in at the goal; None for any."""
     leave: bool = False
     """Whether to leave the beware area that the robot stands in, by the shortest way; then there is no goal."""
 
@@ -117,7 +120,8 @@ class Navigator:
         self.remember(frame, labels, order)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
-        motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave)
+        motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad)
+        motion = slowed(motion, allowed_speed_mps(order.zones, frame.pose, self._profile, self._config.local))
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
     def label(self, frame: Frame, order: Order) -> Labels:
@@ -183,6 +187,10 @@ class Navigator:
         outcome = plan_in(space, Arena(space), start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         return self._laid(outcome, goal, space.across[FREE])
 
+    def travel_time_s(self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None) -> float:
+        """How long a route takes, about; where people will be in the way is not known beforehand."""
+        return travel_time_s(route.points, zones, self._profile, self._config.local, start_yaw_rad=start_yaw_rad)
+
     def drafted(self, grid: OccupancyGrid) -> Occupancy:
         """A given grid as the planners would see it: for previews."""
         blocked = inflate_layers(grid, vehicle_width_m=self._profile.width_m, safety_margin_m=self._config.safety_margin_m)
@@ -208,9 +216,18 @@ class Navigator:
         )
 
     def move(
-        self, occupancy: Occupancy, pose: Pose2, route: Route | None, people: tuple[Track, ...] = (), *, leaving: bool = False
+        self,
+        occupancy: Occupancy,
+        pose: Pose2,
+        route: Route | None,
+        people: tuple[Track, ...] = (),
+        *,
+        leaving: bool = False,
+        goal_yaw_rad: float | None = None,
     ) -> Motion:
         """The velocity that follows the route, touches nothing and is in nobody's way; standing without a route.
+
+        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for.
 
         A robot that is `leaving` may pass over the area it stands in, and over no other.
         """
@@ -236,6 +253,7 @@ class Navigator:
             cell_m=around.spec.resolution_m,
             people=Bodies.of(people, pose),
             manners=self._config.people,
+            goal_yaw_rad=goal_yaw_rad,
         )
         return self._motion
 

@@ -129,7 +129,7 @@ class LiveOccupancy:
         changes = self._cloud.take_changes()
         if changes is None or self._order != (beware, zones) or self._now is None:
             self._order = (beware, zones)
-            self._make_anew(beware, tuple(zone for zone in zones if zone.enabled))
+            self._make_anew(beware, zones)
         elif len(changes.cells):
             self._apply(changes)
         else:

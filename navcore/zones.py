@@ -1,9 +1,12 @@
-"""Beware zones: polygons an operator draws on the map; as hard as walls for every stage downstream."""
+"""Zones: areas that an operator draws on the map. A keep-out is as hard as a wall for every stage downstream; where a speed
+limit holds the robot may go, but slowly (`speed_limits.py`)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import lru_cache
 
 import cv2
@@ -14,15 +17,28 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from navcore.errors import BadGeometry
-from navcore.grid import GridSpec
+from navcore.grid import BoolGrid, GridSpec
+from navcore.zone_shapes import Shape
 
 MIN_AREA_M2 = 1e-3
 MAX_CORNERS = 1000
+MAX_ZONE_MARGIN_M = 2.0
+MIN_LIMIT_MPS, MAX_LIMIT_MPS = 0.05, 5.0
+COLOUR = re.compile(r"#[0-9a-f]{6}")
+
+
+class ZoneKind(StrEnum):
+    """What a zone demands."""
+
+    KEEP_OUT = "keep-out"
+    """No part of the robot may be in it."""
+    SPEED_LIMIT = "speed-limit"
+    """The robot drives no faster than the limit while any part of it is in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Zone:
-    """An area of the map frame that no part of the robot may enter."""
+    """An area of the map frame in which a rule of the operator holds."""
 
     id: str
     """Unique, made by the store."""
@@ -36,6 +52,49 @@ class Zone:
     """Room kept around it beyond the robot's own margin."""
     version: int = 1
     """Grows with every edit; the ETag of HTTP."""
+    kind: ZoneKind = ZoneKind.KEEP_OUT
+    """What it demands."""
+    max_speed_mps: float | None = None
+    """The limit of a speed limit, None for a keep-out."""
+    colour: str | None = None
+    """`#rrggbb` that the operator gave it; None for the console's own."""
+    expires_at_s: float | None = None
+    """When it is switched off by itself, seconds since 1970 (UTC) by the robot's calendar clock; None for never."""
+    drawn: Shape | None = None
+    """What the polygon was made of; None for one that was drawn corner by corner."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether the robot must not be in it now."""
+        return self.enabled and self.kind is ZoneKind.KEEP_OUT
+
+
+def check_rules(zone: Zone) -> None:
+    """Raise `BadGeometry` with the first of a zone's values, other than its outline, that is out of range."""
+    if not 0 <= zone.margin_m <= MAX_ZONE_MARGIN_M:
+        raise BadGeometry(f"zone margin {zone.margin_m:g} m is out of range, allowed 0 to {MAX_ZONE_MARGIN_M:g} m")
+    if zone.colour is not None and COLOUR.fullmatch(zone.colour) is None:
+        raise BadGeometry("zone colour must be #rrggbb in small hexadecimal digits")
+    if (zone.kind is ZoneKind.SPEED_LIMIT) != (zone.max_speed_mps is not None):
+        raise BadGeometry("a speed limit needs max_speed_mps, a keep-out has none")
+    if zone.max_speed_mps is not None and not MIN_LIMIT_MPS <= zone.max_speed_mps <= MAX_LIMIT_MPS:
+        raise BadGeometry(
+            f"max_speed_mps {zone.max_speed_mps:g} is out of range, allowed {MIN_LIMIT_MPS:g} to {MAX_LIMIT_MPS:g} m/s"
+        )
+
+
+def cells_of(zones: Iterable[Zone], spec: GridSpec) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
+    """The cells of those zones that are closed: (rows, cols) of all without a margin, and (margin, (rows, cols)) of others."""
+    plain, wide = np.zeros((spec.rows, spec.cols), dtype=np.bool_), dict[float, BoolGrid]()
+    for zone in zones:
+        if not zone.closed:
+            continue
+        mask = rasterise(zone.polygon, spec)
+        if zone.margin_m == 0:
+            plain |= mask
+        else:
+            wide[zone.margin_m] = wide[zone.margin_m] | mask if zone.margin_m in wide else mask
+    return plain, tuple(wide.items())
 
 
 def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[tuple[float, float], ...]:

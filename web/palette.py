@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from navcore.zones import Zone, ZoneKind
+
 Rgb = tuple[int, int, int]
 
 UNKNOWN: Rgb = (62, 71, 87)
@@ -15,6 +17,8 @@ GEOMETRIC: Rgb = (12, 15, 20)
 """Something stands there."""
 ZONE: Rgb = (214, 51, 132)
 """Drawn by the operator."""
+SLOW: Rgb = (183, 121, 31)
+"""Drawn by the operator, to be driven through slowly."""
 PATH: Rgb = (10, 132, 255)
 DRIVEN: Rgb = (87, 100, 122)
 GOAL: Rgb = (0, 168, 107)
@@ -44,6 +48,13 @@ def class_colour(class_id: int) -> Rgb:
 def class_pattern(class_id: int) -> str:
     """The texture of a class of the beware list."""
     return PATTERNS[(class_id - 1) % len(PATTERNS)]
+
+
+def zone_colour(zone: Zone) -> Rgb:
+    """What the operator chose, or the console's colour of its kind."""
+    if zone.colour is not None:
+        return int(zone.colour[1:3], 16), int(zone.colour[3:5], 16), int(zone.colour[5:7], 16)
+    return SLOW if zone.kind is ZoneKind.SPEED_LIMIT else ZONE
 
 
 def hex_colour(rgb: Rgb) -> str:

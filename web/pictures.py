@@ -24,6 +24,9 @@ JPEG_QUALITY = 80
 SCALE = 2
 """Pixels per cell and side of the painted map, so that a texture is finer than a cell."""
 
+VIEW_M = 6.0
+"""The camera measures well about so far."""
+
 T = TypeVar("T")
 
 
@@ -72,6 +75,41 @@ def paint_floor(picture: Picture, beware: BewareList) -> Image:
 def map_png(picture: Picture, beware: BewareList) -> bytes:
     """The painted map as PNG."""
     return _encoded(".png", cv2.cvtColor(paint_map(picture, beware), cv2.COLOR_RGBA2BGRA), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def cells_png(picture: Picture) -> bytes:
+    """(rows, cols) a pixel a cell, row 0 at the top: red bits 1 seen, 2 obstacle, 4 blocked, 8 zone, 16 prior map; green and
+    blue class ids, the lower first where two are in one cell."""
+    grid = picture.grid
+    flags = (
+        picture.seen,
+        grid.geometric,
+        picture.blocked,
+        _zones(picture),
+        None if picture.prior is None else picture.prior.bools,
+    )
+    cells = np.zeros((*grid.geometric.shape, 3), dtype=np.uint8)
+    for bit, mask in enumerate(flags):
+        if mask is not None:
+            cells[..., 0] |= mask.astype(np.uint8) << bit
+    for class_id, mask in sorted(grid.beware.items()):
+        second = mask & (cells[..., 1] > 0)
+        cells[..., 2][second] = class_id
+        cells[..., 1][mask & ~second] = class_id
+    return _encoded(".png", cv2.cvtColor(cells[::-1], cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def floor_view(picture: Picture) -> npt.NDArray[np.float64]:
+    """(4, 2) corners of the floor in the camera's picture, metres of the map frame, as far as `VIEW_M` from it."""
+    lens, camera = picture.intrinsics, picture.T_map_camera
+    corners = np.array([[0, 0], [lens.width, 0], [lens.width, lens.height], [0, lens.height]], dtype=np.float64)
+    optical = np.column_stack([(corners - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(4)])
+    rays = optical @ camera[:3, :3].T
+    flat_m = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-9)
+    # Where the ray meets the floor, or as far as it is drawn when it does later or never.
+    with np.errstate(divide="ignore"):
+        reach = np.where(rays[:, 2] < 0, -camera[2, 3] / rays[:, 2] * flat_m, np.inf)
+    return np.asarray(camera[:2, 3] + rays[:, :2] / flat_m[:, None] * np.minimum(reach, VIEW_M)[:, None])
 
 
 def map_pgm(picture: Picture) -> bytes:

@@ -4,7 +4,7 @@ composition. Every method returns at once: it posts an intent or reads an immuta
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Literal, Protocol
@@ -23,7 +23,8 @@ from navcore.people import Track
 from navcore.robot import RobotProfile, Twist
 from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
-from navcore.zones import Zone
+from navcore.zone_shapes import Shape
+from navcore.zones import Zone, ZoneKind
 
 MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
@@ -90,6 +91,8 @@ class State:
     """What labels the pictures, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 416 × 256` or `colour rules`."""
     segmenter_warning: str | None
     """Why it is not what it should be, e.g. that the network does not run; None when it is."""
+    loop: bool = False
+    """Goals that are reached wait again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,6 +127,10 @@ class Picture:
     """(K, 2) where the robot has been."""
     people: tuple[Track, ...] = ()
     """Who walks or stands about, and how."""
+    depth_m: npt.NDArray[np.float32] | None = None
+    """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not kept."""
+    prior: Mask | None = None
+    """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -167,18 +174,78 @@ class ZoneDraft:
     """Whether it binds the robot."""
     margin_m: float = 0.0
     """Room kept around it beyond the robot's own margin."""
+    kind: ZoneKind = ZoneKind.KEEP_OUT
+    """What it demands."""
+    max_speed_mps: float | None = None
+    """The limit, of a speed limit."""
+    colour: str | None = None
+    """`#rrggbb`; None for the console's own."""
+    expires_at_s: float | None = None
+    """When it is switched off, seconds since 1970 by the robot's calendar clock."""
+    expires_in_s: float | None = None
+    """The same from now on, by the robot's clock; one of the two at most."""
+    drawn: Shape | None = None
+    """What the polygon was made of; dropped where the polygon is another one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneHistory:
+    """What can be taken back."""
+
+    undo: str | None
+    """The edit that undo takes back, in words; None without one."""
+    redo: str | None
+    """The edit that redo does again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SavedMission:
+    """Goals that are kept under a name."""
+
+    goals: tuple[Goal, ...]
+    """In order; their ids mean nothing."""
+    loop: bool
+    """Whether they are driven again and again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewDraft:
+    """What is to be tried without applying it."""
+
+    goal: tuple[float, float] | None = None
+    """Default: the present goal."""
+    start: tuple[float, float] | None = None
+    """Default: where the robot stands."""
+    zone: ZoneDraft | None = None
+    """A zone to be added …"""
+    replaces: str | None = None
+    """… in the place of the stored one with this id, whose outline then does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathPreview:
-    """What a draft would lead to; nothing is applied."""
+    """A path that would be driven."""
 
     outcome: Path | NoPath
-    """The path it would give, or why there would be none."""
+    """The path, or why there would be none."""
     points: npt.NDArray[np.float64]
     """(N, 2) the path in metres of the map frame; (0, 2) without one."""
     length_m: float | None
     """Its length; None without one."""
+    time_s: float | None
+    """How long it would take, about; None without one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preview:
+    """What a draft would lead to; nothing is applied."""
+
+    path: PathPreview
+    """With the draft."""
+    present: PathPreview | None
+    """Without it: between the same places under the stored zones, or to the present goal where no zone is drafted."""
+    cut_by: tuple[str, ...] = ()
+    """Names of the zones that cut the goal off, where they do."""
 
 
 class Operations(Protocol):
@@ -205,8 +272,31 @@ class Operations(Protocol):
     def cloud(self) -> Cloud | None:
         """The map's points, copied at most about once a second; None before the first."""
 
-    def add_goal(self, x_m: float, y_m: float) -> Goal:
-        """Queue a goal. Refused outside the map and inside an obstacle or zone that is known already."""
+    def add_goal(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
+        """Queue a goal, perhaps with a heading to stand in. Refused outside the map, and inside an obstacle or zone that is
+        known already (`BlockedGoal`, which names the nearest place where the robot could stand).
+        """
+
+    def change_goal(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
+        """Change `x_m`, `y_m`, `yaw_rad` (None for any heading) or `name` of a waiting goal."""
+
+    def order_goals(self, ids: Sequence[int]) -> None:
+        """Drive to the waiting goals in this order."""
+
+    def loop_goals(self, loop: bool) -> None:
+        """Whether goals that are reached wait again."""
+
+    def missions(self) -> Mapping[str, SavedMission]:
+        """Goals kept under a name."""
+
+    def save_mission(self, name: str) -> None:
+        """Keep the waiting goals under a name, in the place of what had it before."""
+
+    def load_mission(self, name: str) -> None:
+        """Put the goals of a kept mission in the place of those that wait; refused while driving."""
+
+    def delete_mission(self, name: str) -> None:
+        """Forget a kept mission."""
 
     def remove_goal(self, goal_id: int) -> None:
         """Take a goal out of the queue."""
@@ -232,6 +322,30 @@ class Operations(Protocol):
     def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Forget a zone."""
 
+    def import_zones(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
+        """Store many zones as one edit, all or nothing."""
+
+    def zone_history(self) -> ZoneHistory:
+        """What undo and redo would do now."""
+
+    def undo_zones(self) -> str:
+        """Take the newest edit of the zones back; what it was."""
+
+    def redo_zones(self) -> str:
+        """Do again what was taken back last; what it was."""
+
+    def zone_sets(self) -> Mapping[str, tuple[Zone, ...]]:
+        """Zones kept under a name."""
+
+    def save_zone_set(self, name: str) -> None:
+        """Keep the present zones under a name."""
+
+    def use_zone_set(self, name: str) -> None:
+        """Let a set's zones bind the robot in the place of the present ones, as one edit."""
+
+    def delete_zone_set(self, name: str) -> None:
+        """Forget a set; the present zones stay."""
+
     def beware(self) -> BewareList:
         """The list in force."""
 
@@ -246,8 +360,8 @@ class Operations(Protocol):
     def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
         """Put another list in force; it gets the next version."""
 
-    def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
-        """The path from here to the goal (default: the present one) if the draft zone stood; applies nothing."""
+    def preview(self, draft: PreviewDraft) -> Preview:
+        """What the path would be under a draft beside what it is; applies nothing."""
 
     def poses(self) -> tuple[Pose2, ...]:
         """T_map_base by pose ID: the places from which the map's points were seen."""

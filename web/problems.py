@@ -17,12 +17,22 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, Outdated, Refused, StorageFailed
+from navcore.errors import (
+    BadConfiguration,
+    BadGeometry,
+    BewareNavError,
+    BlockedGoal,
+    NotKnown,
+    Outdated,
+    Refused,
+    StorageFailed,
+)
 from web.replies import Problem
 
 log = logging.getLogger(__name__)
 
 MAX_WHERE = 120
+_TAGS = ("Feature", "plain", "Polygon", "Point", "LineString")
 MAX_MESSAGE = 600
 
 # The first match wins, so a subclass stands before its parent.
@@ -76,8 +86,16 @@ def refusal(error: BewareNavError) -> JsonResponse:
     """The answer to a refusal of the system behind the console."""
     for kind, status, code in _STATUS:
         if isinstance(error, kind):
-            return problem(status, code, str(error))
+            return problem(status, code, str(error), extra=_more(error))
     return problem(HTTPStatus.BAD_REQUEST, "refused", str(error))
+
+
+def _more(error: BewareNavError) -> dict[str, Any] | None:
+    """What to do about it, where that is known."""
+    if not isinstance(error, BlockedGoal) or error.nearest is None:
+        return None
+    x_m, y_m = error.nearest
+    return {"nearest": {"x_m": round(x_m, 3), "y_m": round(y_m, 3)}}
 
 
 def install(app: FastAPI) -> None:
@@ -125,8 +143,13 @@ def _where(location: Sequence[Any]) -> str:
 
 
 def _parts(location: Sequence[Any]) -> list[str]:
-    # The tags of the zone's two forms are no part of what the client sent.
-    return [str(part) for i, part in enumerate(location) if not (i == 1 and part in ("Feature", "plain"))]
+    # The tags of the zone's forms and of its geometries are no part of what the client sent.
+    parts = [str(part) for part in location]
+    return [
+        part
+        for i, part in enumerate(parts)
+        if not (part in _TAGS and i > 0 and parts[i - 1] in ("body", "zone", "geometry", "drawn"))
+    ]
 
 
 def _clean(text: str, limit: int) -> str:

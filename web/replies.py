@@ -37,6 +37,8 @@ class GoalOut(BaseModel):
     id: int
     x_m: float
     y_m: float
+    yaw_rad: float | None = Field(description="heading to stand in; null for any")
+    name: str
 
 
 class ReasonOut(BaseModel):
@@ -72,6 +74,7 @@ class StateOut(BaseModel):
     zones_version: int
     beware_version: int
     in_zone: bool = Field(description="the robot stands in an area that it must not be in; mission/leave gets it out")
+    loop: bool = Field(description="goals that are reached wait again")
     segmenter: str = Field(description="what labels the pictures")
     segmenter_warning: str | None = Field(description="why it is not what it should be; null when it is")
     picture_serial: int | None = Field(description="grows with every tick; `path` and `camera.jpg` follow it")
@@ -84,6 +87,15 @@ class MissionOut(BaseModel):
     phase: str
     queue: list[GoalOut]
     reached: list[GoalOut]
+    loop: bool = Field(description="goals that are reached wait again")
+
+
+class SavedMissionOut(BaseModel):
+    """Goals kept under a name."""
+
+    name: str
+    goals: int
+    loop: bool
 
 
 class PolygonOut(BaseModel):
@@ -93,12 +105,33 @@ class PolygonOut(BaseModel):
     coordinates: list[list[tuple[float, float]]]
 
 
+class CircleOut(BaseModel):
+    """A circle that a zone was drawn as."""
+
+    type: Literal["Point"] = "Point"
+    coordinates: tuple[float, float]
+    radius_m: float
+
+
+class CorridorOut(BaseModel):
+    """A strip along a line that a zone was drawn as."""
+
+    type: Literal["LineString"] = "LineString"
+    coordinates: list[tuple[float, float]]
+    width_m: float
+
+
 class ZonePropertiesOut(BaseModel):
     """Everything of a stored zone but its outline."""
 
     name: str
     enabled: bool
     margin_m: float
+    kind: str = Field(description="keep-out or speed-limit")
+    max_speed_mps: float | None
+    colour: str | None
+    expires_at_s: float | None = Field(description="when it is switched off, seconds since 1970 by the robot's clock")
+    drawn: CircleOut | CorridorOut | None = Field(description="what the polygon was made of")
     version: int
     frame: Literal["map"] = "map"
 
@@ -117,6 +150,23 @@ class ZonesOut(BaseModel):
 
     type: Literal["FeatureCollection"] = "FeatureCollection"
     features: list[ZoneOut]
+    undo: str | None = Field(description="the edit that zones/undo takes back")
+    redo: str | None = Field(description="the edit that zones/redo does again")
+
+
+class ZoneSetOut(BaseModel):
+    """Zones kept under a name."""
+
+    name: str
+    zones: int
+
+
+class RegionOut(BaseModel):
+    """What was clicked in the picture."""
+
+    name: str | None = Field(description="of the beware list; null for a thing told apart by its depth")
+    footprint: list[tuple[float, float]] = Field(description="its outline on the floor, metres of the map frame")
+    outline: list[tuple[float, float]] = Field(description="its outline in the picture, shares of width and height")
 
 
 class ColourRuleOut(BaseModel):
@@ -165,22 +215,45 @@ class MapOut(BaseModel):
     robot_width_m: float
 
 
+class PersonOut(BaseModel):
+    """Who walks or stands about."""
+
+    id: int
+    x_m: Figure
+    y_m: Figure
+    vx_mps: Figure
+    vy_mps: Figure
+    radius_m: Figure
+
+
 class PathOut(BaseModel):
-    """The planned path, its corners and the way driven, in metres of the map frame."""
+    """The planned path, its corners and the way driven, in metres of the map frame; and what else moves with the robot."""
 
     serial: int
     path: list[tuple[float, float]]
     waypoints: list[tuple[float, float]]
     driven: list[tuple[float, float]]
+    people: list[PersonOut]
+    view: list[tuple[float, float]] = Field(description="the floor that the camera looks at")
 
 
-class PreviewOut(BaseModel):
-    """What a draft would lead to."""
+class WayOut(BaseModel):
+    """A path that would be driven."""
 
     found: bool
-    reason: str | None = Field(description="why there would be no path")
     length_m: Figure
+    time_s: Figure = Field(description="how long it would take, about")
     path: list[tuple[float, float]]
+
+
+class PreviewOut(WayOut):
+    """What a draft would lead to."""
+
+    reason: str | None = Field(description="why there would be no path")
+    cut_by: list[str] = Field(description="names of the zones that cut the goal off")
+    present: WayOut | None = Field(description="the path without the draft")
+    change_m: Figure = Field(description="how much longer the path would be")
+    change_s: Figure = Field(description="how much longer it would take")
 
 
 class HealthOut(BaseModel):

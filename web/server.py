@@ -13,6 +13,7 @@ from fastapi import FastAPI
 
 from web import problems
 from web.api.beware import beware_router
+from web.api.drawing import drawing_router
 from web.api.events import events_router
 from web.api.health import health_router
 from web.api.maps import maps_router
@@ -56,7 +57,7 @@ def create_app(
         redoc_url=None,
         default_response_class=JsonResponse,
     )
-    for router in (mission_router, zones_router, beware_router, maps_router, poses_router, events_router):
+    for router in (mission_router, zones_router, drawing_router, beware_router, maps_router, poses_router, events_router):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(viewer_link_router(viewer), prefix="/api/v1")
     app.include_router(health_router(operations))

@@ -48,6 +48,7 @@ def decide(
     previous: Motion = IDLE,
     rules: LocalRules = RULES,
     people: Bodies = NOBODY,
+    goal_yaw_rad: float | None = None,
 ) -> Motion:
     """A decision at the map's origin, where the base frame is the map frame."""
     return plan_motion(
@@ -61,6 +62,7 @@ def decide(
         rules=rules,
         cell_m=0.1,
         people=people,
+        goal_yaw_rad=goal_yaw_rad,
     )
 
 
@@ -249,6 +251,29 @@ def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
 def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(distance: float, arrived: bool) -> None:
     motion = decide(path=np.array([[distance, 0.0]]))
     assert stands(motion, Outcome.ARRIVED) == arrived
+
+
+def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> None:
+    here = np.array([[0.05, 0.0]])
+    for yaw_rad in (1.5, -1.5):
+        motion = decide(path=here, goal_yaw_rad=yaw_rad)
+        assert motion.outcome is Outcome.ALIGN and motion.twist.v_mps == 0.0 and motion.twist.w_radps * yaw_rad > 0
+    assert stands(decide(path=here, goal_yaw_rad=0.05), Outcome.ARRIVED)
+    assert decide(goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
+
+
+def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_from_anywhere() -> None:
+    aligning = Motion(twist=STANDSTILL, outcome=Outcome.ALIGN)
+    for distance, turns in ((0.2, True), (0.3, False)):
+        motion = decide(path=np.array([[distance, 0.0]]), previous=aligning, goal_yaw_rad=1.5)
+        assert (motion.outcome is Outcome.ALIGN) == turns
+    assert decide(path=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5).outcome is not Outcome.ALIGN
+
+
+def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> None:
+    here = np.array([[0.05, 0.0]])
+    assert stands(decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), Outcome.BOXED_IN)
+    assert stands(decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), Outcome.IN_ZONE)
 
 
 def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:

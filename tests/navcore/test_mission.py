@@ -100,3 +100,39 @@ def test_leaving_an_area_keeps_the_goals_and_ends_paused_with_some_and_idle_with
     assert waiting.left().queue == waiting.queue
     with pytest.raises(Refused, match="leaving"):
         waiting.start()
+
+
+def test_goals_are_named_turned_moved_and_ordered_while_they_wait() -> None:
+    named = EMPTY.add(1.0, 2.0, SPEC, yaw_rad=3 * math.pi, name="dock").add(0.0, 0.0, SPEC)
+    assert (named.queue[0].name, named.queue[0].yaw_rad) == ("dock", pytest.approx(math.pi))
+    moved = named.change(Goal(id=1, x_m=-1.0, y_m=0.0, name="gate"), SPEC)
+    assert moved.queue[0] == Goal(id=1, x_m=-1.0, y_m=0.0, name="gate")
+    assert [goal.id for goal in moved.reorder([2, 1]).queue] == [2, 1]
+    for wrong in ([1], [1, 1], [1, 2, 3]):
+        with pytest.raises(Refused, match="every waiting goal once"):
+            moved.reorder(wrong)
+    with pytest.raises(BadGeometry, match="outside the map"):
+        moved.change(Goal(id=1, x_m=99.0, y_m=0.0), SPEC)
+    with pytest.raises(BadGeometry, match="heading"):
+        moved.change(Goal(id=1, x_m=0.0, y_m=0.0, yaw_rad=math.inf), SPEC)
+    with pytest.raises(NotKnown, match="id 9"):
+        moved.change(Goal(id=9, x_m=0.0, y_m=0.0), SPEC)
+
+
+def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_switched_off() -> None:
+    mission = DRIVING.repeat(True)
+    for _ in range(5):
+        mission = mission.arrive()
+    assert mission.phase is Phase.DRIVING
+    assert [(goal.x_m, goal.y_m) for goal in mission.queue] == [(3.0, 4.0), (1.0, 2.0)]
+    assert len({goal.id for goal in (*mission.queue, *mission.reached)}) == 7
+    assert mission.repeat(False).arrive().arrive().phase is Phase.IDLE
+
+
+def test_a_kept_mission_takes_the_place_of_what_waits_but_not_under_way() -> None:
+    kept = (Goal(id=0, x_m=1.0, y_m=1.0, yaw_rad=0.5, name="a"), Goal(id=0, x_m=2.0, y_m=2.0))
+    loaded = PAUSED.refill(kept, SPEC, loop=True)
+    assert (loaded.phase, loaded.loop, [goal.id for goal in loaded.queue]) == (Phase.IDLE, True, [3, 4])
+    assert (loaded.queue[0].name, loaded.queue[0].yaw_rad) == ("a", 0.5)
+    with pytest.raises(Refused, match="driving"):
+        DRIVING.refill(kept, SPEC, loop=False)

@@ -2,29 +2,50 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import json
 import math
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from app.mission_shelf import MissionShelf
+from app.occupant import check_standable
+from app.preview import compared, place_on, standing_at, under
+from app.zone_book import ZoneBook
 from navcore.beware import BewareClass, BewareList, default_beware_list
-from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated
+from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.local_planner import LocalRules
 from navcore.mask import Mask
 from navcore.mission import Goal, Mission, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, plan
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
 from navcore.segment import ColourSegmenter, Finder
+from navcore.speed_limits import travel_time_s
 from navcore.transform import Pose2, camera_mount
 from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
-from navcore.zones import Zone, check_polygon, rasterise
-from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
+from navcore.zones import Zone, rasterise
+from web.port import (
+    Cloud,
+    MissionAction,
+    PathPreview,
+    Picture,
+    Preview,
+    PreviewDraft,
+    SavedMission,
+    State,
+    StopReason,
+    ZoneDraft,
+    ZoneHistory,
+)
 
 SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
 INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
@@ -32,6 +53,8 @@ T_BASE_CAMERA = camera_mount(x_m=0.4, y_m=0.0, z_m=0.6, pitch_down_rad=0.3)
 MARGIN_M = 0.1
 STEP_M = 0.1
 RED_FLOOR = 1
+BOX_PIXELS = (slice(60, 90), slice(20, 70))
+"""A box that nobody recognises, in the camera's picture."""
 
 
 class FakeOperations:
@@ -40,8 +63,11 @@ class FakeOperations:
     def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
         self._lock = threading.RLock()
         self._mission = Mission()
-        self._zones: dict[str, Zone] = {}
-        self._zone_ids = itertools.count(1)
+        shelf, self.calendar_s = MemoryShelf(), 1e9
+        self._missions = MissionShelf(shelf)
+        self.book = ZoneBook(
+            (), spec=SPEC, shelf=shelf, bind=self._bound, calendar_s=lambda: self.calendar_s, new_id=_ids().__next__
+        )
         self._beware = default_beware_list()
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
@@ -97,6 +123,7 @@ class FakeOperations:
                 beware_version=self._beware.version,
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
+                loop=self._mission.loop,
             )
 
     def picture(self) -> Picture | None:
@@ -122,15 +149,52 @@ class FakeOperations:
 
     # -------------------------------------------------------------------------------------------------------- mission
 
-    def add_goal(self, x_m: float, y_m: float) -> Goal:
+    def add_goal(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """As the port says."""
         with self._lock:
-            mission = self._mission.add(x_m, y_m, SPEC)
-            if self._picture.grid.occupied()[SPEC.cell(x_m, y_m)]:
-                raise BadGeometry(f"goal ({x_m:g}, {y_m:g}) lies inside an obstacle or a zone; choose a free place")
+            mission = self._mission.add(x_m, y_m, SPEC, yaw_rad=yaw_rad, name=name)
+            check_standable(self._picture.grid, self._picture.blocked, (x_m, y_m), robot=self._pose)
             self._mission = mission
             self._see()
             return mission.queue[-1]
+
+    def change_goal(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
+        """As the port says."""
+        with self._lock:
+            goal = dataclasses.replace(self._mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
+            self._mission = self._mission.change(goal, SPEC)
+            self._see()
+            return self._mission.waiting(goal_id)
+
+    def order_goals(self, ids: Sequence[int]) -> None:
+        """As the port says."""
+        with self._lock:
+            self._mission = self._mission.reorder(ids)
+            self._see()
+
+    def loop_goals(self, loop: bool) -> None:
+        """As the port says."""
+        with self._lock:
+            self._mission = self._mission.repeat(loop)
+
+    def missions(self) -> Mapping[str, SavedMission]:
+        """As the port says."""
+        return self._missions.all()
+
+    def save_mission(self, name: str) -> None:
+        """As the port says."""
+        self._missions.save(name, self._mission)
+
+    def load_mission(self, name: str) -> None:
+        """As the port says."""
+        saved = self._missions.named(name)
+        with self._lock:
+            self._mission = self._mission.refill(saved.goals, SPEC, loop=saved.loop)
+            self._see()
+
+    def delete_mission(self, name: str) -> None:
+        """As the port says."""
+        self._missions.delete(name)
 
     def remove_goal(self, goal_id: int) -> None:
         """As the port says."""
@@ -174,27 +238,51 @@ class FakeOperations:
 
     def zones(self) -> tuple[Zone, ...]:
         """As the port says."""
-        with self._lock:
-            return tuple(self._zones.values())
+        return self.book.zones
 
     def add_zone(self, draft: ZoneDraft) -> Zone:
         """As the port says."""
-        with self._lock:
-            return self._put(_zone(f"z{next(self._zone_ids)}", 1, draft))
+        return self.book.add([draft], f"new zone {draft.name!r}")[0]
+
+    def import_zones(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
+        """As the port says."""
+        return self.book.add(drafts, "import")
 
     def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
         """As the port says."""
-        with self._lock:
-            old = self._expect(zone_id, expected_version)
-            return self._put(_zone(zone_id, old.version + 1, draft))
+        return self.book.replace(zone_id, draft, expected_version=expected_version)
 
     def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """As the port says."""
-        with self._lock:
-            self._expect(zone_id, expected_version)
-            del self._zones[zone_id]
-            self._counts["zones"] += 1
-            self._see()
+        self.book.delete(zone_id, expected_version=expected_version)
+
+    def zone_history(self) -> ZoneHistory:
+        """As the port says."""
+        return self.book.history
+
+    def undo_zones(self) -> str:
+        """As the port says."""
+        return self.book.undo()
+
+    def redo_zones(self) -> str:
+        """As the port says."""
+        return self.book.redo()
+
+    def zone_sets(self) -> Mapping[str, tuple[Zone, ...]]:
+        """As the port says."""
+        return self.book.sets()
+
+    def save_zone_set(self, name: str) -> None:
+        """As the port says."""
+        self.book.save_set(name)
+
+    def use_zone_set(self, name: str) -> None:
+        """As the port says."""
+        self.book.use_set(name)
+
+    def delete_zone_set(self, name: str) -> None:
+        """As the port says."""
+        self.book.delete_set(name)
 
     # --------------------------------------------------------------------------------------------------------- beware
 
@@ -226,21 +314,23 @@ class FakeOperations:
             self._see()
             return self._beware
 
-    def preview(self, *, goal: tuple[float, float] | None, polygon: tuple[tuple[float, float], ...] | None) -> PathPreview:
+    def preview(self, draft: PreviewDraft) -> Preview:
         """As the port says."""
         with self._lock:
-            blocked = self._picture.blocked
-            if polygon is not None:
-                corners = check_polygon(polygon, SPEC)
-                blocked = blocked | _inflated(_grid(self._world, self._beware, [Zone(id="-", name="-", polygon=corners)]))
-            if goal is None:
-                if not self._mission.queue:
-                    raise BadGeometry("preview needs a goal, there is none yet")
-                goal = (self._mission.queue[0].x_m, self._mission.queue[0].y_m)
-            if not SPEC.contains(*goal):
-                raise BadGeometry(f"goal {goal} lies outside the map, {SPEC.extent()}")
-            outcome, points = _planned(blocked, self._pose, goal)
-            return PathPreview(outcome=outcome, points=points, length_m=self._length(points))
+            queue = self._mission.queue
+            if draft.goal is None and not queue:
+                raise Refused("there is no goal to preview a path to; give one")
+            goal = place_on(self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal")
+            pose = self._pose if draft.start is None else standing_at(place_on(self._picture.grid, draft.start, "start"))
+            zone = None if draft.zone is None else self.book.checked(draft.zone, zone_id="draft", version=1)
+
+            def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
+                outcome, points = _planned(_inflated(grid), pose, goal)
+                length = self._length(points)
+                time_s = None if length is None else travel_time_s(points, zones, HUSKY, LocalRules())
+                return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
+
+            return compared(self._picture.grid, self.zones(), plan, draft=zone, replaces=draft.replaces)
 
     # ----------------------------------------------------------------------------------------------------------- runs
 
@@ -266,19 +356,9 @@ class FakeOperations:
 
     # ---------------------------------------------------------------------------------------------------------- inside
 
-    def _expect(self, zone_id: str, version: int | None) -> Zone:
-        if zone_id not in self._zones:
-            raise NotKnown("no zone has this id")
-        zone = self._zones[zone_id]
-        if version not in (None, zone.version):
-            raise Outdated(f"zone {zone_id} is at version {zone.version}, not {version}")
-        return zone
-
-    def _put(self, zone: Zone) -> Zone:
-        self._zones[zone.id] = zone
+    def _bound(self, _: tuple[Zone, ...]) -> None:
         self._counts["zones"] += 1
         self._see()
-        return zone
 
     def _reasons(self) -> tuple[StopReason, ...]:
         found = []
@@ -298,7 +378,7 @@ class FakeOperations:
     def _see(self) -> None:
         counts = self._counts
         counts["serial"] += 1
-        grid = _grid(self._world, self._beware, self._zones.values())
+        grid = _grid(self._world, self._beware, self.zones())
         blocked = _inflated(grid)
         old: Picture | None = getattr(self, "_picture", None)
         if old is None or not np.array_equal(old.blocked, blocked) or grid.beware.keys() != old.grid.beware.keys():
@@ -325,6 +405,7 @@ class FakeOperations:
             path=self._path,
             waypoints=waypoints,
             driven=np.array(self._driven),
+            depth_m=_depth(),
         )
 
     @staticmethod
@@ -332,9 +413,28 @@ class FakeOperations:
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if len(points) else None
 
 
-def _zone(zone_id: str, version: int, draft: ZoneDraft) -> Zone:
-    corners = check_polygon(draft.polygon, SPEC)
-    return Zone(id=zone_id, name=draft.name, polygon=corners, enabled=draft.enabled, margin_m=draft.margin_m, version=version)
+class MemoryShelf:
+    """Keeps named things until the test is over."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, str], str] = {}
+
+    def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
+        """The book itself remembers the zones."""
+
+    def kept(self, kind: str) -> dict[str, Any]:
+        """As the store does."""
+        return {name: json.loads(value) for (of, name), value in sorted(self._kept.items()) if of == kind}
+
+    def keep(self, kind: str, name: str, value: Any) -> None:
+        """As the store does."""
+        self._kept[kind, name] = json.dumps(value)
+        if value is None:
+            del self._kept[kind, name]
+
+
+def _ids() -> Iterator[str]:
+    return (f"z{number}" for number in itertools.count(1))
 
 
 def _box(left: float, right: float, low: float, high: float) -> BoolGrid:
@@ -347,15 +447,14 @@ def _walls() -> BoolGrid:
 
 
 def _grid(world: Mapping[int, BoolGrid], beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
-    active = [zone for zone in zones if zone.enabled]
-    masks = [rasterise(zone.polygon, SPEC) for zone in active]
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    return OccupancyGrid(
+    open_floor = OccupancyGrid(
         spec=SPEC,
         geometric=world[0],
         beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
-        zones=np.logical_or.reduce([nothing, *masks]),
+        zones=nothing,
     )
+    return under(open_floor, tuple(zones))
 
 
 def _inflated(grid: OccupancyGrid) -> BoolGrid:
@@ -373,4 +472,16 @@ def _frame() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     rgb[110:150, 120:220] = (200, 30, 30)
     labels = np.zeros(rgb.shape[:2], dtype=np.uint8)
     labels[110:150, 120:220] = RED_FLOOR
+    rgb[BOX_PIXELS] = (60, 110, 60)
     return rgb, labels
+
+
+def _depth() -> npt.NDArray[np.float32]:
+    """Of an empty floor, and of a box that stands on it."""
+    rows = np.arange(INTRINSICS.height)
+    down = (rows - INTRINSICS.cy) / INTRINSICS.fy
+    falls = math.cos(0.3) * down + math.sin(0.3)
+    floor = np.where(falls > 0.02, T_BASE_CAMERA[2, 3] / np.maximum(falls, 0.02), 0.0)
+    depth = np.repeat(floor[:, None], INTRINSICS.width, axis=1).astype(np.float32)
+    depth[BOX_PIXELS] = 1.9
+    return depth

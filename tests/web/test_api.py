@@ -41,7 +41,7 @@ def wrong(answer: Any, status: int) -> dict[str, Any]:
 def test_a_mission_is_queued_started_paused_resumed_and_cancelled(client: httpx.Client) -> None:
     first = client.post("/api/v1/goals", json={"x_m": 3.0, "y_m": 0.5}).json()
     client.post("/api/v1/goals", json={"x_m": -5, "y_m": -4})
-    assert first == {"id": 1, "x_m": 3.0, "y_m": 0.5}
+    assert first == {"id": 1, "x_m": 3.0, "y_m": 0.5, "yaw_rad": None, "name": ""}
     assert [client.post(f"/api/v1/mission/{act}").json()["phase"] for act in ("start", "pause", "resume")] == [
         "driving",
         "paused",
@@ -49,7 +49,7 @@ def test_a_mission_is_queued_started_paused_resumed_and_cancelled(client: httpx.
     ]
     assert client.delete("/api/v1/goals/1").status_code == 204
     assert [goal["id"] for goal in client.get("/api/v1/goals").json()["queue"]] == [2]
-    assert client.post("/api/v1/mission/cancel").json() == {"phase": "idle", "queue": [], "reached": []}
+    assert client.post("/api/v1/mission/cancel").json() == {"phase": "idle", "queue": [], "reached": [], "loop": False}
 
 
 def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(client: httpx.Client, operations: FakeOperations) -> None:
@@ -98,6 +98,11 @@ def test_a_zone_may_be_a_feature_or_a_bare_geometry_and_goes_back_as_it_came(cli
         "name": "wet floor",
         "enabled": False,
         "margin_m": 0.5,
+        "kind": "keep-out",
+        "max_speed_mps": None,
+        "colour": None,
+        "expires_at_s": None,
+        "drawn": None,
         "version": 1,
         "frame": "map",
     }
@@ -125,10 +130,11 @@ def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(client: h
         (zone(corners=[[1, 1]]), "corners"),
         (zone(corners=[[0, 0], [1, 1], [1, 0], [0, 1]]), "not simple"),
         (zone(corners=[[0, 0], [99, 1], [1, 0]]), "outside the map"),
-        (zone(colour="red"), "body.properties.colour: unknown key"),
+        (zone(paint="red"), "body.properties.paint: unknown key"),
+        (zone(colour="red"), "body.properties.colour"),
         (zone(name=" "), "body.properties.name"),
         (zone(margin_m=-1), "body.properties.margin_m"),
-        ({"name": "a", "geometry": {"type": "Point", "coordinates": [1, 2]}}, "body.geometry.type"),
+        ({"name": "a", "geometry": {"type": "Point", "coordinates": [1, 2]}}, "body.geometry.radius_m"),
         ({"geometry": zone()["geometry"]}, "body.name"),
         ([], "JSON object"),
     ],
@@ -252,7 +258,8 @@ def test_a_preview_tells_the_path_and_applies_nothing(client: httpx.Client) -> N
     across = [[-4, -5.9], [-3, -5.9], [-3, 5.9], [-4, 5.9]]
     shut = client.post("/api/v1/preview", json={"goal": {"x_m": 3, "y_m": 0}, "polygon": across}).json()
     assert free["found"] and free["length_m"] > 9 and len(free["path"]) > 10
-    assert shut == {"found": False, "reason": "unreachable", "length_m": None, "path": []}
+    assert (shut["found"], shut["reason"], shut["length_m"], shut["path"]) == (False, "unreachable", None, [])
+    assert shut["cut_by"] == ["the draft"] and shut["present"]["length_m"] == free["length_m"]
     after = client.get("/api/v1/state").json()
     assert {**before, "stamp_s": 0} == {**after, "stamp_s": 0}
 

@@ -148,7 +148,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Pa
     for typed in ("99, 0", "4, 2.5", "here"):
         page.get_by_test_id("goal-input").fill(typed)
         page.get_by_test_id("goal-add").click()
-    for words in ("outside the map", "inside an obstacle", "is no corner"):
+    for words in ("outside the map", "inside an obstacle", "is no goal"):
         expect(page.get_by_test_id("toasts")).to_contain_text(words)
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3\n1, 4\n1, 3\n0, 4")

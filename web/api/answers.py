@@ -12,13 +12,16 @@ import numpy.typing as npt
 
 from navcore.beware import BewareClass, BewareList
 from navcore.mission import Goal
+from navcore.zone_shapes import Circle, Shape
 from navcore.zones import Zone
 from web import palette
 from web.port import Operations, State
 from web.replies import (
     BewareClassOut,
     BewareOut,
+    CircleOut,
     ColourRuleOut,
+    CorridorOut,
     GoalOut,
     MissionOut,
     PolygonOut,
@@ -28,6 +31,7 @@ from web.replies import (
     TwistOut,
     ZoneOut,
     ZonePropertiesOut,
+    ZonesOut,
 )
 
 MAX_TRACK = 2000
@@ -58,12 +62,12 @@ def state_of(operations: Operations) -> StateOut:
 
 def mission_of(state: State) -> MissionOut:
     """The goals of a state."""
-    return MissionOut(phase=str(state.phase), queue=goals(state.queue), reached=goals(state.reached))
+    return MissionOut(phase=str(state.phase), queue=goals(state.queue), reached=goals(state.reached), loop=state.loop)
 
 
 def goals(values: Iterable[Goal]) -> list[GoalOut]:
     """Goals in order."""
-    return [GoalOut(id=goal.id, x_m=goal.x_m, y_m=goal.y_m) for goal in values]
+    return [GoalOut(id=goal.id, x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name) for goal in values]
 
 
 def zone_of(zone: Zone) -> ZoneOut:
@@ -71,8 +75,30 @@ def zone_of(zone: Zone) -> ZoneOut:
     return ZoneOut(
         id=zone.id,
         geometry=PolygonOut(coordinates=[[*zone.polygon, zone.polygon[0]]]),
-        properties=ZonePropertiesOut(name=zone.name, enabled=zone.enabled, margin_m=zone.margin_m, version=zone.version),
+        properties=ZonePropertiesOut(
+            name=zone.name,
+            enabled=zone.enabled,
+            margin_m=zone.margin_m,
+            kind=str(zone.kind),
+            max_speed_mps=zone.max_speed_mps,
+            colour=zone.colour,
+            expires_at_s=zone.expires_at_s,
+            drawn=_drawn(zone.drawn),
+            version=zone.version,
+        ),
     )
+
+
+def zones_of(operations: Operations) -> ZonesOut:
+    """All zones as a FeatureCollection, and what can be taken back."""
+    history = operations.zone_history()
+    return ZonesOut(features=[zone_of(zone) for zone in operations.zones()], undo=history.undo, redo=history.redo)
+
+
+def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
+    if isinstance(shape, Circle):
+        return CircleOut(coordinates=shape.centre, radius_m=shape.radius_m)
+    return None if shape is None else CorridorOut(coordinates=list(shape.line), width_m=shape.width_m)
 
 
 def beware_of(beware: BewareList, operations: Operations) -> BewareOut:

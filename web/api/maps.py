@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
+from navcore.people import Track
 from web.api.answers import finite, track
-from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml, overlaid
+from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations, Picture
 from web.problems import RESPONSES, JsonResponse
-from web.replies import MapOut, PathOut
+from web.replies import MapOut, PathOut, PersonOut
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
@@ -19,7 +20,7 @@ RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 def maps_router(operations: Operations) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
-    png, camera, labelled, ply = Newest[bytes](), Newest[bytes](), Newest[bytes](), Newest[bytes]()
+    png, camera, labelled, ply, cells = (Newest[bytes]() for _ in range(5))
 
     def newest() -> Picture:
         picture = operations.picture()
@@ -77,7 +78,20 @@ def maps_router(operations: Operations) -> APIRouter:
             path=track(picture.path),
             waypoints=track(picture.waypoints),
             driven=track(picture.driven),
+            people=[_person(someone) for someone in picture.people],
+            view=track(floor_view(picture)),
         )
+
+    @router.get("/cells.png", response_class=_Png, responses=_NOTHING_YET)
+    def get_cells(request: Request) -> Response:
+        """The cells of all layers, a pixel a cell, row 0 at the top, for programs that paint the map themselves.
+
+        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue
+        hold the class ids of the beware list of what is there, 0 for none.
+        """
+        picture = newest()
+        key = (picture.grid_version, operations.beware().version)
+        return _tagged(request, key, lambda: cells.get(key, lambda: cells_png(picture)), "image/png")
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:
@@ -101,6 +115,12 @@ def maps_router(operations: Operations) -> APIRouter:
         return report
 
     return router
+
+
+def _person(track: Track) -> PersonOut:
+    return PersonOut(
+        id=track.id, x_m=track.x_m, y_m=track.y_m, vx_mps=track.vx_mps, vy_mps=track.vy_mps, radius_m=track.radius_m
+    )
 
 
 class _Png(Response):

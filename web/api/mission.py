@@ -1,4 +1,4 @@
-"""State, goals, mission and the stop.
+"""State, goals, missions and the stop.
 
 The stop's handlers are coroutines on purpose: a plain function waits for a thread of the pool, and the pool may be busy with
 pictures. They answer when the intent is posted, which takes no longer than a function call.
@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Path, Query, Response
 
 from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
-from web.replies import GoalOut, MissionOut, StateOut
-from web.schemas import MAX_NAME, GoalIn
+from web.replies import GoalOut, MissionOut, SavedMissionOut, StateOut
+from web.schemas import MAX_NAME, GoalIn, GoalOrderIn, GoalPatchIn, LoopIn, Name
 
 
 def mission_router(operations: Operations) -> APIRouter:
@@ -33,13 +33,57 @@ def mission_router(operations: Operations) -> APIRouter:
 
     @router.post("/goals", status_code=201, response_model=GoalOut, responses=_refusals(409, 422))
     def add_goal(goal: GoalIn) -> GoalOut:
-        """Queue a goal; refused outside the map and inside an obstacle or zone that is known already."""
-        return goals([operations.add_goal(goal.x_m, goal.y_m)])[0]
+        """Queue a goal; refused outside the map and inside an obstacle or zone that is known already.
+
+        Such a refusal names the `nearest` place where the robot could stand.
+        """
+        return goals([operations.add_goal(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)])[0]
+
+    @router.put("/goals/order", response_model=MissionOut, responses=_refusals(409, 422))
+    def order_goals(order: GoalOrderIn) -> MissionOut:
+        """Drive to the waiting goals in this order; the ids have to name every one of them once."""
+        operations.order_goals(order.ids)
+        return mission_of(operations.state())
+
+    @router.patch("/goals/{goal_id}", response_model=GoalOut, responses=_refusals(404, 422))
+    def change_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)], changes: GoalPatchIn) -> GoalOut:
+        """Move, turn or rename a waiting goal."""
+        return goals([operations.change_goal(goal_id, changes.changes())])[0]
 
     @router.delete("/goals/{goal_id}", status_code=204, responses=_refusals(404, 422))
     def remove_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)]) -> None:
         """Take a waiting goal, or the present one, out of the queue."""
         operations.remove_goal(goal_id)
+
+    @router.put("/mission/loop", response_model=MissionOut, responses=_refusals(422))
+    def loop(body: LoopIn) -> MissionOut:
+        """Whether goals that are reached wait again, behind the others."""
+        operations.loop_goals(body.loop)
+        return mission_of(operations.state())
+
+    @router.get("/missions")
+    def list_missions() -> list[SavedMissionOut]:
+        """Goals that are kept under a name."""
+        saved = operations.missions().items()
+        return [SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop) for name, mission in saved]
+
+    @router.put("/missions/{name}", status_code=204, responses=_refusals(409, 422, 503))
+    def save_mission(name: Annotated[Name, Path()]) -> Response:
+        """Keep the waiting goals under a name."""
+        operations.save_mission(name)
+        return Response(status_code=204)
+
+    @router.post("/missions/{name}/load", response_model=MissionOut, responses=_refusals(404, 409, 422))
+    def load_mission(name: Annotated[Name, Path()]) -> MissionOut:
+        """Put kept goals in the place of those that wait; the mission then stands and waits for its start."""
+        operations.load_mission(name)
+        return mission_of(operations.state())
+
+    @router.delete("/missions/{name}", status_code=204, responses=_refusals(404, 503))
+    def delete_mission(name: Annotated[Name, Path()]) -> Response:
+        """Forget a kept mission."""
+        operations.delete_mission(name)
+        return Response(status_code=204)
 
     @router.post("/mission/{action}", response_model=MissionOut, responses=_refusals(409, 422))
     async def act(action: MissionAction) -> MissionOut:

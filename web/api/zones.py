@@ -1,22 +1,22 @@
-"""Zones as GeoJSON, and what a draft would lead to."""
+"""Zones as GeoJSON: read, drawn, changed, deleted; taken back and done again; kept in named sets."""
 
 from __future__ import annotations
 
-import math
+from typing import Annotated
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Path, Response
 
 from navcore.errors import NotKnown, Outdated
-from navcore.path import NoPath
 from navcore.zones import Zone
-from web.api.answers import track, zone_of
+from web.api.answers import zone_of, zones_of
 from web.api.versions import ExpectedVersion, etag, outdated
-from web.port import Operations, PathPreview
+from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
-from web.replies import PreviewOut, ZoneOut, ZonesOut
-from web.schemas import PreviewIn, ZoneIn
+from web.replies import ZoneOut, ZoneSetOut, ZonesOut
+from web.schemas import Name, ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
+SetName = Annotated[Name, Path()]
 _EDITS = {**_BY_STATUS[404], **_BY_STATUS[412], **_BY_STATUS[422], **_BY_STATUS[503]}
 
 
@@ -37,11 +37,14 @@ def zones_router(operations: Operations) -> APIRouter:
     @router.get("/zones", response_model=ZonesOut)
     def list_zones() -> ZonesOut:
         """All stored zones as a GeoJSON FeatureCollection, in metres of the map frame."""
-        return ZonesOut(features=[zone_of(zone) for zone in operations.zones()])
+        return zones_of(operations)
 
     @router.post("/zones", status_code=201, response_model=ZoneOut, responses={**_BY_STATUS[422], **_BY_STATUS[503]})
     def add_zone(zone: ZoneIn, response: Response) -> ZoneOut:
-        """Store a zone, given as a GeoJSON Feature or as a bare geometry with a name; it binds the robot at once."""
+        """Store a zone, given as a GeoJSON Feature or as a bare geometry with a name; it binds the robot at once.
+
+        The geometry is a Polygon, a Point with `radius_m`, or a LineString with `width_m`.
+        """
         stored = operations.add_zone(zone.draft())
         response.headers.update({**etag(stored.version), "Location": f"/api/v1/zones/{stored.id}"})
         return zone_of(stored)
@@ -74,17 +77,39 @@ def zones_router(operations: Operations) -> APIRouter:
             return conflict(zone_id, expected)
         return Response(status_code=204)
 
-    @router.post("/preview", response_model=PreviewOut, responses={**_BY_STATUS[409], **_BY_STATUS[422]})
-    def preview(draft: PreviewIn) -> PreviewOut:
-        """The path from here if the draft zone stood or the draft goal were the present one; nothing is applied."""
-        goal = None if draft.goal is None else (draft.goal.x_m, draft.goal.y_m)
-        polygon = None if draft.polygon is None else tuple(draft.polygon)
-        return _preview_of(operations.preview(goal=goal, polygon=polygon))
+    @router.post("/zones/undo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
+    def undo() -> ZonesOut:
+        """Take the newest edit of the zones back, whoever made it."""
+        operations.undo_zones()
+        return zones_of(operations)
+
+    @router.post("/zones/redo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
+    def redo() -> ZonesOut:
+        """Do again what was taken back last."""
+        operations.redo_zones()
+        return zones_of(operations)
+
+    @router.get("/zone-sets")
+    def list_sets() -> list[ZoneSetOut]:
+        """Zones that are kept under a name, e.g. for the night."""
+        return [ZoneSetOut(name=name, zones=len(zones)) for name, zones in operations.zone_sets().items()]
+
+    @router.put("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]})
+    def save_set(name: SetName) -> Response:
+        """Keep the present zones under a name."""
+        operations.save_zone_set(name)
+        return Response(status_code=204)
+
+    @router.post("/zone-sets/{name}/use", response_model=ZonesOut, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    def use_set(name: SetName) -> ZonesOut:
+        """Let a set's zones bind the robot in the place of the present ones, as one edit that can be taken back."""
+        operations.use_zone_set(name)
+        return zones_of(operations)
+
+    @router.delete("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    def delete_set(name: SetName) -> Response:
+        """Forget a set; the present zones stay."""
+        operations.delete_zone_set(name)
+        return Response(status_code=204)
 
     return router
-
-
-def _preview_of(preview: PathPreview) -> PreviewOut:
-    reason = str(preview.outcome.reason) if isinstance(preview.outcome, NoPath) else None
-    length = preview.length_m if preview.length_m is not None and math.isfinite(preview.length_m) else None
-    return PreviewOut(found=reason is None, reason=reason, length_m=length, path=track(preview.points))

@@ -1,10 +1,18 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
-import { connect, get, post, stop } from "./api.js";
-import { clicked, draft, dragged, finish, nameZonesBy, onDraft, parseCorners, setMode, undo } from "./draft.js";
-import { showBeware, showGoals, showLegend, showZones } from "./lists.js";
+import { connect, get, post } from "./api.js";
+import { read } from "./cells.js";
+import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./draft.js";
+import "./draft_keys.js";
+import { showGoals } from "./goals.js";
+import { onKey, pressStop, swallowSpace, switchViewBy } from "./keys.js";
+import { showLayers } from "./layers.js";
+import { showBeware, showLegend } from "./lists.js";
 import * as map from "./map.js";
+import "./picture.js";
 import { attempt, say } from "./toasts.js";
+import { follow as followRobot, onView, view as mapView, zoom } from "./view.js";
+import { showZones } from "./zones.js";
 
 const STALE_MS = 1000;
 const CAMERA_MS = 250;
@@ -89,12 +97,19 @@ function fetcher(load) {
   };
 }
 
-const loadZones = fetcher(async () => { zones = (await get("/zones")).features; showZones(zones, loadZones); map.update({ zones }); });
-const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); });
-const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); });
+const loadZones = fetcher(async () => { const collection = await get("/zones"); zones = collection.features; showZones(collection, loadZones); map.update({ zones }); });
+const loadBeware = fetcher(async () => {
+  const beware = await get("/beware");
+  showBeware(beware, loadBeware);
+  showLegend(beware);
+  showLayers(beware.classes);
+  map.update({ classes: beware.classes });
+});
+const loadPath = fetcher(async () => { const { serial, ...ways } = await get("/path"); map.update(ways); });
 const loadMap = fetcher(async () => {
-  const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.map}`)]);
-  map.update({ map: description, picture });
+  const [description, answer] = await Promise.all([get("/map"), fetch(`/api/v1/cells.png?v=${seen.map}`)]);
+  if (!answer.ok) throw new Error("no map yet");
+  map.update({ map: description, cells: await read(await answer.blob()) });
   await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
@@ -149,7 +164,7 @@ const link = connect(`/viewer/${pageId}`, {
   },
 });
 
-function tellDraft() { link.send({ type: "draft", mode: draft.mode, corners: draft.corners, path: draft.preview.slice(0, 4000) }); }
+function tellDraft() { link.send({ type: "draft", mode: draft.mode, corners: draft.corners, outline: drawing() ? ring() : [], path: draft.preview.slice(0, 4000) }); }
 onDraft(tellDraft);
 
 element("viewer").addEventListener("load", () => {
@@ -182,53 +197,19 @@ function tellShow() {
 
 // --------------------------------------------------------------------------------------------------------- what is pressed
 
-const pressStop = (by) => attempt(() => stop(by));
 element("stop").onclick = () => pressStop("console button");
 element("reset").onclick = () => attempt(() => post("/stop/reset"));
 for (const button of document.querySelectorAll("[data-mission]")) button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
 for (const button of document.querySelectorAll("[data-mode]")) button.onclick = () => setMode(button.dataset.mode);
 for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => link.send({ type: "look", at: button.dataset.look });
 for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclick = () => show(tab.dataset.view);
-for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => (button.dataset.zoom === "fit" ? map.fit() : map.zoom(button.dataset.zoom === "in" ? 1.3 : 1 / 1.3));
+const zooms = { fit: map.fit, in: () => zoom(1.3), out: () => zoom(1 / 1.3), follow: () => followRobot(!mapView.follows) };
+for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => zooms[button.dataset.zoom]();
+onView(() => document.querySelector("[data-zoom=follow]").setAttribute("aria-pressed", String(mapView.follows)));
 for (const box of document.querySelectorAll("[data-layer], #cloud-colour")) box.onchange = tellShow;
 element("overlay").onchange = () => loadCamera();
-element("goal-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  const input = event.target.elements.place;
-  attempt(async () => {
-    const [place, ...more] = parseCorners(input.value);
-    if (!place || more.length) throw new Error("write one goal as x, y in metres");
-    await post("/goals", { x_m: place[0], y_m: place[1] });
-    input.value = "";
-  });
-});
-
-const isText = (node) => node?.matches?.("input:not([type=checkbox]), select, textarea") ?? false;
-
-function onKey(event) {
-  if (isText(event.target)) {
-    if (event.key === "Escape") event.target.blur();
-    return;
-  }
-  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
-  if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
-  const drawing = draft.mode === "draw" || draft.mode === "edit";
-  const keys = {
-    Escape: () => setMode("navigate"), n: () => setMode("navigate"), g: () => setMode("goal"), z: () => setMode("draw"),
-    Backspace: () => draft.mode === "draw" && undo(),
-    Enter: () => drawing && !event.target?.matches?.("button, summary, a") && finish(),
-  };
-  const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-  if (act && !(drawing && ["g", "z", "n"].includes(event.key.toLowerCase()))) act();
-}
-
-// A focused button is pressed by the space key going up; here that key means stop and nothing else.
-function swallowSpace(event) { if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
-
-window.addEventListener("keydown", onKey, true);
-window.addEventListener("keyup", swallowSpace, true);
 window.addEventListener("unhandledrejection", (event) => say(`The page failed: ${event.reason?.message ?? event.reason}`));
 nameZonesBy(() => zones.length + 1);
+switchViewBy(() => show(document.body.dataset.view === "map" ? "3d" : "map"));
 setMode("navigate");
 show(location.hash === "#map" ? "map" : "3d");

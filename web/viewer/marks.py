@@ -79,11 +79,12 @@ class ZoneLayer:
                     self._nodes[key] = self._add(zone)
 
     def _add(self, zone: Zone) -> list[Any]:
-        scene, colour = self._server.scene, palette.ZONE if zone.enabled else palette.DRIVEN
+        scene, colour = self._server.scene, palette.zone_colour(zone) if zone.enabled else palette.DRIVEN
         corners = np.array(zone.polygon)
         vertices, faces = triangulated(corners, ZONE_Z)
         base = f"/zones/{zone.id}"
-        text = zone.name if zone.enabled else f"{zone.name} (off)"
+        limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
+        text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
         return [
             scene.add_label(f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"),
             scene.add_line_segments(f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06),

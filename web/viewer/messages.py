@@ -24,6 +24,7 @@ class Draft(_Closed):
     type: Literal["draft"] = "draft"
     mode: Mode = "navigate"
     corners: Annotated[list[Corner], Field(max_length=MAX_CORNERS)] = []
+    outline: Annotated[list[Corner], Field(max_length=2 * MAX_CORNERS)] = []
     path: Annotated[list[Corner], Field(max_length=4000)] = []
 
 

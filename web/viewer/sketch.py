@@ -39,8 +39,10 @@ class Sketch:
     def show(self, draft: Draft) -> None:
         """Draw the draft; its corners can be dragged while it is edited."""
         corners = np.array(draft.corners, dtype=np.float64).reshape(-1, 2)
+        # What the corners stand for: a circle has two.
+        shape = np.array(draft.outline or draft.corners, dtype=np.float64).reshape(-1, 2)
         with self._client.atomic():
-            self._line("outline", closed(corners) if len(corners) > 2 else corners, palette.DRAFT, 0.06)
+            self._line("outline", closed(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06)
             self._line("path", np.array(draft.path, dtype=np.float64).reshape(-1, 2), palette.DRAFT, 0.04)
             self._show_handles(corners, draggable=draft.mode == "edit")
 

@@ -1,0 +1,72 @@
+// Every key of the page, and the list of them under `?`. Space means stop and nothing else, wherever the focus is.
+
+import { stop } from "./api.js";
+import { element, make } from "./dom.js";
+import { canRedo, canUndo, draft, drawing, finish, redo, remove, setMode, setTool, shift, snapshot, undo } from "./draft.js";
+import { fit, redraw } from "./map.js";
+import { letGo } from "./pointer.js";
+import { switchTheme } from "./theme.js";
+import { attempt } from "./toasts.js";
+import { follow, view, zoom } from "./view.js";
+import { travel } from "./zones.js";
+
+const NUDGE_M = 0.05;
+const LISTED = [
+  ["Space", "stop, anywhere but in a text field"], ["G", "pick goals; drag for a heading"], ["Z", "draw a zone: polygon"], ["O", "draw a circle"],
+  ["L", "draw a corridor along a line"], ["H", "draw by hand"], ["N", "look around"], ["Enter", "store the zone, press the focused control"],
+  ["Esc", "leave a mode, drop a draft"], ["Backspace", "take the last corner back"], ["Delete", "take the selected corner away"],
+  ["← ↑ → ↓", "move the whole draft by 5 cm (Shift: 25 cm)"], ["Ctrl Z", "take back: in the draft, else the last edit of the zones"],
+  ["Ctrl Shift Z", "do again"], ["M", "map or 3D view"], ["F", "follow the robot"], ["W", "the whole map"], ["+ −", "zoom the map"],
+  ["D", "dark or light"], ["?", "this list"],
+];
+export const pressStop = (by) => attempt(() => stop(by));
+const isText = (node) => node?.matches?.("input:not([type=checkbox]):not([type=range]):not([type=color]), select, textarea") ?? false;
+let showView = () => {};
+export const switchViewBy = (act) => { showView = act; };
+
+function back() { if (drawing() && canUndo()) undo(); else if (!drawing()) travel("undo"); }
+function again() { if (drawing() && canRedo()) redo(); else if (!drawing()) travel("redo"); }
+function nudge(dx, dy, event) { const step = NUDGE_M * (event.shiftKey ? 5 : 1); snapshot(); shift(dx * step, dy * step); }
+
+export function onKey(event) {
+  if (isText(event.target)) {
+    if (event.key === "Escape") event.target.blur();
+    return;
+  }
+  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
+  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
+    event.preventDefault();
+    if (key === "y" || event.shiftKey) again(); else back();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
+  const act = (drawing() ? WHILE_DRAWING[key] : ELSEWHERE[key]) ?? ALWAYS[key];
+  if (act) act(event);
+}
+
+const inControl = (event) => event.target?.matches?.("button, summary, a, input");
+const ALWAYS = {
+  Escape: () => { if (element("help").open) element("help").close(); else { letGo(); setMode("navigate"); } },
+  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), "?": () => help(),
+};
+const WHILE_DRAWING = {
+  Backspace: () => draft.mode === "draw" && undo(), Delete: () => remove(),
+  Enter: (event) => !event.target?.matches?.("button, summary, a") && finish(),
+  ArrowLeft: (event) => !inControl(event) && nudge(-1, 0, event), ArrowRight: (event) => !inControl(event) && nudge(1, 0, event),
+  ArrowUp: (event) => !inControl(event) && nudge(0, 1, event), ArrowDown: (event) => !inControl(event) && nudge(0, -1, event),
+};
+const ELSEWHERE = {
+  n: () => setMode("navigate"), g: () => setMode("goal"), z: () => setTool("polygon"), o: () => setTool("circle"), l: () => setTool("corridor"), h: () => setTool("free"),
+};
+
+// A focused button is pressed by the space key going up; here that key means stop and nothing else.
+export function swallowSpace(event) { if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
+
+function help() { if (element("help").open) element("help").close(); else element("help").showModal(); }
+
+element("help-keys").append(...LISTED.flatMap(([key, words]) => [make("dt", {}, ...key.split(" ").map((part) => make("kbd", {}, part))), make("dd", {}, words)]));
+element("help-button").onclick = help;
+window.addEventListener("keydown", onKey, true);
+window.addEventListener("keyup", swallowSpace, true);
