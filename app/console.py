@@ -37,6 +37,7 @@ from sim.husky import husky_urdf
 from sim.scenario import load_scenario
 from web.server import ConsoleServer, PortInUse
 
+NAVIGATOR = NavigatorConfig()
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -93,8 +94,12 @@ def console(
             world=world.name,
             robot_urdf=husky_urdf(),
             perception=perception,
+            labelling=data / "labelling",
+            config=NAVIGATOR,
         )
-        loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
+        operations.insight.start()
+        stack.callback(operations.insight.stop)
+        loop = Loop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
         token = None if host in LOOPBACK else secrets.token_urlsafe(16)
@@ -107,7 +112,7 @@ def console(
 
 def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NavigatorConfig())
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NAVIGATOR)
     intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
+from app.insight import LiveInsight
+from app.labelling import LabellingFolder
 from app.occupant import occupant
 from app.pilot import MOVING, Intent, Pilot
 from app.recorder import Recorder
@@ -17,6 +19,7 @@ from app.segmenter import Perception
 from app.storage import Store
 from app.timing import Stopwatch
 from navcore.beware import BewareClass, BewareList
+from navcore.config import NavigatorConfig
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused
 from navcore.local_planner import Outcome
 from navcore.mission import Goal, Mission, Phase
@@ -53,6 +56,8 @@ class LiveOperations:
         world: str,
         robot_urdf: FilePath | None,
         perception: Perception,
+        labelling: FilePath,
+        config: NavigatorConfig,
     ) -> None:
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
         self._world, self._urdf, self._perception = world, robot_urdf, perception
@@ -60,6 +65,15 @@ class LiveOperations:
         self._verdict = Verdict(twist=STANDSTILL, reasons=())
         self._editing = threading.Lock()
         self._zones_version = 0
+        self.insight = LiveInsight(
+            pilot=pilot,
+            recorder=recorder,
+            labelling=LabellingFolder(labelling),
+            config=config,
+            now_s=lambda: robot.now_ns() / 1e9,
+            tick_ms=self.tick_ms,
+        )
+        recorder.tick_ms = self.tick_ms
 
     @property
     def profile(self) -> RobotProfile:
@@ -75,6 +89,17 @@ class LiveOperations:
         """Called by the command thread each time it has sent."""
         self._verdict = verdict
         self._recorder.note_verdict(verdict)
+        self.insight.note_verdict(verdict)
+
+    def note_decision(self, decision: Decision) -> None:
+        """Called by the think thread after each tick."""
+        self._recorder.note_decision(decision)
+        self.insight.note_decision(decision)
+
+    def tick_ms(self) -> float:
+        """How long the newest tick took."""
+        ticks = self._stopwatch.ms["tick"]
+        return ticks[-1] if ticks else 0.0
 
     # What is shown
 
@@ -82,7 +107,6 @@ class LiveOperations:
         """The newest snapshot."""
         intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
         decision, now_ns = thought.decision, self._robot.now_ns()
-        ticks = self._stopwatch.ms["tick"]
         reasons = tuple(StopReason(code=reason.cause, text=reason.text) for reason in self._pilot.reasons(now_ns))
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
@@ -103,7 +127,7 @@ class LiveOperations:
             travelled_m=self._recorder.travelled_m,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
-            tick_ms=ticks[-1] if ticks else 0.0,
+            tick_ms=self.tick_ms(),
             frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
             in_zone=_in_zone(decision),
             zones_version=self._zones_version,

@@ -130,7 +130,9 @@ def rules_of(
         if entry.class_id in grid.beware
     ]
     found += [
-        _rule(f"zone:{zone.id}", zone.name, rasterise(zone.polygon, spec), radius(zone.margin_m)) for zone in zones if zone.enabled
+        _rule(f"zone:{zone.id}", zone.name, rasterise(zone.polygon, spec), radius(zone.margin_m))
+        for zone in zones
+        if zone.enabled
     ]
     walls = _rule("wall", "obstacle", grid.geometric, radius(0.0))
     return Rules(spec=spec, walls=walls, liftable=tuple(rule for rule in found if rule is not None))

@@ -1,10 +1,11 @@
 """Which rules must be lifted, at the least, for a path to open: the smallest set, found exactly.
 
-Cells that are closed by the same rules and hang together are one *region*. A way through regions needs every rule of every region
-that it crosses lifted, and costs as many as these are. So the search runs over pairs (region, rules lifted so far), cheapest
-first, and drops a pair when its region was reached with a part of its rules already: that one can go wherever this one can, for
-no more. The first pair taken at the goal is a smallest set. (Robotics calls this minimum constraint removal; in the worst case the
-pairs grow exponentially with the rules, hence the bound. What was taken last is then still a lower bound of the answer's size.)
+Cells that are closed by the same rules and hang together are one *region*. A way through regions needs every rule of every
+region that it crosses lifted, and costs as many as these are. So the search runs over pairs (region, rules lifted so far),
+cheapest first, and drops a pair when its region was reached with a part of its rules already: that one can go wherever this one
+can, for no more. The first pair taken at the goal is a smallest set. (Robotics calls this minimum constraint removal; in the
+worst case the pairs grow exponentially with the rules, hence the bound. What was taken last is then still a lower bound of the
+answer's size.)
 
 The regions hang together by straight steps: a diagonal step needs both straight neighbours free, so it opens nothing new.
 """

@@ -24,6 +24,7 @@ from navcore.robot import RobotProfile, Twist
 from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
 from navcore.zones import Zone
+from web.insight import Insight
 
 MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
@@ -195,6 +196,10 @@ class Operations(Protocol):
     @property
     def robot_urdf(self) -> FilePath | None:
         """A URDF of the robot for the 3D view; None when there is none (a box is drawn)."""
+
+    @property
+    def insight(self) -> Insight:
+        """Why the robot does what it does, and what it has recognised."""
 
     def state(self) -> State:
         """The newest snapshot."""

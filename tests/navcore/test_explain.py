@@ -64,7 +64,9 @@ def test_the_path_is_cut_into_stretches_that_name_what_bends_them() -> None:
     assert isinstance(path, Path)
     parts = stretches(path, rules)
     assert {part.key for part in parts} == {None, "wall", "zone:wet"}
-    assert [part.first for part in parts] == [0, *(part.last + 1 for part in parts[:-1])] and parts[-1].last == len(path.cells) - 1
+    assert [part.first for part in parts] == [0, *(part.last + 1 for part in parts[:-1])] and parts[-1].last == len(
+        path.cells
+    ) - 1
     for part in parts:
         if part.key == "zone:wet":
             xy = SPEC.centres(path.cells[part.first : part.last + 1])

@@ -11,8 +11,9 @@ from pathlib import Path as FilePath
 import numpy as np
 import numpy.typing as npt
 
+from app.explaining import Case
 from navcore.beware import BewareClass, BewareList, default_beware_list
-from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated
+from navcore.errors import BadConfiguration, BadGeometry, NotKnown, Outdated, Refused
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mask import Mask
@@ -24,6 +25,7 @@ from navcore.segment import ColourSegmenter, Finder
 from navcore.transform import Pose2, camera_mount
 from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.zones import Zone, check_polygon, rasterise
+from tests.web.fake_insight import FakeInsight
 from web.port import Cloud, MissionAction, PathPreview, Picture, State, StopReason, ZoneDraft
 
 SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
@@ -54,6 +56,7 @@ class FakeOperations:
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
         self._see()
+        self.insight = FakeInsight(self._case)
 
     # -------------------------------------------------------------------------------------------------------- reading
 
@@ -254,6 +257,23 @@ class FakeOperations:
         return {**self.runs()[0], "series": {"t_s": [0.0, 1.0]}}
 
     # ---------------------------------------------------------------------------------------------------------- inside
+
+    def _case(self) -> Case:
+        with self._lock:
+            if not self._mission.queue:
+                raise Refused("there is no goal, so there is no path to explain; add a goal first")
+            goal = self._mission.queue[0]
+            return Case(
+                occupancy=self._picture.occupancy,
+                beware=self._beware,
+                zones=tuple(self._zones.values()),
+                pose=self._pose,
+                goal=(goal.x_m, goal.y_m),
+                path=None,
+                profile=HUSKY,
+                safety_margin_m=MARGIN_M,
+                start_relief_m=0.5,
+            )
 
     def _expect(self, zone_id: str, version: int | None) -> Zone:
         if zone_id not in self._zones:

@@ -5,6 +5,9 @@ import { clicked, draft, dragged, finish, nameZonesBy, onDraft, parseCorners, se
 import { showBeware, showGoals, showLegend, showZones } from "./lists.js";
 import * as map from "./map.js";
 import { attempt, say } from "./toasts.js";
+import { during } from "./progress.js";
+import * as ages from "./ages.js";
+import * as understand from "./understand.js";
 
 const STALE_MS = 1000;
 const CAMERA_MS = 250;
@@ -14,6 +17,7 @@ const seen = { zones: null, beware: null, map: null, picture: null };
 let arrivedAt = performance.now();
 let state = null;
 let zones = [];
+let viewerIsLive = () => {};
 
 // ------------------------------------------------------------------------------------------------------ the robot's state
 
@@ -38,6 +42,8 @@ function showState(next) {
   showGoals(state);
   follow();
   map.update({ state });
+  ages.heard(state, `${state.grid_version}-${state.beware_version}`);
+  understand.update({ state });
 }
 
 function showReasons() {
@@ -90,11 +96,12 @@ function fetcher(load) {
 }
 
 const loadZones = fetcher(async () => { zones = (await get("/zones")).features; showZones(zones, loadZones); map.update({ zones }); });
-const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); });
-const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); });
+const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); understand.update({ beware }); });
+const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); ages.loaded("path", path.length); });
 const loadMap = fetcher(async () => {
   const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.map}`)]);
   map.update({ map: description, picture });
+  ages.loaded("map", seen.map);
   await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
@@ -141,11 +148,11 @@ connect("/events", { onMessage: showState });
 
 const pageId = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const link = connect(`/viewer/${pageId}`, {
-  onOpen: () => tellDraft(),
+  onOpen: () => { tellDraft(); understand.remark(); },
   onMessage: (message) => {
     if (message.type === "click") clicked(message.x_m, message.y_m, message.on_map);
     else if (message.type === "drag") dragged(message.index, message.on_map);
-    else if (message.type === "viewer") document.body.dataset.viewer = message.connected ? "live" : "gone";
+    else if (message.type === "viewer") { document.body.dataset.viewer = message.connected ? "live" : "gone"; viewerIsLive(); }
   },
 });
 
@@ -170,7 +177,10 @@ function show(view) {
   element("panel-3d").hidden = view !== "3d";
   element("panel-map").hidden = view !== "map";
   // Loaded when it is first looked at: `/#map` spares a weak machine the 3D view altogether.
-  if (view === "3d" && !element("viewer").src) element("viewer").src = `/viewer/${pageId}/`;
+  if (view === "3d" && !element("viewer").src) {
+    element("viewer").src = `/viewer/${pageId}/`;
+    during(new Promise((resolve) => { viewerIsLive = resolve; }), "the 3D view");
+  }
   history.replaceState(null, "", view === "map" ? "#map" : location.pathname);
   if (view === "map" && state) { follow(); loadPath(); map.update({}); }
 }
@@ -229,6 +239,10 @@ function swallowSpace(event) { if (event.code === "Space" && !isText(event.targe
 window.addEventListener("keydown", onKey, true);
 window.addEventListener("keyup", swallowSpace, true);
 window.addEventListener("unhandledrejection", (event) => say(`The page failed: ${event.reason?.message ?? event.reason}`));
+understand.start({
+  look: (place) => { map.centreOn(place); link.send({ type: "look", at: "place", place }); },
+  mark: (lines, place) => link.send({ type: "mark", lines, place }),
+});
 nameZonesBy(() => zones.length + 1);
 setMode("navigate");
 show(location.hash === "#map" ? "map" : "3d");

@@ -18,6 +18,15 @@ export function update(values) {
   redraw();
 }
 
+// What others draw over the world, below the robot; each gets the tools of this file.
+export const overlays = [];
+export function refresh() { redraw(); }
+
+export function centreOn([x, y]) {
+  Object.assign(view, { x, y, scale: Math.max(view.scale, 60), fitted: true });
+  redraw();
+}
+
 export function fit() {
   const box = canvas.getBoundingClientRect();
   if (!world.map || box.width === 0) return;
@@ -69,6 +78,7 @@ function draw() {
   line(world.path, "#ffffffc0", 5);
   line(world.path, COLOURS.path, 3);
   for (const point of world.waypoints) dot(point, 4, COLOURS.path, true);
+  for (const paint of overlays) paint({ pen, line, dot, tag, toPage });
   drawGoals();
   drawRobot();
   drawDraft();

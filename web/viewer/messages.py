@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from navcore.zones import MAX_CORNERS
-from web.schemas import Corner
+from web.schemas import MAX_NAME, Corner
 
 LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones", "people")
 Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones", "people"]
@@ -31,7 +31,26 @@ class Look(_Closed):
     """Where this operator's camera goes."""
 
     type: Literal["look"]
-    at: Literal["overview", "top", "robot"]
+    at: Literal["overview", "top", "robot", "place"]
+    place: Corner | None = None
+    """(x, y) on the map, where `at` is `place`."""
+
+
+class MarkedLine(_Closed):
+    """A line on the floor in a colour of its own."""
+
+    colour: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
+    points: Annotated[list[Corner], Field(max_length=2000)]
+    dashed: bool = False
+    name: Annotated[str, Field(max_length=MAX_NAME)] | None = None
+
+
+class Mark(_Closed):
+    """What this operator has asked about: the explained path, and a place of the log."""
+
+    type: Literal["mark"]
+    lines: Annotated[list[MarkedLine], Field(max_length=200)] = []
+    place: Corner | None = None
 
 
 class Show(_Closed):
@@ -42,4 +61,6 @@ class Show(_Closed):
     hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
 
 
-PageMessage: TypeAdapter[Draft | Look | Show] = TypeAdapter(Annotated[Draft | Look | Show, Field(discriminator="type")])
+PageMessage: TypeAdapter[Draft | Look | Show | Mark] = TypeAdapter(
+    Annotated[Draft | Look | Show | Mark, Field(discriminator="type")]
+)

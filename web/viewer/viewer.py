@@ -24,7 +24,7 @@ from web.viewer.layer import Layer, Snapshot
 from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
 from web.viewer.marks import GoalLayer, ZoneLayer
-from web.viewer.messages import LAYERS, Draft, Look, Show
+from web.viewer.messages import LAYERS, Draft, Look, Mark, Show
 from web.viewer.people import PeopleLayer
 from web.viewer.sketch import Sketch
 
@@ -92,7 +92,7 @@ class Viewer:
         with _Quiet():
             self._server.stop()
 
-    def receive(self, page_id: str, message: Draft | Look | Show) -> None:
+    def receive(self, page_id: str, message: Draft | Look | Show | Mark) -> None:
         """What a console page wants of the 3D view."""
         with self._lock:
             if isinstance(message, Draft):
@@ -102,7 +102,10 @@ class Viewer:
             elif isinstance(message, Look):
                 for client_id, (owner, _) in self._sketches.items():
                     if owner == page_id:
-                        self._look(self._clients[client_id], message.at)
+                        self._look(self._clients[client_id], message.at, message.place)
+            elif isinstance(message, Mark):
+                for sketch in self._sketches_of(page_id):
+                    sketch.mark(message)
             else:
                 self._show = message
                 for name, root in self._roots.items():
@@ -215,7 +218,7 @@ class Viewer:
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target
 
-    def _look(self, client: viser.ClientHandle, at: str) -> None:
+    def _look(self, client: viser.ClientHandle, at: str, place: tuple[float, float] | None) -> None:
         picture, state = self._operations.picture(), self._operations.state()
         if picture is None:
             return
@@ -225,6 +228,8 @@ class Viewer:
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
             cos, sin = math.cos(yaw), math.sin(yaw)
             eye, target = (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2), (x + cos, y + sin, 0.0)
+        if at == "place" and place is not None:
+            eye, target = (place[0], place[1] - 3.5, 4.0), (*place, 0.0)
         with client.atomic():
             client.camera.position = eye
             client.camera.look_at = target
