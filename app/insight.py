@@ -7,6 +7,7 @@ server's threads: comparing paths, telling sightings apart, packing pictures, se
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping
@@ -23,15 +24,18 @@ from app.series import Series
 from app.sighted import Sighted, packed
 from navcore.config import NavigatorConfig
 from navcore.errors import NotKnown, Refused
+from navcore.local_planner import candidates, hard_cells, nearby
 from navcore.navigator import Decision
 from navcore.path import Path
 from navcore.safety import StopReason, Verdict
-from web.insight import Alternative, Explanation, Kind, LabellingState, Page, Place, Sighting
+from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting
 from web.pictures import camera_jpg
 
 log = logging.getLogger(__name__)
 PERIOD_S = 0.25
 """So often the thread looks."""
+CANDIDATE_REACH_M = 2.6
+"""Nothing that is farther off can be hit along an arc."""
 MAX_SNAPSHOTS = 8
 """Pictures held for the operators' corrections."""
 MOST_WAITING = 256
@@ -106,6 +110,19 @@ class LiveInsight:
         """The path if these rules did not stand."""
         with self._explaining:
             return alternative(self._case(), keys)
+
+    def candidates(self) -> Candidates | None:
+        """What the local planner chooses from, judged by what stands near."""
+        decision = self._decision
+        if decision is None:
+            return None
+        pose, profile, local = decision.frame.pose, self._pilot.profile, self._config.local
+        around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
+        hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in hard_cells(around))
+        arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=around.spec.resolution_m)
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        on_map = arcs @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
+        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""

@@ -99,6 +99,18 @@ class Alternative:
     """(N, 2) in metres of the map frame."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidates:
+    """The motion primitives that the local planner chooses from, of the newest tick."""
+
+    serial: int
+    """Of the picture that they belong to."""
+    arcs: npt.NDArray[np.float64]
+    """(A, S, 2) points of each arc in metres of the map frame."""
+    free: npt.NDArray[np.int64]
+    """(A,) how many points of it the body can be driven along, the first ones."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
     """A thing of the beware list that was recognised at one place."""
@@ -150,6 +162,9 @@ class Insight(Protocol):
 
     def without(self, keys: Collection[str]) -> Alternative:
         """The path if these rules did not stand. `NotKnown` for a key that names none."""
+
+    def candidates(self) -> Candidates | None:
+        """What the local planner chooses from now; None before the first picture."""
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from navcore.beware import BewareClass, BewareList
 from navcore.frame import Intrinsics
-from navcore.grid import OccupancyGrid
+from navcore.grid import GridSpec, OccupancyGrid
 from navcore.mask import Mask
 from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
@@ -125,6 +125,11 @@ class Picture:
     """(K, 2) where the robot has been."""
     people: tuple[Track, ...] = ()
     """Who walks or stands about, and how."""
+
+    @property
+    def grid_spec(self) -> GridSpec:
+        """Where the grid lies, without unpacking it."""
+        return self.occupancy.spec
 
     @property
     def grid(self) -> OccupancyGrid:

@@ -165,6 +165,17 @@ class MapOut(BaseModel):
     robot_width_m: float
 
 
+class TilesOut(BaseModel):
+    """Which parts of the painted map have changed."""
+
+    version: int = Field(description="ask again with `since` at this")
+    tile_cells: int = Field(description="cells to a side of a tile; those at the upper and right rim may be smaller")
+    scale: int = Field(description="pixels per cell and side")
+    rows: int
+    cols: int
+    changed: list[tuple[int, int, int]] = Field(description="row and column of the tile, and the version at which it changed")
+
+
 class PathOut(BaseModel):
     """The planned path, its corners and the way driven, in metres of the map frame."""
 

@@ -12,15 +12,16 @@ from app.explaining import Case, alternative, explained
 from app.journal import Journal
 from app.series import COLUMNS, Series
 from navcore.errors import NotKnown
-from web.insight import Alternative, Explanation, Kind, LabellingState, Page, Sighting
+from navcore.transform import Pose2
+from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Sighting
 from web.pictures import camera_jpg
 
 
 class FakeInsight:
     """Satisfies `web.insight.Insight`."""
 
-    def __init__(self, case: Callable[[], Case]) -> None:
-        self._case = case
+    def __init__(self, case: Callable[[], Case], place: Callable[[], Pose2]) -> None:
+        self._case, self._place = case, place
         self.log = Journal(wall_clock=lambda: 1_700_000_000.0)
         self.figures = Series()
         self.taught: list[tuple[str | None, tuple[int, int, int, int] | None]] = []
@@ -43,6 +44,13 @@ class FakeInsight:
     def without(self, keys: Collection[str]) -> Alternative:
         """As the port says."""
         return alternative(self._case(), keys)
+
+    def candidates(self) -> Candidates | None:
+        """Three short arcs, one of them half blocked."""
+        pose = self._place()
+        along = np.linspace(0.1, 1.6, 16)
+        arcs = np.stack([np.column_stack([pose.x_m + along, pose.y_m + bend * along**2]) for bend in (-0.3, 0.0, 0.3)])
+        return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]))
 
     def sightings(self) -> tuple[Sighting, ...]:
         """One cup."""

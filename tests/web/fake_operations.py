@@ -56,7 +56,7 @@ class FakeOperations:
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
         self._see()
-        self.insight = FakeInsight(self._case)
+        self.insight = FakeInsight(self._case, lambda: self._pose)
 
     # -------------------------------------------------------------------------------------------------------- reading
 

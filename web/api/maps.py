@@ -7,12 +7,14 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from web.api.answers import finite, track
-from web.pictures import Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml, overlaid
+from web.pictures import SCALE, Newest, camera_jpg, cloud_ply, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations, Picture
 from web.problems import RESPONSES, JsonResponse
-from web.replies import MapOut, PathOut
+from web.replies import MapOut, PathOut, TilesOut
+from web.tiles import TILE, TileVersions, newer, part_of
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
+TileIndex = Annotated[int, Path(ge=0, le=10_000)]
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
@@ -20,6 +22,7 @@ def maps_router(operations: Operations) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
     png, camera, labelled, ply = Newest[bytes](), Newest[bytes](), Newest[bytes](), Newest[bytes]()
+    tiles = TileVersions()
 
     def newest() -> Picture:
         picture = operations.picture()
@@ -49,6 +52,31 @@ def maps_router(operations: Operations) -> APIRouter:
         picture, beware = newest(), operations.beware()
         key = (picture.grid_version, beware.version)
         return _tagged(request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png")
+
+    @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
+    def get_tiles(since: Annotated[int, Query(ge=0, le=2**53, description="version of the answer before")] = 0) -> TilesOut:
+        """Which tiles of the painted map have changed since an answer before; row 0 lies at the smallest y."""
+        picture = newest()
+        version, versions = tiles.follow(picture, operations.beware())
+        spec = picture.grid_spec
+        # A version from before a restart of the console is newer than the newest: then everything is.
+        changed = list(newer(versions, since if since <= version else 0))
+        return TilesOut(
+            version=version,
+            tile_cells=TILE,
+            scale=SCALE,
+            rows=spec.rows,
+            cols=spec.cols,
+            changed=[(row, col, at) for (row, col), at in changed],
+        )
+
+    @router.get("/map/tiles/{row}/{col}.png", response_class=_Png, responses=_NOTHING_YET)
+    def get_tile(row: TileIndex, col: TileIndex) -> Response:
+        """One tile of the painted map, its uppermost row at the top."""
+        picture = newest()
+        if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
+            raise HTTPException(404, "the map has no such tile")
+        return Response(map_png(picture, operations.beware(), part_of((row, col), picture)), media_type="image/png")
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
     def get_map_pgm() -> Response:

@@ -7,6 +7,7 @@ import * as map from "./map.js";
 import { attempt, say } from "./toasts.js";
 import { during } from "./progress.js";
 import * as ages from "./ages.js";
+import * as tiles from "./tiles.js";
 import * as understand from "./understand.js";
 
 const STALE_MS = 1000;
@@ -99,9 +100,10 @@ const loadZones = fetcher(async () => { zones = (await get("/zones")).features; 
 const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); understand.update({ beware }); });
 const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); ages.loaded("path", path.length); });
 const loadMap = fetcher(async () => {
-  const [description, picture] = await Promise.all([get("/map"), loadImage(`/api/v1/map.png?v=${seen.map}`)]);
+  const version = seen.map;
+  const [description, picture] = await during(Promise.all([get("/map"), tiles.newest()]), "the map");
   map.update({ map: description, picture });
-  ages.loaded("map", seen.map);
+  ages.loaded("map", version);
   await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
@@ -187,7 +189,9 @@ function show(view) {
 
 function tellShow() {
   const hidden = [...document.querySelectorAll("[data-layer]")].filter((box) => !box.checked).map((box) => box.dataset.layer);
-  link.send({ type: "show", cloud_colour: element("cloud-colour").value, hidden });
+  const faded = [...document.querySelectorAll("[data-strength]")].filter((range) => Number(range.value) < 100);
+  const strength = Object.fromEntries(faded.map((range) => [range.dataset.strength, Number(range.value) / 100]));
+  link.send({ type: "show", cloud_colour: element("cloud-colour").value, hidden, strength });
 }
 
 // --------------------------------------------------------------------------------------------------------- what is pressed
@@ -200,7 +204,7 @@ for (const button of document.querySelectorAll("[data-mode]")) button.onclick = 
 for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => link.send({ type: "look", at: button.dataset.look });
 for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclick = () => show(tab.dataset.view);
 for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => (button.dataset.zoom === "fit" ? map.fit() : map.zoom(button.dataset.zoom === "in" ? 1.3 : 1 / 1.3));
-for (const box of document.querySelectorAll("[data-layer], #cloud-colour")) box.onchange = tellShow;
+for (const box of document.querySelectorAll("[data-layer], [data-strength], #cloud-colour")) box.onchange = tellShow;
 element("overlay").onchange = () => loadCamera();
 element("goal-form").addEventListener("submit", (event) => {
   event.preventDefault();

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from navcore.zones import MAX_CORNERS
-from web.schemas import MAX_NAME, Corner
+from web.schemas import MAX_NAME, Corner, Share
 
-LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones", "people")
-Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones", "people"]
+Layer = Literal["cloud", "floor", "robot", "camera", "path", "waypoints", "driven", "candidates", "goals", "zones", "people"]
+LAYERS: tuple[Layer, ...] = get_args(Layer)
 Mode = Literal["navigate", "goal", "draw", "edit"]
 
 
@@ -57,8 +57,10 @@ class Show(_Closed):
     """How the scene is shown; the same for every operator."""
 
     type: Literal["show"]
-    cloud_colour: Literal["camera", "class"]
+    cloud_colour: Literal["camera", "class", "height"]
     hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
+    strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = {}
+    """How strongly a layer is drawn; one that is not named fully."""
 
 
 PageMessage: TypeAdapter[Draft | Look | Show | Mark] = TypeAdapter(

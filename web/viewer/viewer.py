@@ -19,9 +19,11 @@ from viser.extras import ViserUrdf
 from navcore.grid import GridSpec
 from web import palette
 from web.port import Operations, Picture
+from web.viewer.candidates import CandidateLayer
 from web.viewer.cloud import CloudLayer
+from web.viewer.floor import FloorLayer
 from web.viewer.layer import Layer, Snapshot
-from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
+from web.viewer.layers import CameraLayer, PathLayer, RobotLayer
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
 from web.viewer.marks import GoalLayer, ZoneLayer
 from web.viewer.messages import LAYERS, Draft, Look, Mark, Show
@@ -51,7 +53,7 @@ class Viewer:
         self._drafts: dict[str, Draft] = {}
         self._sketches: dict[int, tuple[str, Sketch]] = {}
         self._clients: dict[int, viser.ClientHandle] = {}
-        self._show = Show(type="show", cloud_colour="camera", hidden=[])
+        self._show = Show(type="show", cloud_colour="camera", hidden=["candidates"])
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
@@ -62,6 +64,7 @@ class Viewer:
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
         self._roots = {name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS}
+        self._roots["candidates"].visible = False
         self._cloud = CloudLayer(self._server)
         self._layers = self._built_layers()
         self._server.on_client_connect(self._joined)
@@ -167,7 +170,12 @@ class Viewer:
             # Nobody looks: the machine's time belongs to the navigation.
             return
         snapshot = Snapshot(
-            state=self._operations.state(), picture=picture, zones=self._operations.zones(), beware=self._operations.beware()
+            state=self._operations.state(),
+            picture=picture,
+            zones=self._operations.zones(),
+            beware=self._operations.beware(),
+            candidates=None if "candidates" in self._show.hidden else self._operations.insight.candidates(),
+            strength=self._show.strength,
         )
         now = time.monotonic()
         for layer in self._layers:
@@ -176,7 +184,9 @@ class Viewer:
                 self._guarded(layer.name, partial(layer.push, snapshot))
         cloud = self._operations.cloud()
         if cloud is not None:
-            self._guarded("cloud", partial(self._cloud.push, cloud, self._show.cloud_colour))
+            self._guarded(
+                "cloud", partial(self._cloud.push, cloud, self._show.cloud_colour, self._show.strength.get("cloud", 1.0))
+            )
 
     def _guarded(self, name: str, act: Callable[[], None]) -> None:
         """A layer that fails is said once and tried again; the others go on."""
@@ -193,7 +203,7 @@ class Viewer:
         self._guarded("robot body", self._add_body)
         server = self._server
         ways, marks = (CameraLayer(server), PathLayer(server)), (GoalLayer(server), ZoneLayer(server), PeopleLayer(server))
-        return (FloorLayer(server), robot, *ways, *marks)
+        return (FloorLayer(server), robot, *ways, CandidateLayer(server), *marks)
 
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
