@@ -1,8 +1,8 @@
 """The point cloud of the map, in tiles: only a tile whose points changed is sent again.
 
-A map of millions of points is looked over once a change (compiled, some nanoseconds a point); all that costs more is done for the
-tiles that changed. How many points are shown is halved or doubled as a whole, and rarely: a share that followed the number of
-points would change every tile with every new point.
+A map of millions of points is looked over once a change (compiled, some nanoseconds a point); all that costs more is done for
+the tiles that changed. How many points are shown is halved or doubled as a whole, and rarely: a share that followed the number
+of points would change every tile with every new point.
 """
 
 from __future__ import annotations
