@@ -86,9 +86,8 @@ def test_tiles_put_together_are_the_map(client: httpx.Client, operations: FakeOp
     assert picture is not None
     canvas = np.zeros((told["rows"] * SCALE, told["cols"] * SCALE, 4), dtype=np.uint8)
     for row, col, _ in told["changed"]:
-        tile = cv2.imdecode(
-            np.frombuffer(client.get(f"/api/v1/map/tiles/{row}/{col}.png").content, np.uint8), cv2.IMREAD_UNCHANGED
-        )
+        data = client.get(f"/api/v1/map/tiles/{row}/{col}.png").content
+        tile = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         low, left = row * TILE * SCALE, col * TILE * SCALE
         upper = canvas.shape[0] - low
         canvas[upper - tile.shape[0] : upper, left : left + tile.shape[1]] = cv2.cvtColor(tile, cv2.COLOR_BGRA2RGBA)
@@ -104,10 +103,12 @@ def test_only_tiles_whose_cells_changed_are_new(operations: FakeOperations) -> N
     version, versions = tiles.follow(before, operations.beware())
     assert (versions == version).all()
     operations.step()
-    assert (after := operations.picture()) is not None
+    after = operations.picture()
+    assert after is not None
     assert tiles.follow(after, operations.beware())[0] == version
     operations.add_zone(WET)
-    assert (zoned := operations.picture()) is not None
+    zoned = operations.picture()
+    assert zoned is not None
     newest, versions = tiles.follow(zoned, operations.beware())
     changed = {tile for tile, _ in newer(versions, version)}
     differing = np.argwhere((paint_map(after, operations.beware()) != paint_map(zoned, operations.beware())).any(axis=2)[::-1])

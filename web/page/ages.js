@@ -9,7 +9,8 @@ const TITLES = {
 };
 // When each was last known to be the robot's own, on this page's clock; null: there is none.
 const fresh = { picture: null, map: null, path: null, link: null };
-let shownMap = null;
+const shown = { map: null, path: null };
+let hasPath = false;
 let chips = {};
 
 export function build(box) {
@@ -17,16 +18,21 @@ export function build(box) {
   box.append(...Object.values(chips));
 }
 
-export function heard(state, mapVersion) {
+// `onMap`: this page draws map and path itself; else the 3D view follows the robot by itself.
+export function heard(state, mapVersion, onMap) {
   const now = performance.now();
   fresh.link = now;
   fresh.picture = state.frame_age_s === null ? null : now - 1000 * state.frame_age_s;
+  if (!onMap) hasPath = state.distance_to_goal_m !== null;
   // The tick confirms map and path anew with each picture; until the page has loaded the newest, its own is getting old.
-  if (shownMap === mapVersion) fresh.map = fresh.picture;
+  if (!onMap || shown.map === mapVersion) fresh.map = fresh.picture;
+  if (!hasPath) fresh.path = null;
+  else if (!onMap || shown.path === state.picture_serial || fresh.path === null) fresh.path = fresh.picture;
 }
 
-export function loaded(what, value) {
-  if (what === "map") { shownMap = value; fresh.map = fresh.picture; } else fresh[what] = value ? fresh.picture : null;
+export function loaded(what, version, filled = true) {
+  shown[what] = version;
+  if (what === "path") hasPath = filled;
 }
 
 setInterval(() => {

@@ -43,7 +43,7 @@ function showState(next) {
   showGoals(state);
   follow();
   map.update({ state });
-  ages.heard(state, `${state.grid_version}-${state.beware_version}`);
+  ages.heard(state, `${state.grid_version}-${state.beware_version}`, document.body.dataset.view === "map");
   understand.update({ state });
 }
 
@@ -98,7 +98,7 @@ function fetcher(load) {
 
 const loadZones = fetcher(async () => { zones = (await get("/zones")).features; showZones(zones, loadZones); map.update({ zones }); });
 const loadBeware = fetcher(async () => { const beware = await get("/beware"); showBeware(beware, loadBeware); showLegend(beware); understand.update({ beware }); });
-const loadPath = fetcher(async () => { const { path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); ages.loaded("path", path.length); });
+const loadPath = fetcher(async () => { const { serial, path, waypoints, driven } = await get("/path"); map.update({ path, waypoints, driven }); ages.loaded("path", serial, path.length > 0); });
 const loadMap = fetcher(async () => {
   const version = seen.map;
   const [description, picture] = await during(Promise.all([get("/map"), tiles.newest()]), "the map");
