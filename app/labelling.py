@@ -45,6 +45,7 @@ class LabellingFolder:
         self._class_names: list[str] = []
         self._sizes: set[tuple[int, int]] = set()
         self._sums = DepthSums()
+        self._bytes_used = 0
         self._opened = False
 
     def state(self) -> LabellingState:
@@ -54,7 +55,7 @@ class LabellingFolder:
             return LabellingState(
                 folder=str(self.folder),
                 pictures=len(self._files),
-                bytes_used=self._bytes_used(),
+                bytes_used=self._bytes_used,
                 max_pictures=self._max_pictures,
                 max_bytes=self._max_bytes,
             )
@@ -66,7 +67,7 @@ class LabellingFolder:
         """
         with self._lock:
             self._open()
-            if len(self._files) >= self._max_pictures or self._bytes_used() >= self._max_bytes:
+            if len(self._files) >= self._max_pictures or self._bytes_used >= self._max_bytes:
                 raise Refused(
                     f"the labelling folder {self.folder} is full ({len(self._files)} pictures); train with it, then move it"
                 )
@@ -109,14 +110,15 @@ class LabellingFolder:
                 except BadConfiguration:
                     continue
                 self._files.append(files)
+                self._bytes_used += self._size_of(files)
                 self._sums.add(depth)
                 self._sizes.add((labels.shape[0], labels.shape[1]))
             if self._files:
                 self._publish()
         self._opened = True
 
-    def _bytes_used(self) -> int:
-        return sum((self.folder / path).stat().st_size for files in self._files for path in files)
+    def _size_of(self, files: Files) -> int:
+        return sum((self.folder / path).stat().st_size for path in files)
 
     def _write(self, rgb: npt.NDArray[np.uint8], depth_mm: npt.NDArray[np.uint16], labels: npt.NDArray[np.uint8]) -> None:
         files, sums = _files_of(uuid.uuid4().hex[:16]), dataclasses.replace(self._sums)
@@ -137,6 +139,7 @@ class LabellingFolder:
         except OSError as error:
             raise StorageFailed(f"{self.folder}: the picture cannot be written: {error.strerror or error}") from error
         self._files.append(files)
+        self._bytes_used += self._size_of(files)
         self._sums = sums
         self._sizes.add((labels.shape[0], labels.shape[1]))
         self._publish()

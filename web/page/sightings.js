@@ -13,6 +13,9 @@ let folder;
 let teach;
 let busy = false;
 let shownIds = "";
+let turns = 0;
+// With its tab closed the counts in the beware list and on the tab follow more slowly.
+const EVERY = 5;
 
 export function build(pane, context, button) {
   shared = context;
@@ -26,7 +29,8 @@ export function build(pane, context, button) {
 }
 
 export async function tick(open) {
-  if (!open || busy) return;
+  turns += 1;
+  if (busy || (!open && turns % EVERY)) return;
   busy = true;
   try { draw(await get("/sightings")); } catch { /* a lost connection has its own banner */ }
   busy = false;
@@ -50,11 +54,24 @@ function draw({ seen, sightings, labelling }) {
     counts.replaceChildren(...Object.entries(seen).map(([id, count]) => make("span", { class: "count", "data-class": id }, swatch(Number(id)), `${count} × ${entryOf(Number(id))?.name ?? `class ${id}`}`)));
     if (!total) counts.replaceChildren(make("span", { class: "soft" }, "Nothing of the beware list was recognised yet."));
   }
+  tellBewareList(seen);
   // Cards are made anew only when their set or a verdict changes: a choice half made is not wiped.
   const ids = sightings.map((one) => `${one.id}${one.verdict ?? ""}`).join();
   if (ids !== shownIds) { shownIds = ids; cards.replaceChildren(...sightings.map(card)); }
   sightings.forEach((one, i) => { cards.children[i].querySelector(".soft").textContent = `${one.looks} looks · ${age(one.age_s ?? 0)} ago`; });
   folder.textContent = `${labelling.pictures} of at most ${labelling.max_pictures} corrected pictures, ${(labelling.bytes_used / 1e6).toFixed(1)} MB, wait for the next training in ${labelling.folder}`;
+}
+
+// The count beside each class of the beware list.
+function tellBewareList(seen) {
+  for (const item of document.getElementById("beware").children) {
+    const entry = shared.beware.classes.find((one) => one.name === item.dataset.name);
+    const label = item.querySelector(".label");
+    let note = label.querySelector(".seen");
+    if (!note) { note = make("small", { class: "seen", title: "How many were recognised so far" }); label.append(note); }
+    const words = entry && seen[entry.class_id] ? ` · ${seen[entry.class_id]} seen` : "";
+    if (note.textContent !== words) note.textContent = words;
+  }
 }
 
 function card(one) {
