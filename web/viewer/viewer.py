@@ -51,6 +51,7 @@ class Viewer:
         self._operations = operations
         self._lock = threading.RLock()
         self._drafts: dict[str, Draft] = {}
+        self._marks: dict[str, Mark] = {}
         self._sketches: dict[int, tuple[str, Sketch]] = {}
         self._clients: dict[int, viser.ClientHandle] = {}
         self._show = Show(type="show", cloud_colour="camera", hidden=["candidates"])
@@ -107,6 +108,7 @@ class Viewer:
                     if owner == page_id:
                         self._look(self._clients[client_id], message.at, message.place)
             elif isinstance(message, Mark):
+                self._marks[page_id] = message
                 for sketch in self._sketches_of(page_id):
                     sketch.mark(message)
             else:
@@ -120,6 +122,7 @@ class Viewer:
         self.receive(page_id, Draft())
         with self._lock:
             self._drafts.pop(page_id, None)
+            self._marks.pop(page_id, None)
 
     def _sketches_of(self, page_id: str) -> Iterable[Sketch]:
         return [sketch for owner, sketch in self._sketches.values() if owner == page_id]
@@ -132,6 +135,8 @@ class Viewer:
             self._sketches[client.client_id] = (page_id, sketch)
             if (draft := self._drafts.get(page_id)) is not None:
                 sketch.show(draft)
+            if (mark := self._marks.get(page_id)) is not None:
+                sketch.mark(mark)
         self._wake.set()
         self.links.post(page_id, {"type": "viewer", "connected": True})
 
