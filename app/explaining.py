@@ -20,8 +20,8 @@ from navcore.transform import Pose2
 from navcore.zones import Zone
 from web.insight import Alternative, ExplainedRule, Explanation, Place
 
-MAX_COSTED = 6
-"""For so many rules along the path it is worked out what each costs."""
+MAX_COSTED = 12
+"""For so many rules it is worked out what each costs."""
 BUDGET = 2_000_000
 """Of one search for a path; see `navcore.path.plan`."""
 
@@ -96,6 +96,7 @@ def explained(case: Case) -> Explanation:
             points=np.empty((0, 2)),
             stretches=(),
             rules=tuple(ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.liftable),
+            all_cost_m=None,
             lift=lift.keys,
             lift_exact=lift.exact,
             lift_at_least=lift.at_least,
@@ -113,6 +114,7 @@ def explained(case: Case) -> Explanation:
         points=spec.centres(path.cells),
         stretches=tuple((part.key, part.first, part.last) for part in parts),
         rules=_costed(case, rules, path, along),
+        all_cost_m=_all_cost_m(case, rules, path),
         lift=(),
         lift_exact=True,
         lift_at_least=0,
@@ -135,14 +137,20 @@ def alternative(case: Case, keys: Collection[str]) -> Alternative:
 
 
 def _costed(case: Case, rules: Rules, path: Path, along: dict[str, float]) -> tuple[ExplainedRule, ...]:
-    """What each rule costs: those that the path lies against for long first, as many as there is time for."""
+    """What each rule costs by itself, as many as there is time for: first those along the path, then those nearest to the
+    straight line, for a rule that the path gives a wide berth may cost the most."""
     start, metre = case.start(rules), case.occupancy.spec.resolution_m
     whole = [ExplainedRule(key="wall", name="obstacles", along_m=along["wall"])] if "wall" in along else []
-    touching = sorted((rule for rule in rules.liftable if rule.key in along), key=lambda rule: -along[rule.key])
-    for rank, rule in enumerate(touching):
+    steps = np.linspace(start, case.target, 200).round().astype(np.int64)
+    ranked = sorted(rules.liftable, key=lambda rule: (-along.get(rule.key, 0.0), float(rule.at(steps).min()), rule.key))
+    for rank, rule in enumerate(ranked):
         other = path_without(rules, [rule.key], start, case.target, budget=BUDGET) if rank < MAX_COSTED else None
         saves = max((path.length - other.length) * metre, 0.0) if isinstance(other, Path) else None
-        whole.append(ExplainedRule(key=rule.key, name=rule.name, along_m=along[rule.key], saves_m=saves))
-    whole.sort(key=lambda rule: -(rule.saves_m or 0.0))
-    rest = [ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.liftable if rule.key not in along]
-    return (*whole, *rest)
+        whole.append(ExplainedRule(key=rule.key, name=rule.name, along_m=along.get(rule.key, 0.0), saves_m=saves))
+    return tuple(sorted(whole, key=lambda rule: -(rule.saves_m or 0.0)))
+
+
+def _all_cost_m(case: Case, rules: Rules, path: Path) -> float | None:
+    """What all rules together cost: more than the sum of each where they close one another's ways round."""
+    free = path_without(rules, [rule.key for rule in rules.liftable], case.start(rules), case.target, budget=BUDGET)
+    return (path.length - free.length) * case.occupancy.spec.resolution_m if isinstance(free, Path) else None

@@ -76,7 +76,9 @@ class Explanation:
     stretches: tuple[tuple[str | None, int, int], ...]
     """(key of a rule or None, first, last index of `points`), in order, all of the path."""
     rules: tuple[ExplainedRule, ...]
-    """All that lie against the path, the costliest first; then the rest."""
+    """What stands there, where the path lies against it, and all that can be lifted; the costliest first."""
+    all_cost_m: float | None
+    """How much shorter the path would be with every rule lifted; None without a path, or when that cannot be said."""
     lift: tuple[str, ...] | None
     """Without a path: keys of the smallest set of rules whose lifting opens one; None when none does, or none was found."""
     lift_exact: bool

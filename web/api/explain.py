@@ -50,5 +50,6 @@ def _out(explanation: Explanation) -> ExplanationOut:
         path=[(x, y) for x, y in explanation.points.round(3).tolist()],
         stretches=[StretchOut(key=key, first=first, last=last) for key, first, last in explanation.stretches],
         rules=[RuleOut(key=rule.key, name=rule.name, along_m=rule.along_m, saves_m=rule.saves_m) for rule in explanation.rules],
+        all_cost_m=explanation.all_cost_m,
         lift=None if explanation.reason is None else lift,
     )

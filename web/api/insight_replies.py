@@ -70,6 +70,7 @@ class ExplanationOut(BaseModel):
     path: list[Place]
     stretches: list[StretchOut]
     rules: list[RuleOut]
+    all_cost_m: Figure = Field(description="how much shorter the path would be with every rule lifted")
     lift: LiftOut | None = Field(description="only without a path")
 
 

@@ -74,7 +74,6 @@ function showFigures() {
     ["speed", number(state.twist.v_mps, 2, "m/s")], ["to goal", number(state.distance_to_goal_m, 1, "m")],
     ["driven", number(state.travelled_m, 1, "m")], ["seen", number(state.explored_m2, 0, "m²")],
     ["paths", String(state.replans)], ["tick", number(state.tick_ms, 0, "ms")],
-    ["picture", state.frame_age_s === null ? "none yet" : number(state.frame_age_s, 2, "s old")],
   ];
   const list = element("figures");
   if (!list.children.length) list.append(...rows.map(([name]) => { const row = document.createElement("div"); row.append(Object.assign(document.createElement("dt"), { textContent: name }), document.createElement("dd")); return row; }));

@@ -57,7 +57,7 @@ function item(entry) {
   const parts = [make("time", {}, clock(entry.unix_s)), make("b", { class: `kind kind-${entry.kind}` }, KINDS[entry.kind] ?? entry.kind), make("span", { class: "words" }, entry.text)];
   if (entry.place) {
     const [x, y] = entry.place;
-    parts.push(make("button", { class: "jump", title: "Show this place", "data-testid": "jump", onclick: () => shared.look(entry.place) }, `⌖ ${x.toFixed(1)}, ${y.toFixed(1)}`));
+    parts.push(make("button", { class: "jump", title: "Show this place", "data-testid": "jump", onclick: () => shared.look(entry.place) }, `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`));
   }
   return make("li", { "data-testid": "log-entry", "data-kind": entry.kind }, ...parts);
 }

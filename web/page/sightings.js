@@ -24,7 +24,7 @@ export function build(pane, context, button) {
   cards = make("ul", { class: "cards", "data-testid": "sightings" });
   folder = make("p", { class: "soft", "data-testid": "labelling" });
   teach = make("div", { class: "teach", hidden: "" });
-  const add = make("button", { "data-testid": "teach-open", title: "Show the robot something that it did not recognise", onclick: () => attempt(openTeach) }, "＋ Add a missed thing");
+  const add = make("button", { "data-testid": "teach-open", title: "Show the robot something that it did not recognise", onclick: () => attempt(openTeach) }, "+ Add a missed thing");
   pane.append(make("div", { class: "head" }, counts, add), teach, cards, folder);
 }
 
@@ -66,10 +66,9 @@ function draw({ seen, sightings, labelling }) {
 function tellBewareList(seen) {
   for (const item of document.getElementById("beware").children) {
     const entry = shared.beware.classes.find((one) => one.name === item.dataset.name);
-    const label = item.querySelector(".label");
-    let note = label.querySelector(".seen");
-    if (!note) { note = make("small", { class: "seen", title: "How many were recognised so far" }); label.append(note); }
-    const words = entry && seen[entry.class_id] ? ` · ${seen[entry.class_id]} seen` : "";
+    let note = item.querySelector(".seen");
+    if (!note) { note = make("span", { class: "seen", "data-testid": "seen-count", title: "How many were recognised so far" }); item.querySelector(".label").after(note); }
+    const words = entry && seen[entry.class_id] ? `${seen[entry.class_id]} seen` : "";
     if (note.textContent !== words) note.textContent = words;
   }
 }
@@ -86,7 +85,7 @@ function card(one) {
   });
   const name = make("div", { class: "name" }, swatch(one.class_id), make("b", {}, one.class_name), make("span", {}, `${Math.round(100 * one.confidence)} %`));
   return make("li", { class: one.verdict ?? "", "data-testid": "sighting", "data-class": one.class_name }, picture, name,
-    make("span", { class: "soft" }), make("button", { class: "jump", "data-testid": "sighting-jump", onclick: () => shared.look(one.place) }, `⌖ ${x.toFixed(1)}, ${y.toFixed(1)}`),
+    make("span", { class: "soft" }), make("button", { class: "jump", "data-testid": "sighting-jump", onclick: () => shared.look(one.place) }, `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`),
     one.verdict ? make("span", { class: "verdict" }, "✕ called wrong") : choice);
 }
 

@@ -6,13 +6,15 @@ import { PATTERNS } from "./lists.js";
 import { attempt } from "./toasts.js";
 
 const COLOURS = { wall: "#e6ebf2", zone: "#d63384", open: "#0a84ff", other: "#ffb703" };
-const EVERY = 3;
+const EVERY_MS = 3000;
+// On a map of a hundred metres an answer takes a while: then it is asked for less often.
+const SHARE = 5;
 let shared;
 let words;
 let table;
 let shown = null;
 let other = null;
-let turns = 0;
+let due = 0;
 let busy = false;
 
 export function build(pane, context) {
@@ -24,8 +26,8 @@ export function build(pane, context) {
 
 export async function tick(open, now = true) {
   if (!open) { shown = other = null; return; }
-  turns += 1;
-  if (busy || (!now && turns % EVERY)) return;
+  const began = performance.now();
+  if (busy || (!now && began < due)) return;
   busy = true;
   try {
     shown = await get("/explain");
@@ -37,6 +39,7 @@ export async function tick(open, now = true) {
     table.replaceChildren();
     shared.mark([]);
   }
+  due = performance.now() + Math.max(EVERY_MS, SHARE * (performance.now() - began));
   busy = false;
 }
 
@@ -52,7 +55,7 @@ const list = (keys) => keys.map((key) => `“${nameOf(key)}”`).join(" and ");
 
 function draw() {
   words.textContent = shown.found ? sentence() : refusal();
-  const rows = shown.rules.filter((rule) => !shown.found || rule.along_m > 0);
+  const rows = shown.rules.filter((rule) => !shown.found || rule.along_m > 0 || rule.saves_m > 0.05);
   table.replaceChildren(...rows.map(row));
   if (!shown.found && shown.lift?.keys?.length) table.prepend(liftRow(shown.lift.keys));
   if (shown.found && !rows.length) table.replaceChildren(make("li", { class: "empty" }, "Nothing lies along the path: it is as straight as the grid allows."));
@@ -63,7 +66,9 @@ function sentence() {
   const bending = shown.rules.filter((rule) => rule.saves_m > 0.05);
   const way = `The path is ${shown.length_m.toFixed(1)} m long`;
   if (other) return `${way}. ${difference()}`;
-  if (!bending.length) return `${way}; no rule of yours makes it longer.`;
+  const all = shown.all_cost_m > 0.05 ? `all rules together cost ${shown.all_cost_m.toFixed(1)} m` : "";
+  if (!bending.length) return all ? `${way}; no rule by itself makes it longer, but ${all}.` : `${way}; no rule of yours makes it longer.`;
+  if (bending.length > 1 && all) return `${way}; ${all}, “${bending[0].name}” by itself ${bending[0].saves_m.toFixed(1)} m.`;
   return `${way}; ${bending.slice(0, 2).map((rule) => `“${rule.name}” costs ${rule.saves_m.toFixed(1)} m`).join(", ")}.`;
 }
 
