@@ -26,7 +26,7 @@ MAX_LABELS = 100_000
 """Pairs that are looked at, at most: about a second."""
 _WALL = -1
 
-Ints = npt.NDArray[np.int64]
+Ints = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ def _search(
 
 def _regions(rules: Rules) -> tuple[Ints, list[int]]:
     """(rows, cols) index of each cell's region, `_WALL` where something stands, and the rules of each region as bits."""
-    kinds = np.zeros((rules.spec.rows, rules.spec.cols), dtype=np.int64)
+    kinds = np.zeros((rules.spec.rows, rules.spec.cols), dtype=np.int32)
     sets = [0]
     for bit, rule in enumerate(rules.liftable):
         inside = np.flatnonzero(rule.closed)
@@ -96,9 +96,9 @@ def _regions(rules: Rules) -> tuple[Ints, list[int]]:
         sets += [sets[kind] | 1 << bit for kind in before]
     if rules.walls is not None:
         kinds[rules.walls.window][rules.walls.closed] = _WALL
-    regions = np.full(kinds.shape, _WALL, dtype=np.int64)
+    regions = np.full(kinds.shape, _WALL, dtype=np.int32)
     signatures: list[int] = []
-    for kind in np.unique(kinds[kinds >= 0]):
+    for kind in np.flatnonzero(np.bincount(kinds[kinds >= 0], minlength=1)):
         count, names = cv2.connectedComponents((kinds == kind).view(np.uint8), connectivity=4)
         held = names > 0
         regions[held] = names[held] - 1 + len(signatures)

@@ -34,7 +34,7 @@ def maps_router(operations: Operations) -> APIRouter:
     def get_map() -> MapOut:
         """Where the map lies; `version` changes whenever its cells do."""
         picture, profile = newest(), operations.profile
-        spec = picture.grid.spec
+        spec = picture.grid_spec
         return MapOut(
             version=picture.grid_version,
             resolution_m=spec.resolution_m,

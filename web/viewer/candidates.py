@@ -32,7 +32,7 @@ class CandidateLayer:
 
     def push(self, snapshot: Snapshot) -> None:
         """Draw them anew with every picture; nothing while nobody wants to see them."""
-        found, strength = snapshot.candidates, snapshot.strength.get(self.name, 1.0)
+        found, strength = snapshot.candidates(), snapshot.strength.get(self.name, 1.0)
         key = None if found is None else (found.serial, strength)
         if key == self._shown:
             return

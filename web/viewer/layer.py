@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,6 +14,10 @@ from web.insight import Candidates
 from web.palette import Rgb
 from web.port import Picture, State
 from web.viewer.shapes import faded
+
+
+def _nothing() -> None:
+    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,8 +32,8 @@ class Snapshot:
     """All stored zones."""
     beware: BewareList
     """The list in force."""
-    candidates: Candidates | None = None
-    """What the local planner chooses from; None when nobody wants to see it."""
+    candidates: Callable[[], Candidates | None] = _nothing
+    """Works out what the local planner chooses from; None when nobody wants to see it."""
     strength: Mapping[str, float] = field(default_factory=dict)
     """How strongly a layer is drawn, 0 to 1; one that is not named fully."""
 

@@ -18,6 +18,7 @@ from viser.extras import ViserUrdf
 
 from navcore.grid import GridSpec
 from web import palette
+from web.insight import Candidates
 from web.port import Operations, Picture
 from web.viewer.candidates import CandidateLayer
 from web.viewer.cloud import CloudLayer
@@ -155,7 +156,7 @@ class Viewer:
 
     def _spec(self) -> GridSpec | None:
         picture = self._operations.picture()
-        return None if picture is None else picture.grid.spec
+        return None if picture is None else picture.grid_spec
 
     # ------------------------------------------------------------------------------------------------------ feeding
 
@@ -179,7 +180,7 @@ class Viewer:
             picture=picture,
             zones=self._operations.zones(),
             beware=self._operations.beware(),
-            candidates=None if "candidates" in self._show.hidden else self._operations.insight.candidates(),
+            candidates=self._candidates,
             strength=self._show.strength,
         )
         now = time.monotonic()
@@ -192,6 +193,9 @@ class Viewer:
             self._guarded(
                 "cloud", partial(self._cloud.push, cloud, self._show.cloud_colour, self._show.strength.get("cloud", 1.0))
             )
+
+    def _candidates(self) -> Candidates | None:
+        return None if "candidates" in self._show.hidden else self._operations.insight.candidates()
 
     def _guarded(self, name: str, act: Callable[[], None]) -> None:
         """A layer that fails is said once and tried again; the others go on."""
@@ -237,7 +241,7 @@ class Viewer:
         picture, state = self._operations.picture(), self._operations.state()
         if picture is None:
             return
-        spec, lens = picture.grid.spec, client.camera
+        spec, lens = picture.grid_spec, client.camera
         eye, target = _overview(picture) if at == "overview" else _top(spec, lens.fov, lens.aspect)
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
@@ -255,7 +259,7 @@ Place = tuple[float, float, float]
 
 def _overview(picture: Picture) -> tuple[Place, Place]:
     """From the south, on what has been seen so far."""
-    spec = picture.grid.spec
+    spec = picture.grid_spec
     seen = np.argwhere(picture.seen)
     x, y, width, height = _extent(spec)
     if len(seen):
