@@ -13,7 +13,7 @@ from web.port import ZoneDraft
 from web.server import ConsoleServer
 
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
-WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 1.2), (3.0, 1.2)))
+WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
 
 
 def place_of(page: Page) -> list[float]:  # noqa: F811
@@ -42,7 +42,7 @@ def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, opera
     page.get_by_test_id("tab-why").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
     zone = operations.add_zone(WET)
-    operations.add_goal(6.0, -0.5)
+    operations.add_goal(4.4, -0.5)
     rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
     expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
     rule.get_by_test_id("why-without").click()

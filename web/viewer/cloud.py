@@ -118,7 +118,7 @@ def halvings(count: int, budget: int, before: int) -> int:
     wanted = 0
     while count >> wanted > budget:
         wanted += 1
-    return before if wanted == before - 1 and count >> wanted > 0.8 * budget else wanted
+    return before if before == wanted + 1 and count >> wanted > 0.8 * budget else wanted
 
 
 def is_shown(points: Points, halved: int) -> npt.NDArray[np.bool_]:
