@@ -29,6 +29,7 @@ class BenchPart(StrEnum):
     TICK = "tick"
     SEGMENT = "segment"
     PLAN = "plan"
+    CONSOLE = "console"
 
 
 def point(text: str, option: str) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.arguments import BenchPart
+from app.bench_console import console_table
 from app.bench_planning import run_planning_bench
 from app.bench_tick import tick_table
 from app.episode import Episode
@@ -45,6 +46,8 @@ def run_bench(parts: Sequence[BenchPart], scenario: str, seconds: float) -> None
         terminal.print(_engines())
     if BenchPart.PLAN in parts:
         run_planning_bench(terminal)
+    if BenchPart.CONSOLE in parts:
+        terminal.print(console_table())
 
 
 def _engines() -> Table:

@@ -180,7 +180,7 @@ def bench(
     scenario: ScenarioOption = "office",
     seconds: Annotated[float, typer.Option(min=1.0, help="Simulated seconds to drive.")] = 30.0,
 ) -> None:
-    """Print this machine's figures: a drive, a tick on a large map, planners side by side, segmentation by engine."""
+    """Print this machine's figures: a drive, a tick on a large map, planners, segmentation by engine, a live map."""
     from app.bench import run_bench
 
     run_bench(part or list(BenchPart), scenario, seconds)

@@ -39,6 +39,7 @@ from web.server import ConsoleServer, PortInUse
 
 EXPIRY_S = 1.0
 """How often the zones' expiry is looked at."""
+NAVIGATOR = NavigatorConfig()
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -95,11 +96,15 @@ def console(
             world=world.name,
             robot_urdf=husky_urdf(),
             perception=perception,
+            labelling=data / "labelling",
+            config=NAVIGATOR,
         )
         expiry = Clockwork(operations.expire_zones, period_s=EXPIRY_S, name="expiry of zones")
         expiry.start()
         stack.callback(expiry.stop)
-        loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
+        operations.insight.start()
+        stack.callback(operations.insight.stop)
+        loop = Loop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
         token = None if host in LOOPBACK else secrets.token_urlsafe(16)
@@ -112,7 +117,7 @@ def console(
 
 def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NavigatorConfig())
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NAVIGATOR)
     intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
+from app.insight import LiveInsight
+from app.labelling import LabellingFolder
 from app.mission_shelf import MissionShelf
 from app.occupant import check_standable
 from app.pilot import MOVING, Intent, Pilot
@@ -20,6 +22,7 @@ from app.storage import Store
 from app.timing import Stopwatch
 from app.zone_book import ZoneBook
 from navcore.beware import BewareClass, BewareList
+from navcore.config import NavigatorConfig
 from navcore.errors import BadGeometry, Outdated, Refused
 from navcore.grid import OccupancyGrid
 from navcore.local_planner import Outcome
@@ -69,6 +72,8 @@ class LiveOperations:
         robot_urdf: FilePath | None,
         perception: Perception,
         calendar_s: Callable[[], float] = time.time,
+        labelling: FilePath,
+        config: NavigatorConfig,
     ) -> None:
         """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing else asks for it."""
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
@@ -81,6 +86,15 @@ class LiveOperations:
         self._book = ZoneBook(
             pilot.intent.zones, spec=pilot.navigator.map.spec, shelf=store, bind=self._bind, calendar_s=calendar_s
         )
+        self.insight = LiveInsight(
+            pilot=pilot,
+            recorder=recorder,
+            labelling=LabellingFolder(labelling),
+            config=config,
+            now_s=lambda: robot.now_ns() / 1e9,
+            tick_ms=self.tick_ms,
+        )
+        recorder.tick_ms = self.tick_ms
 
     @property
     def profile(self) -> RobotProfile:
@@ -96,6 +110,17 @@ class LiveOperations:
         """Called by the command thread each time it has sent."""
         self._verdict = verdict
         self._recorder.note_verdict(verdict)
+        self.insight.note_verdict(verdict)
+
+    def note_decision(self, decision: Decision) -> None:
+        """Called by the think thread after each tick."""
+        self._recorder.note_decision(decision)
+        self.insight.note_decision(decision)
+
+    def tick_ms(self) -> float:
+        """How long the newest tick took."""
+        ticks = self._stopwatch.ms["tick"]
+        return ticks[-1] if ticks else 0.0
 
     # What is shown
 
@@ -103,7 +128,6 @@ class LiveOperations:
         """The newest snapshot."""
         intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
         decision, now_ns = thought.decision, self._robot.now_ns()
-        ticks = self._stopwatch.ms["tick"]
         reasons = tuple(StopReason(code=reason.cause, text=reason.text) for reason in self._pilot.reasons(now_ns))
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
@@ -124,7 +148,7 @@ class LiveOperations:
             travelled_m=self._recorder.travelled_m,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
-            tick_ms=ticks[-1] if ticks else 0.0,
+            tick_ms=self.tick_ms(),
             frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
             in_zone=_in_zone(decision),
             zones_version=self._zones_version,

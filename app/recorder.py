@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import uuid
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,6 +24,7 @@ from web.port import Cloud, Picture
 log = logging.getLogger(__name__)
 CLOUD_PERIOD_S = 1.0
 SERIES_PERIOD_S = 1.0
+SERIES = ("t_s", "distance_m", "explored_m2", "explored_m3", "speed_mps", "tick_ms")
 DRIVEN_STEP_M = 0.05
 MAX_DRIVEN = 20_000
 """The driven path keeps its newest kilometre."""
@@ -55,6 +57,8 @@ class Recorder:
         self.travelled_m = 0.0
         self.explored_m2 = 0.0
         self.replans = 0
+        self.tick_ms: Callable[[], float] = lambda: 0.0
+        """How long the newest tick took; set by whoever measures it."""
         self._driven: list[tuple[float, float]] = []
         self._driven_points: Points = np.empty((0, 2))
         self._route: Route | None = None
@@ -141,6 +145,9 @@ class Recorder:
                 series["t_s"].append(round(self._run_s(decision), 2))
                 series["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
                 series["explored_m2"].append(round(self.explored_m2, 2))
+                series["explored_m3"].append(round(self._pilot.navigator.map.explored.volume_m3, 2))
+                series["speed_mps"].append(round(decision.frame.twist.v_mps, 3))
+                series["tick_ms"].append(round(self.tick_ms(), 2))
             if mission.phase is Phase.IDLE:
                 self._end_run(decision, mission)
 
@@ -155,7 +162,7 @@ class Recorder:
             "goals": [[goal.x_m, goal.y_m] for goal in mission.queue],
             "started_ns": decision.frame.stamp_ns,
             "travelled_at_start_m": self.travelled_m,
-            "series": {"t_s": [], "distance_m": [], "explored_m2": []},
+            "series": {name: [] for name in SERIES},
         }
 
     def _end_run(self, decision: Decision, mission: Mission) -> None:

@@ -220,6 +220,28 @@ def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
     return dataclasses.replace(motion, twist=slower)
 
 
+def candidates(
+    *, geometric: Points, ruled: Points, profile: RobotProfile, rules: LocalRules, cell_m: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """The arcs that `plan_motion` chooses from, (A, S, 2) in the base frame, and (A,) how many poses of each are clear.
+
+    What stands near counts as there; people who walk and what is unseen do not, since they depend on speed and on the tick.
+    """
+    geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
+    near = _Surroundings(
+        obstacles=np.vstack([geometric, ruled]),
+        unseen=np.empty((0, 2)),
+        reach_m=cell_m * math.sqrt(0.5),
+        profile=profile,
+        rules=rules,
+        people=NOBODY,
+        manners=MANNERS,
+    )
+    _, poses = _arcs()
+    clear = near.clear(poses) > near.padding_m
+    return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
+
+
 class _Surroundings:
     """What stands near, and how much room the footprint keeps to it along a motion."""
 

@@ -7,7 +7,7 @@ of bits, which takes some milliseconds on the largest maps: it acts within one t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -80,18 +80,29 @@ class Occupancy:
         """Where the robot's centre may be."""
         return self._free
 
-    def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
-        """The part of the grid within a square of `reach_m` about a pose, widened by the largest margin; may be empty."""
-        widest = max([0.0, *self._margins_m.values(), *(margin_m for margin_m, _ in self._wide_zones)])
-        top, left, bottom, right = box_around(self.spec, pose, reach_m + widest)
-        spec = GridSpec(
+    @property
+    def masks(self) -> Mapping[Hashable, Mask]:
+        """Every layer as it is packed, by class id, `"zones"`, `("wide", …)` and `"free"`: to see what has changed."""
+        wide = {("wide", index, margin_m): mask for index, (margin_m, mask) in enumerate(self._wide_zones)}
+        return {**self._layers, "zones": self._zones, **wide, "free": self._free}
+
+    def part(self, top: int, left: int, bottom: int, right: int) -> OccupancyGrid:
+        """The part of the grid in rows top … bottom−1 and columns left … right−1, which lie on it."""
+        return self._made(self._spec_of(top, left, bottom, right), lambda mask: mask.window(top, left, bottom, right))
+
+    def _spec_of(self, top: int, left: int, bottom: int, right: int) -> GridSpec:
+        return GridSpec(
             resolution_m=self.spec.resolution_m,
             rows=bottom - top,
             cols=right - left,
             origin_x_m=self.spec.origin_x_m + left * self.spec.resolution_m,
             origin_y_m=self.spec.origin_y_m + top * self.spec.resolution_m,
         )
-        return self._made(spec, lambda mask: mask.window(top, left, bottom, right))
+
+    def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
+        """The part of the grid within a square of `reach_m` about a pose, widened by the largest margin; may be empty."""
+        widest = max([0.0, *self._margins_m.values(), *(margin_m for margin_m, _ in self._wide_zones)])
+        return self.part(*box_around(self.spec, pose, reach_m + widest))
 
     def _made(self, spec: GridSpec, part: Part) -> OccupancyGrid:
         return OccupancyGrid(

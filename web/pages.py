@@ -32,6 +32,11 @@ def pages_router() -> APIRouter:
         """The operator's page."""
         return file(request, "index.html")
 
+    @router.get("/runs")
+    async def runs(request: Request) -> Response:
+        """Reports of past missions, side by side."""
+        return file(request, "runs.html")
+
     @router.get("/docs")
     async def docs(request: Request) -> Response:
         """The API's description, drawn from `/openapi.json` without anything from elsewhere."""

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import BewareList
+from navcore.grid import OccupancyGrid
 from navcore.map_image import encode
 from navcore.nav2_map import description_of, drawn, yaml_text
 from navcore.segment import Labels
@@ -21,11 +22,15 @@ Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
 JPEG_QUALITY = 80
+UNKNOWN_ALPHA = 110
+"""Of the floor in the 3D view where nothing is known."""
 SCALE = 2
 """Pixels per cell and side of the painted map, so that a texture is finer than a cell."""
 
 VIEW_M = 6.0
 """The camera measures well about so far."""
+Part = tuple[int, int, int, int]
+"""(top, left, bottom, right) cells, the last two excluded."""
 
 T = TypeVar("T")
 
@@ -45,51 +50,65 @@ class Newest(Generic[T]):
             return self._held[1]
 
 
-def paint_map(picture: Picture, beware: BewareList) -> Image:
-    """(SCALE · rows, SCALE · cols, 4) RGBA of all layers, row 0 at the top, as pictures have it."""
-    grid = picture.grid
+def paint_map(picture: Picture, beware: BewareList, part: Part | None = None) -> Image:
+    """(SCALE · rows, SCALE · cols, 4) RGBA of all layers, row 0 at the top, as pictures have it.
+
+    `part` is (top, left, bottom, right) cells of the grid; tiles painted one by one are the whole picture, cut.
+    """
+    window = part or _whole(picture)
+    grid, seen, blocked = _unpacked(picture, window)
+    at = (SCALE * window[0], SCALE * window[1])
     canvas = np.empty((*grid.geometric.shape, 4), dtype=np.uint8)
     canvas[:] = (*palette.UNKNOWN, 255)
-    canvas[picture.seen] = (*palette.FREE, 255)
-    canvas[picture.blocked & picture.seen] = (*palette.INFLATED, 255)
-    canvas[picture.blocked & ~picture.seen] = (*_mixed(palette.INFLATED, palette.UNKNOWN, 0.45), 255)
+    canvas[seen] = (*palette.FREE, 255)
+    canvas[blocked & seen] = (*palette.INFLATED, 255)
+    canvas[blocked & ~seen] = (*_mixed(palette.INFLATED, palette.UNKNOWN, 0.45), 255)
     canvas[grid.geometric] = (*palette.GEOMETRIC, 255)
     canvas = _enlarged(canvas)
-    _dot_unknown(canvas, _enlarged(~picture.seen & ~grid.geometric))
-    _texture(canvas, _zones(picture), palette.ZONE, "stripes falling", period=10)
+    _dot_unknown(canvas, _enlarged(~seen & ~grid.geometric), at)
+    _texture(canvas, _zones(grid), palette.ZONE, "stripes falling", period=10, at=at)
     for entry in beware.classes:
         if (cells := grid.beware.get(entry.class_id)) is not None:
-            _texture(canvas, cells, palette.class_colour(entry.class_id), palette.class_pattern(entry.class_id), period=6)
+            colour, pattern = palette.class_colour(entry.class_id), palette.class_pattern(entry.class_id)
+            _texture(canvas, cells, colour, pattern, period=6, at=at)
     return np.ascontiguousarray(canvas[::-1])
 
 
-def paint_floor(picture: Picture, beware: BewareList) -> Image:
+def paint_floor(picture: Picture, beware: BewareList, part: Part | None = None) -> Image:
     """As `paint_map`, but see-through where nothing is known, for the floor of the 3D view."""
-    image = paint_map(picture, beware)
-    known = picture.seen | picture.blocked | picture.grid.occupied()
-    alpha = _enlarged(np.where(known, 235, 110).astype(np.uint8))
+    image = paint_map(picture, beware, part)
+    grid, seen, blocked = _unpacked(picture, part or _whole(picture))
+    alpha = _enlarged(np.where(seen | blocked | grid.occupied(), 235, UNKNOWN_ALPHA).astype(np.uint8))
     image[..., 3] = alpha[::-1]
     return image
 
 
-def map_png(picture: Picture, beware: BewareList) -> bytes:
-    """The painted map as PNG."""
-    return _encoded(".png", cv2.cvtColor(paint_map(picture, beware), cv2.COLOR_RGBA2BGRA), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+def _whole(picture: Picture) -> Part:
+    return 0, 0, picture.grid_spec.rows, picture.grid_spec.cols
 
 
-def cells_png(picture: Picture) -> bytes:
-    """(rows, cols) a pixel a cell, row 0 at the top: red bits 1 seen, 2 obstacle, 4 blocked, 8 zone, 16 prior map; green and
-    blue class ids, the lower first where two are in one cell."""
-    grid = picture.grid
-    flags = (
-        picture.seen,
-        grid.geometric,
-        picture.blocked,
-        _zones(picture),
-        None if picture.prior is None else picture.prior.bools,
-    )
+def _unpacked(picture: Picture, part: Part) -> tuple[OccupancyGrid, Mask, Mask]:
+    """Of a part of the map: the layers, what was seen, where the robot's centre may not be."""
+    return picture.occupancy.part(*part), picture.seen_mask.window(*part), ~picture.occupancy.free.window(*part)
+
+
+def map_png(picture: Picture, beware: BewareList, part: Part | None = None) -> bytes:
+    """The painted map, or a part of it, as PNG."""
+    image = cv2.cvtColor(paint_map(picture, beware, part), cv2.COLOR_RGBA2BGRA)
+    return _encoded(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def cells_png(picture: Picture, part: Part | None = None) -> bytes:
+    """The cells of the map, or of a part of it: a pixel a cell, the uppermost row at the top.
+
+    Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue hold
+    class ids of the beware list, the lower first where two are in one cell, 0 for none.
+    """
+    window = part or _whole(picture)
+    grid, seen, blocked = _unpacked(picture, window)
+    prior = None if picture.prior is None else picture.prior.window(*window)
     cells = np.zeros((*grid.geometric.shape, 3), dtype=np.uint8)
-    for bit, mask in enumerate(flags):
+    for bit, mask in enumerate((seen, grid.geometric, blocked, _zones(grid), prior)):
         if mask is not None:
             cells[..., 0] |= mask.astype(np.uint8) << bit
     for class_id, mask in sorted(grid.beware.items()):
@@ -114,7 +133,7 @@ def floor_view(picture: Picture) -> npt.NDArray[np.float64]:
 
 def map_pgm(picture: Picture) -> bytes:
     """Nav2's trinary image: row 0 at the top; occupied 0, zones too, free 254, unknown 205."""
-    occupied = picture.grid.occupied() | _zones(picture)
+    occupied = picture.grid.occupied() | _zones(picture.grid)
     return encode(drawn(occupied=occupied, known=picture.seen, spec=picture.grid.spec).image)
 
 
@@ -181,26 +200,29 @@ def _enlarged(cells: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.repeat(np.repeat(cells, SCALE, axis=0), SCALE, axis=1)
 
 
-def _dot_unknown(canvas: Image, mask: Mask) -> None:
+def _dot_unknown(canvas: Image, mask: Mask, at: tuple[int, int]) -> None:
     """A sparse raster of dots: "not seen" must not be mistaken for "occupied" by anybody who sees no blue."""
-    dots = mask[::8, ::8]
-    canvas[::8, ::8, :3][dots] = palette.UNKNOWN_DOT
+    raster = np.s_[-at[0] % 8 :: 8, -at[1] % 8 :: 8]
+    canvas[raster][mask[raster], :3] = palette.UNKNOWN_DOT
 
 
-def _zones(picture: Picture) -> Mask:
-    mask = picture.grid.zones
-    for _, wide in picture.grid.wide_zones:
+def _zones(grid: OccupancyGrid) -> Mask:
+    mask = grid.zones
+    for _, wide in grid.wide_zones:
         mask = mask | wide
     return mask
 
 
-def _texture(canvas: Image, cells: Mask, colour: palette.Rgb, pattern: str, *, period: int) -> None:
-    """Paint the cells in a solid light tone and a pattern in the full one: told apart without their colour too."""
-    at = np.nonzero(_enlarged(cells))
-    strong = _pattern(pattern, at[0], at[1], period)
+def _texture(canvas: Image, cells: Mask, colour: palette.Rgb, pattern: str, *, period: int, at: tuple[int, int]) -> None:
+    """Paint the cells in a solid light tone and a pattern in the full one: told apart without their colour too.
+
+    `at` is where on the whole picture the canvas begins: the pattern goes on from tile to tile.
+    """
+    i, j = np.nonzero(_enlarged(cells))
+    strong = _pattern(pattern, i + at[0], j + at[1], period)
     light = np.array(_mixed(colour, (255, 255, 255), 0.62), dtype=np.uint8)
-    canvas[at[0], at[1], :3] = np.where(strong[:, None], np.array(colour, dtype=np.uint8), light)
-    canvas[at[0], at[1], 3] = 255
+    canvas[i, j, :3] = np.where(strong[:, None], np.array(colour, dtype=np.uint8), light)
+    canvas[i, j, 3] = 255
 
 
 def _pattern(name: str, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], period: int) -> Mask:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from navcore.beware import BewareClass, BewareList
 from navcore.frame import Intrinsics
-from navcore.grid import OccupancyGrid
+from navcore.grid import GridSpec, OccupancyGrid
 from navcore.mask import Mask
 from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
@@ -25,6 +25,7 @@ from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
 from navcore.zone_shapes import Shape
 from navcore.zones import Zone, ZoneKind
+from web.insight import Insight
 
 MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
@@ -131,6 +132,11 @@ class Picture:
     """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not kept."""
     prior: Mask | None = None
     """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
+
+    @property
+    def grid_spec(self) -> GridSpec:
+        """Where the grid lies, without unpacking it."""
+        return self.occupancy.spec
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -262,6 +268,10 @@ class Operations(Protocol):
     @property
     def robot_urdf(self) -> FilePath | None:
         """A URDF of the robot for the 3D view; None when there is none (a box is drawn)."""
+
+    @property
+    def insight(self) -> Insight:
+        """Why the robot does what it does, and what it has recognised."""
 
     def state(self) -> State:
         """The newest snapshot."""

@@ -226,6 +226,16 @@ class PersonOut(BaseModel):
     radius_m: Figure
 
 
+class TilesOut(BaseModel):
+    """Which parts of the map have changed."""
+
+    version: int = Field(description="ask again with `since` at this")
+    tile_cells: int = Field(description="cells to a side of a tile; those at the upper and right rim may be smaller")
+    rows: int
+    cols: int
+    changed: list[tuple[int, int, int]] = Field(description="row and column of the tile, and the version at which it changed")
+
+
 class PathOut(BaseModel):
     """The planned path, its corners and the way driven, in metres of the map frame; and what else moves with the robot."""
 

@@ -15,10 +15,13 @@ from web import problems
 from web.api.beware import beware_router
 from web.api.drawing import drawing_router
 from web.api.events import events_router
+from web.api.explain import explain_router
 from web.api.health import health_router
+from web.api.journal import journal_router
 from web.api.maps import maps_router
 from web.api.mission import mission_router
 from web.api.poses import poses_router
+from web.api.sightings import sightings_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zones import zones_router
 from web.guard import Guard
@@ -58,6 +61,8 @@ def create_app(
         default_response_class=JsonResponse,
     )
     for router in (mission_router, zones_router, drawing_router, beware_router, maps_router, poses_router, events_router):
+        app.include_router(router(operations), prefix="/api/v1")
+    for router in (journal_router, explain_router, sightings_router):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(viewer_link_router(viewer), prefix="/api/v1")
     app.include_router(health_router(operations))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from app.explaining import Case
 from app.mission_shelf import MissionShelf
 from app.occupant import check_standable
 from app.preview import compared, place_on, standing_at, under
@@ -33,6 +34,7 @@ from navcore.speed_limits import travel_time_s
 from navcore.transform import Pose2, camera_mount
 from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.zones import Zone, rasterise
+from tests.web.fake_insight import FakeInsight
 from web.port import (
     Cloud,
     MissionAction,
@@ -81,6 +83,7 @@ class FakeOperations:
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
         self._see()
+        self.insight = FakeInsight(self._case, lambda: self._pose)
 
     # -------------------------------------------------------------------------------------------------------- reading
 
@@ -355,6 +358,23 @@ class FakeOperations:
         return {**self.runs()[0], "series": {"t_s": [0.0, 1.0]}}
 
     # ---------------------------------------------------------------------------------------------------------- inside
+
+    def _case(self) -> Case:
+        with self._lock:
+            if not self._mission.queue:
+                raise Refused("there is no goal, so there is no path to explain; add a goal first")
+            goal = self._mission.queue[0]
+            return Case(
+                occupancy=self._picture.occupancy,
+                beware=self._beware,
+                zones=self.zones(),
+                pose=self._pose,
+                goal=(goal.x_m, goal.y_m),
+                path=None,
+                profile=HUSKY,
+                safety_margin_m=MARGIN_M,
+                start_relief_m=0.5,
+            )
 
     def _bound(self, _: tuple[Zone, ...]) -> None:
         self._counts["zones"] += 1

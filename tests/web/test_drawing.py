@@ -187,15 +187,3 @@ def test_goals_have_headings_and_names_are_ordered_looped_and_kept(client: httpx
     assert [(goal["name"], goal["yaw_rad"]) for goal in loaded["queue"]] == [("gate", None), ("dock", 1.5)]
     assert client.delete("/api/v1/missions/rounds").status_code == 204
     wrong(client.post("/api/v1/missions/rounds/load"), 404)
-
-
-def test_the_cells_tell_every_layer_apart(client: httpx.Client, operations: FakeOperations) -> None:
-    client.post("/api/v1/zones", json=zone())
-    data = np.frombuffer(client.get("/api/v1/cells.png").content, np.uint8)
-    image = np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))[::-1, :, ::-1]
-    picture = operations.picture()
-    assert picture is not None and image.shape == (SPEC.rows, SPEC.cols, 3)
-    for bit, mask in ((1, picture.seen), (2, picture.grid.geometric), (4, picture.blocked), (8, picture.grid.zones)):
-        np.testing.assert_array_equal(image[..., 0] & bit > 0, mask)
-    np.testing.assert_array_equal(image[..., 1] == 1, picture.grid.beware[1])
-    assert (image[..., 0] & 16 == 0).all()

@@ -87,7 +87,7 @@ def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connecte
     port = int(console.url.rsplit(":", 1)[1])
     with viewer_of(console) as viewer, connect(console.url.replace("http", "ws") + "/api/v1/events", proxy=None) as events:
         viewer.send(camera())
-        scene(viewer, {"/floor/grid"})
+        scene(viewer, {"/floor/0_0"})
         events.recv(timeout=5)
         console.stop()
     left = {thread for thread in set(threading.enumerate()) - before if thread.is_alive() and "recv_events" not in thread.name}
@@ -107,7 +107,7 @@ def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scen
     with viewer_of(server) as viewer:
         assert viewer.subprotocol == VISER
         viewer.send(camera())
-        expected = {"/floor/grid", "/robot/base", "/robot/base/body", "/camera/frustum", "/cloud/-1_-1"}
+        expected = {"/floor/0_0", "/robot/base", "/robot/base/body", "/camera/frustum", "/cloud/-1_-1"}
         assert expected <= scene(viewer, expected)
 
 
@@ -119,7 +119,7 @@ def test_goals_path_and_zones_appear_in_the_scene_and_go_again(
     client.post("/api/v1/zones", json={"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}})
     with viewer_of(server) as viewer:
         viewer.send(camera())
-        scene(viewer, {"/goals/waiting-1", "/path/planned", "/path/waypoints", "/zones/z1", "/zones/z1/outline"})
+        scene(viewer, {"/goals/waiting-1", "/path/planned", "/waypoints/points", "/zones/z1", "/zones/z1/outline"})
         client.delete("/api/v1/zones/z1")
         assert "/zones/z1" in scene(viewer, {"/zones/z1"})
 
@@ -154,7 +154,7 @@ def test_a_viewer_that_sends_nonsense_is_cut_off_and_the_others_go_on(server: Co
                 with pytest.raises(ConnectionClosed):
                     for _ in range(10_000):
                         bad.recv(timeout=5)
-        scene(good, {"/floor/grid"})
+        scene(good, {"/floor/0_0"})
 
 
 def test_a_viewer_cannot_open_the_public_tunnel_nor_upload(operations: FakeOperations) -> None:
@@ -192,7 +192,7 @@ def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: Cons
             scene(mine, {"/draft/outline", "/draft/corners", "/draft/path"})
         with viewer_of(server) as other:
             other.send(camera())
-            assert not any(name.startswith("/draft") for name in scene(other, {"/floor/grid", "/cloud/-1_-1"}))
+            assert not any(name.startswith("/draft") for name in scene(other, {"/floor/0_0", "/cloud/-1_-1"}))
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_a_robot_with_a_urdf_is_drawn_from_it_and_a_broken_one_as_a_box(tmp_path
         console.start()
         with viewer_of(console) as viewer:
             viewer.send(camera())
-            assert any(wanted in name for name in scene(viewer, {"/robot/base/state", "/floor/grid"}))
+            assert any(wanted in name for name in scene(viewer, {"/robot/base/state", "/floor/0_0"}))
         console.stop()
 
 

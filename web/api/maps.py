@@ -11,16 +11,19 @@ from web.api.answers import finite, track
 from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations, Picture
 from web.problems import RESPONSES, JsonResponse
-from web.replies import MapOut, PathOut, PersonOut
+from web.replies import MapOut, PathOut, PersonOut, TilesOut
+from web.tiles import TILE, TileVersions, newer, part_of
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
+TileIndex = Annotated[int, Path(ge=0, le=10_000)]
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
 def maps_router(operations: Operations) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
-    png, camera, labelled, ply, cells = (Newest[bytes]() for _ in range(5))
+    png, camera, labelled, ply = Newest[bytes](), Newest[bytes](), Newest[bytes](), Newest[bytes]()
+    tiles = TileVersions()
 
     def newest() -> Picture:
         picture = operations.picture()
@@ -32,7 +35,7 @@ def maps_router(operations: Operations) -> APIRouter:
     def get_map() -> MapOut:
         """Where the map lies; `version` changes whenever its cells do."""
         picture, profile = newest(), operations.profile
-        spec = picture.grid.spec
+        spec = picture.grid_spec
         return MapOut(
             version=picture.grid_version,
             resolution_m=spec.resolution_m,
@@ -50,6 +53,34 @@ def maps_router(operations: Operations) -> APIRouter:
         picture, beware = newest(), operations.beware()
         key = (picture.grid_version, beware.version)
         return _tagged(request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png")
+
+    @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
+    def get_tiles(since: Annotated[int, Query(ge=0, le=2**53, description="version of the answer before")] = 0) -> TilesOut:
+        """Which tiles of the map have changed since an answer before; row 0 lies at the smallest y."""
+        picture = newest()
+        version, versions = tiles.follow(picture, operations.beware())
+        spec = picture.grid_spec
+        # A version from before a restart of the console is newer than the newest: then everything is.
+        changed = list(newer(versions, since if since <= version else 0))
+        return TilesOut(
+            version=version,
+            tile_cells=TILE,
+            rows=spec.rows,
+            cols=spec.cols,
+            changed=[(row, col, at) for (row, col), at in changed],
+        )
+
+    @router.get("/map/tiles/{row}/{col}.png", response_class=_Png, responses=_NOTHING_YET)
+    def get_tile(row: TileIndex, col: TileIndex) -> Response:
+        """The cells of one tile, a pixel a cell, its uppermost row at the top, for a page that paints the map itself.
+
+        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue
+        hold the class ids of the beware list of what is there, 0 for none.
+        """
+        picture = newest()
+        if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
+            raise HTTPException(404, "the map has no such tile")
+        return Response(cells_png(picture, part_of((row, col), picture)), media_type="image/png")
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
     def get_map_pgm() -> Response:
@@ -81,17 +112,6 @@ def maps_router(operations: Operations) -> APIRouter:
             people=[_person(someone) for someone in picture.people],
             view=track(floor_view(picture)),
         )
-
-    @router.get("/cells.png", response_class=_Png, responses=_NOTHING_YET)
-    def get_cells(request: Request) -> Response:
-        """The cells of all layers, a pixel a cell, row 0 at the top, for programs that paint the map themselves.
-
-        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue
-        hold the class ids of the beware list of what is there, 0 for none.
-        """
-        picture = newest()
-        key = (picture.grid_version, operations.beware().version)
-        return _tagged(request, key, lambda: cells.get(key, lambda: cells_png(picture)), "image/png")
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:

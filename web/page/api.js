@@ -1,5 +1,7 @@
 // Requests to the same routes that programs use. A refusal becomes an Error whose text is the system's own sentence.
 
+import { during } from "./progress.js";
+
 export class Refusal extends Error {
   constructor(status, body) {
     super(body?.error?.message ?? `the console answered ${status}`);
@@ -16,7 +18,7 @@ export async function request(method, path, body, headers = {}) {
   }
   let response;
   try {
-    response = await fetch(`/api/v1${path}`, options);
+    response = await during(fetch(`/api/v1${path}`, options), `${method} ${path}`);
   } catch {
     throw new Refusal(0, { error: { message: "the console does not answer; nothing was changed as far as this page knows" } });
   }

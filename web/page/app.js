@@ -1,7 +1,6 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
 import { connect, get, post } from "./api.js";
-import { read } from "./cells.js";
 import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./draft.js";
 import "./draft_keys.js";
 import { showGoals } from "./goals.js";
@@ -11,7 +10,11 @@ import { showBeware, showLegend } from "./lists.js";
 import * as map from "./map.js";
 import "./picture.js";
 import { attempt, say } from "./toasts.js";
-import { follow as followRobot, onView, view as mapView, zoom } from "./view.js";
+import { during } from "./progress.js";
+import * as ages from "./ages.js";
+import * as tiles from "./tiles.js";
+import * as understand from "./understand.js";
+import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./view.js";
 import { showZones } from "./zones.js";
 
 const STALE_MS = 1000;
@@ -22,6 +25,7 @@ const seen = { zones: null, beware: null, map: null, picture: null };
 let arrivedAt = performance.now();
 let state = null;
 let zones = [];
+let viewerIsLive = () => {};
 
 // ------------------------------------------------------------------------------------------------------ the robot's state
 
@@ -46,6 +50,8 @@ function showState(next) {
   showGoals(state);
   follow();
   map.update({ state });
+  ages.heard(state, `${state.grid_version}-${state.beware_version}`, document.body.dataset.view === "map");
+  understand.update({ state });
 }
 
 function showReasons() {
@@ -75,7 +81,6 @@ function showFigures() {
     ["speed", number(state.twist.v_mps, 2, "m/s")], ["to goal", number(state.distance_to_goal_m, 1, "m")],
     ["driven", number(state.travelled_m, 1, "m")], ["seen", number(state.explored_m2, 0, "m²")],
     ["paths", String(state.replans)], ["tick", number(state.tick_ms, 0, "ms")],
-    ["picture", state.frame_age_s === null ? "none yet" : number(state.frame_age_s, 2, "s old")],
   ];
   const list = element("figures");
   if (!list.children.length) list.append(...rows.map(([name]) => { const row = document.createElement("div"); row.append(Object.assign(document.createElement("dt"), { textContent: name }), document.createElement("dd")); return row; }));
@@ -104,12 +109,18 @@ const loadBeware = fetcher(async () => {
   showLegend(beware);
   showLayers(beware.classes);
   map.update({ classes: beware.classes });
+  understand.update({ beware });
 });
-const loadPath = fetcher(async () => { const { serial, ...ways } = await get("/path"); map.update(ways); });
+const loadPath = fetcher(async () => {
+  const { serial, ...ways } = await get("/path");
+  map.update(ways);
+  ages.loaded("path", serial, ways.path.length > 0);
+});
 const loadMap = fetcher(async () => {
-  const [description, answer] = await Promise.all([get("/map"), fetch(`/api/v1/cells.png?v=${seen.map}`)]);
-  if (!answer.ok) throw new Error("no map yet");
-  map.update({ map: description, cells: await read(await answer.blob()) });
+  const version = seen.map;
+  const [description, picture] = await during(Promise.all([get("/map"), tiles.newest()]), "the map");
+  map.update({ map: description, picture });
+  ages.loaded("map", version);
   await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
@@ -156,11 +167,11 @@ connect("/events", { onMessage: showState });
 
 const pageId = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const link = connect(`/viewer/${pageId}`, {
-  onOpen: () => tellDraft(),
+  onOpen: () => { tellDraft(); understand.remark(); },
   onMessage: (message) => {
     if (message.type === "click") clicked(message.x_m, message.y_m, message.on_map);
     else if (message.type === "drag") dragged(message.index, message.on_map);
-    else if (message.type === "viewer") document.body.dataset.viewer = message.connected ? "live" : "gone";
+    else if (message.type === "viewer") { document.body.dataset.viewer = message.connected ? "live" : "gone"; viewerIsLive(); }
   },
 });
 
@@ -185,14 +196,19 @@ function show(view) {
   element("panel-3d").hidden = view !== "3d";
   element("panel-map").hidden = view !== "map";
   // Loaded when it is first looked at: `/#map` spares a weak machine the 3D view altogether.
-  if (view === "3d" && !element("viewer").src) element("viewer").src = `/viewer/${pageId}/`;
+  if (view === "3d" && !element("viewer").src) {
+    element("viewer").src = `/viewer/${pageId}/`;
+    during(new Promise((resolve) => { viewerIsLive = resolve; }), "the 3D view");
+  }
   history.replaceState(null, "", view === "map" ? "#map" : location.pathname);
   if (view === "map" && state) { follow(); loadPath(); map.update({}); }
 }
 
 function tellShow() {
   const hidden = [...document.querySelectorAll("[data-layer]")].filter((box) => !box.checked).map((box) => box.dataset.layer);
-  link.send({ type: "show", cloud_colour: element("cloud-colour").value, hidden });
+  const faded = [...document.querySelectorAll("[data-strength]")].filter((range) => Number(range.value) < 100);
+  const strength = Object.fromEntries(faded.map((range) => [range.dataset.strength, Number(range.value) / 100]));
+  link.send({ type: "show", cloud_colour: element("cloud-colour").value, hidden, strength });
 }
 
 // --------------------------------------------------------------------------------------------------------- what is pressed
@@ -206,9 +222,13 @@ for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclic
 const zooms = { fit: map.fit, in: () => zoom(1.3), out: () => zoom(1 / 1.3), follow: () => followRobot(!mapView.follows) };
 for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => zooms[button.dataset.zoom]();
 onView(() => document.querySelector("[data-zoom=follow]").setAttribute("aria-pressed", String(mapView.follows)));
-for (const box of document.querySelectorAll("[data-layer], #cloud-colour")) box.onchange = tellShow;
+for (const box of document.querySelectorAll("[data-layer], [data-strength], #cloud-colour")) box.onchange = tellShow;
 element("overlay").onchange = () => loadCamera();
 window.addEventListener("unhandledrejection", (event) => say(`The page failed: ${event.reason?.message ?? event.reason}`));
+understand.start({
+  look: (place) => { centreOn(place); link.send({ type: "look", at: "place", place }); },
+  mark: (lines, place) => link.send({ type: "mark", lines, place }),
+});
 nameZonesBy(() => zones.length + 1);
 switchViewBy(() => show(document.body.dataset.view === "map" ? "3d" : "map"));
 setMode("navigate");

@@ -3,7 +3,6 @@
 import { strength } from "./layers.js";
 
 const SEEN = 1, OBSTACLE = 2, BLOCKED = 4, PRIOR = 16;
-const LARGE = 1_500_000;
 const DARK = { stage: [10, 14, 19], unknown: [62, 71, 87], dot: [126, 138, 158], free: [206, 214, 226], inflation: [120, 134, 158], obstacle: [12, 15, 20], prior: [84, 70, 120] };
 const LIGHT = { stage: [236, 240, 245], unknown: [196, 204, 215], dot: [146, 156, 172], free: [255, 255, 255], inflation: [198, 208, 222], obstacle: [30, 38, 50], prior: [150, 134, 190] };
 const PATTERNS = {
@@ -12,7 +11,7 @@ const PATTERNS = {
 };
 const NAMES = Object.keys(PATTERNS);
 
-// The bytes of `cells.png`: (rows · cols) red flags, green and blue class ids.
+// The bytes of a tile: (rows · cols) red flags, green and blue class ids.
 export async function read(blob) {
   const bitmap = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
   const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
@@ -21,27 +20,23 @@ export async function read(blob) {
   return { cols: bitmap.width, rows: bitmap.height, data: pen.getImageData(0, 0, bitmap.width, bitmap.height).data };
 }
 
-// A canvas of the cells; two pixels a cell and side where the map is small, so that a texture is finer than a cell.
-export function paint(cells, classes, light) {
-  const scale = cells.rows * cells.cols > LARGE ? 1 : 2;
-  const canvas = new OffscreenCanvas(cells.cols * scale, cells.rows * scale);
-  const pen = canvas.getContext("2d");
-  const image = pen.createImageData(canvas.width, canvas.height);
+// Some of the cells, in their place of the whole picture: `left` and `top` in cells, `scale` pixels to a cell and side.
+export function paint(pen, { cells, left, top }, scale, mix) {
+  const image = pen.createImageData(cells.cols * scale, cells.rows * scale);
   const out = new Uint32Array(image.data.buffer);
-  const mix = mixer(classes, light ? LIGHT : DARK);
-  for (let i = 0; i < canvas.height; i += 1) {
+  for (let i = 0; i < image.height; i += 1) {
     const row = Math.floor(i / scale) * cells.cols;
-    for (let j = 0; j < canvas.width; j += 1) {
+    for (let j = 0; j < image.width; j += 1) {
       const at = 4 * (row + Math.floor(j / scale));
-      out[i * canvas.width + j] = mix(cells.data[at], cells.data[at + 1], cells.data[at + 2], i, j);
+      out[i * image.width + j] = mix(cells.data[at], cells.data[at + 1], cells.data[at + 2], i + top * scale, j + left * scale);
     }
   }
-  pen.putImageData(image, 0, 0);
-  return canvas;
+  pen.putImageData(image, left * scale, top * scale);
 }
 
 // Colours are few: each is mixed once and looked up from then on.
-function mixer(classes, palette) {
+export function mixer(classes, light) {
+  const palette = light ? LIGHT : DARK;
   const byId = new Map(classes.map((entry) => [entry.class_id, { ...entry, rgb: hex(entry.display), pattern: PATTERNS[NAMES[(entry.class_id - 1) % NAMES.length]] }]));
   const shown = (id) => id > 0 && byId.has(id) && strength(`class-${id}`) > 0;
   const known = new Uint32Array(1 << 18); // 0 is no colour: every colour is opaque

@@ -1,30 +1,32 @@
 // The map from above, layer by layer; works on any machine, and with it every part of the operator's work.
 
-import { paint } from "./cells.js";
 import { draft, drawing, onDraft, ring } from "./draft.js";
 import { offer, onOffer } from "./goals.js";
 import { onLayers, strength } from "./layers.js";
 import { arrow, COLOURS, dot, fill, flag, line, pen, raster, tag, texture } from "./pen.js";
 import { middles } from "./shapes.js";
 import { isLight, onTheme } from "./theme.js";
+import * as tiles from "./tiles.js";
 import { canvas, centre, fit as fitTo, onView, toPage, toWorld, view } from "./view.js";
 import { colourOf } from "./zones.js";
 
-export const world = { map: null, cells: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], view: [], zones: [] };
+export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], view: [], zones: [] };
 export const hand = { stroke: [], goal: null, heading: null, way: [], verdict: "" };
 const AHEAD_S = 2;
-let picture = null;
 let asked = false;
 
 export function update(values) {
   Object.assign(world, values);
-  if (values.cells || values.classes) picture = null;
+  if (values.classes) repaint();
   if (world.map && !view.fitted) fit();
   centre(world.state?.pose);
   redraw();
 }
 
 export const fit = () => fitTo(world.map);
+
+// What others draw over the world, below the robot; each gets the tools of this file.
+export const overlays = [];
 
 export function redraw() {
   if (asked || canvas.clientWidth === 0) return;
@@ -51,6 +53,7 @@ function draw() {
   layer("driven", () => line(world.driven, COLOURS.driven, 2, [2, 4]));
   layer("path", () => { line(world.path, "#ffffffc0", 5); line(world.path, COLOURS.path, 3); });
   layer("waypoints", () => { for (const point of world.waypoints) dot(point, 4, COLOURS.path, { diamond: true }); });
+  for (const paint of overlays) paint({ pen, line, dot, tag, toPage });
   drawGoals();
   layer("people", drawPeople);
   layer("motion", drawMotion);
@@ -58,6 +61,12 @@ function draw() {
   if (drawing()) drawDraft();
   drawHand();
   drawScale(height);
+}
+
+// Another list, layer or theme: what is here already looks different.
+function repaint() {
+  tiles.repaint(world.classes, isLight());
+  redraw();
 }
 
 function layer(name, act) {
@@ -69,13 +78,12 @@ function layer(name, act) {
 }
 
 function drawCells() {
-  if (!world.cells) return;
-  picture ??= paint(world.cells, world.classes, isLight());
+  if (!world.picture) return;
   const { cols, rows, resolution_m: r, origin_x_m: x, origin_y_m: y } = world.map;
   const [left, top] = toPage([x, y + rows * r]);
   pen.imageSmoothingEnabled = view.scale * r < 2;
   pen.imageSmoothingQuality = "high";
-  pen.drawImage(picture, left, top, cols * r * view.scale, rows * r * view.scale);
+  pen.drawImage(world.picture, left, top, cols * r * view.scale, rows * r * view.scale);
 }
 
 function drawZone(zone) {
@@ -172,7 +180,6 @@ function drawScale(height) {
 }
 
 new ResizeObserver(() => { if (view.fitted) redraw(); else fit(); }).observe(canvas);
-const repaint = () => { picture = null; redraw(); };
 onDraft(() => { canvas.classList.toggle("pick", draft.mode !== "navigate"); redraw(); });
 onLayers(repaint);
 onTheme(repaint);

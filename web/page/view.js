@@ -23,6 +23,11 @@ export function follow(on) {
   tell();
 }
 
+export function centreOn([x, y]) {
+  Object.assign(view, { x, y, scale: Math.max(view.scale, 60), fitted: true, follows: false });
+  tell();
+}
+
 export function centre(pose) {
   if (view.follows && pose && pose.x_m !== null) Object.assign(view, { x: pose.x_m, y: pose.y_m });
 }

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from navcore.beware import BewareList
 from navcore.zones import Zone
+from web.insight import Candidates
+from web.palette import Rgb
 from web.port import Picture, State
+from web.viewer.shapes import faded
+
+
+def _nothing() -> None:
+    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +32,15 @@ class Snapshot:
     """All stored zones."""
     beware: BewareList
     """The list in force."""
+    candidates: Callable[[], Candidates | None] = _nothing
+    """Works out what the local planner chooses from; None when nobody wants to see it."""
+    strength: Mapping[str, float] = field(default_factory=dict)
+    """How strongly a layer is drawn, 0 to 1; one that is not named fully."""
+
+    def faded(self, colour: Rgb, layer: str) -> Rgb:
+        """A colour as strong as its layer is drawn."""
+        r, g, b = faded(np.array(colour, dtype=np.uint8), self.strength.get(layer, 1.0)).tolist()
+        return r, g, b
 
 
 class Layer(Protocol):

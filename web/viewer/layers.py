@@ -1,4 +1,4 @@
-"""What the robot knows and does: floor grid, body, camera, paths."""
+"""What the robot knows and does: body, camera, paths."""
 
 from __future__ import annotations
 
@@ -13,54 +13,16 @@ import viser.transforms
 
 from navcore.transform import Pose2
 from web import palette
-from web.pictures import overlaid, paint_floor
+from web.pictures import overlaid
 from web.viewer.layer import Snapshot
-from web.viewer.shapes import ribbon
+from web.viewer.shapes import faded, ribbon
 
-FLOOR_Z, DRIVEN_Z, PATH_Z = 0.0, 0.03, 0.05
+DRIVEN_Z, PATH_Z = 0.03, 0.05
 FRUSTUM_WIDTH_PX = 320
 FRUSTUM_SCALE = 0.45
 MAX_DRIVEN = 1500
 
 Floats = npt.NDArray[np.float64]
-
-
-class FloorLayer:
-    """The occupancy grid as a picture on the floor."""
-
-    name = "floor"
-    period_s = 0.35
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
-        self._image: Any = None
-        self._shown: object = None
-
-    def push(self, snapshot: Snapshot) -> None:
-        """A new picture when a cell, the list or a zone changed."""
-        picture, spec = snapshot.picture, snapshot.picture.grid.spec
-        key = (picture.grid_version, snapshot.beware.version)
-        if key == self._shown:
-            return
-        image = paint_floor(picture, snapshot.beware)
-        if self._image is None:
-            width, height = spec.cols * spec.resolution_m, spec.rows * spec.resolution_m
-            middle = (spec.origin_x_m + width / 2, spec.origin_y_m + height / 2, FLOOR_Z)
-            # Pictures lie with their rows going down, −y; half a turn about x lays them face up on the floor.
-            self._image = self._server.scene.add_image(
-                "/floor/grid",
-                image,
-                width,
-                height,
-                format="png",
-                cast_shadow=False,
-                receive_shadow=False,
-                position=middle,
-                wxyz=(0.0, 1.0, 0.0, 0.0),
-            )
-        else:
-            self._image.image = image
-        self._shown = key
 
 
 class RobotLayer:
@@ -102,17 +64,17 @@ class CameraLayer:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._frustum: Any = None
-        self._serial = -1
+        self._serial, self._colour = -1, palette.DRAFT
 
     def push(self, snapshot: Snapshot) -> None:
         """Picture and place in one go: one without the other would lie."""
-        picture = snapshot.picture
-        if picture.serial == self._serial or not np.isfinite(picture.T_map_camera).all():
+        picture, colour = snapshot.picture, snapshot.faded(palette.DRAFT, "camera")
+        if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(picture.T_map_camera).all():
             return
-        self._serial = picture.serial
+        self._serial, self._colour = picture.serial, colour
         wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
         position = picture.T_map_camera[:3, 3]
-        image = _shrunk(overlaid(picture, snapshot.beware))
+        image = faded(_shrunk(overlaid(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0))
         if self._frustum is None:
             intrinsics = picture.intrinsics
             self._frustum = self._server.scene.add_camera_frustum(
@@ -121,7 +83,7 @@ class CameraLayer:
                 aspect=intrinsics.width / intrinsics.height,
                 scale=FRUSTUM_SCALE,
                 thickness=0.012,
-                color=palette.DRAFT,
+                color=colour,
                 image=image,
                 format="jpeg",
                 jpeg_quality=70,
@@ -131,47 +93,47 @@ class CameraLayer:
             )
             return
         with self._server.atomic():
-            self._frustum.image = image
+            self._frustum.image, self._frustum.color = image, colour
             self._frustum.wxyz = wxyz
             self._frustum.position = position
 
 
 class PathLayer:
-    """Planned path with its waypoints, and the way driven."""
+    """Planned path, its waypoints, and the way driven: three layers that are looked at together."""
 
     name = "path"
     period_s = 0.15
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._lines = {name: _Line(server, f"/path/{name}") for name in ("planned", "driven")}
+        self._planned, self._driven = _Line(server, "/path/planned"), _Line(server, "/driven/line")
         self._waypoints: Any = None
-        self._shown: Floats = np.empty((0, 2))
+        self._shown: tuple[Floats, palette.Rgb] = (np.empty((0, 2)), palette.PATH)
 
     def push(self, snapshot: Snapshot) -> None:
         """Each part when it changed."""
         picture = snapshot.picture
         with self._server.atomic():
-            self._lines["planned"].show(picture.path, PATH_Z, palette.PATH, 0.1)
-            self._push_waypoints(picture.waypoints)
+            self._planned.show(picture.path, PATH_Z, snapshot.faded(palette.PATH, "path"), 0.1)
+            self._push_waypoints(picture.waypoints, snapshot.faded(palette.PATH, "waypoints"))
         driven = picture.driven
         if len(driven) > MAX_DRIVEN:
             driven = driven[np.linspace(0, len(driven) - 1, MAX_DRIVEN).round().astype(int)]
-        self._lines["driven"].show(driven, DRIVEN_Z, palette.DRIVEN, 0.05)
+        self._driven.show(driven, DRIVEN_Z, snapshot.faded(palette.DRIVEN, "driven"), 0.05)
 
-    def _push_waypoints(self, points: Floats) -> None:
-        if np.array_equal(points, self._shown):
+    def _push_waypoints(self, points: Floats, colour: palette.Rgb) -> None:
+        if colour == self._shown[1] and np.array_equal(points, self._shown[0]):
             return
-        self._shown = points
+        self._shown = (points, colour)
         if self._waypoints is not None:
             self._waypoints.remove()
             self._waypoints = None
         finite = points[np.isfinite(points).all(axis=1)]
         if len(finite):
             self._waypoints = self._server.scene.add_point_cloud(
-                "/path/waypoints",
+                "/waypoints/points",
                 np.column_stack([finite, np.full(len(finite), 0.12)]),
-                palette.PATH,
+                colour,
                 point_size=0.13,
                 point_shape="diamond",
                 precision="float32",
@@ -184,13 +146,13 @@ class _Line:
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self._server, self._name = server, name
         self._node: Any = None
-        self._shown: Floats = np.empty((0, 2))
+        self._shown: tuple[Floats, palette.Rgb] | None = None
 
     def show(self, points: Floats, z: float, colour: palette.Rgb, thickness: float) -> None:
         """(N, 2) points in metres of the map frame; fewer than two hide it."""
-        if np.array_equal(points, self._shown):
+        if self._shown is not None and colour == self._shown[1] and np.array_equal(points, self._shown[0]):
             return
-        self._shown = points
+        self._shown = (points, colour)
         finite = points[np.isfinite(points).all(axis=1)]
         if len(finite) < 2:
             if self._node is not None:

@@ -62,24 +62,25 @@ class ZoneLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._shown: dict[str, Zone] = {}
+        self._shown: dict[str, tuple[Zone, float]] = {}
         self._nodes: dict[str, list[Any]] = {}
 
     def push(self, snapshot: Snapshot) -> None:
         """Add, replace, remove."""
-        wanted = {zone.id: zone for zone in snapshot.zones}
+        wanted = {zone.id: (zone, snapshot.strength.get(self.name, 1.0)) for zone in snapshot.zones}
         with self._server.atomic():
-            for key in [key for key, zone in self._shown.items() if wanted.get(key) != zone]:
+            for key in [key for key, shown in self._shown.items() if wanted.get(key) != shown]:
                 for node in self._nodes.pop(key):
                     node.remove()
                 del self._shown[key]
-            for key, zone in wanted.items():
+            for key, (zone, strength) in wanted.items():
                 if key not in self._shown:
-                    self._shown[key] = zone
-                    self._nodes[key] = self._add(zone)
+                    self._shown[key] = zone, strength
+                    self._nodes[key] = self._add(zone, strength)
 
-    def _add(self, zone: Zone) -> list[Any]:
+    def _add(self, zone: Zone, strength: float) -> list[Any]:
         scene, colour = self._server.scene, palette.zone_colour(zone) if zone.enabled else palette.DRIVEN
+        opacity = strength * (0.35 if zone.enabled else 0.12)
         corners = np.array(zone.polygon)
         vertices, faces = triangulated(corners, ZONE_Z)
         base = f"/zones/{zone.id}"
@@ -88,7 +89,5 @@ class ZoneLayer:
         return [
             scene.add_label(f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"),
             scene.add_line_segments(f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06),
-            scene.add_mesh_simple(
-                base, vertices, faces, color=colour, opacity=0.35 if zone.enabled else 0.12, side="double", cast_shadow=False
-            ),
+            scene.add_mesh_simple(base, vertices, faces, color=colour, opacity=opacity, side="double", cast_shadow=False),
         ]

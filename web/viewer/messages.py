@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from navcore.zones import MAX_CORNERS
-from web.schemas import Corner
+from web.schemas import MAX_NAME, Corner, Share
 
-LAYERS = ("cloud", "floor", "robot", "camera", "path", "goals", "zones", "people")
-Layer = Literal["cloud", "floor", "robot", "camera", "path", "goals", "zones", "people"]
+Layer = Literal["cloud", "floor", "robot", "camera", "path", "waypoints", "driven", "candidates", "goals", "zones", "people"]
+LAYERS: tuple[Layer, ...] = get_args(Layer)
 Mode = Literal["navigate", "goal", "draw", "edit"]
 
 
@@ -32,15 +32,38 @@ class Look(_Closed):
     """Where this operator's camera goes."""
 
     type: Literal["look"]
-    at: Literal["overview", "top", "robot"]
+    at: Literal["overview", "top", "robot", "place"]
+    place: Corner | None = None
+    """(x, y) on the map, where `at` is `place`."""
+
+
+class MarkedLine(_Closed):
+    """A line on the floor in a colour of its own."""
+
+    colour: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
+    points: Annotated[list[Corner], Field(max_length=2000)]
+    dashed: bool = False
+    name: Annotated[str, Field(max_length=MAX_NAME)] | None = None
+
+
+class Mark(_Closed):
+    """What this operator has asked about: the explained path, and a place of the log."""
+
+    type: Literal["mark"]
+    lines: Annotated[list[MarkedLine], Field(max_length=200)] = []
+    place: Corner | None = None
 
 
 class Show(_Closed):
     """How the scene is shown; the same for every operator."""
 
     type: Literal["show"]
-    cloud_colour: Literal["camera", "class"]
+    cloud_colour: Literal["camera", "class", "height"]
     hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
+    strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = {}
+    """How strongly a layer is drawn; one that is not named fully."""
 
 
-PageMessage: TypeAdapter[Draft | Look | Show] = TypeAdapter(Annotated[Draft | Look | Show, Field(discriminator="type")])
+PageMessage: TypeAdapter[Draft | Look | Show | Mark] = TypeAdapter(
+    Annotated[Draft | Look | Show | Mark, Field(discriminator="type")]
+)

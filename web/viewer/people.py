@@ -27,18 +27,19 @@ class PeopleLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._shown: tuple[Track, ...] = ()
+        self._shown: tuple[tuple[Track, ...], palette.Rgb] = ((), palette.PERSON)
         self._node: Any = None
 
     def push(self, snapshot: Snapshot) -> None:
         """Draw everybody anew when anybody has moved."""
         people = snapshot.picture.people
-        if people == self._shown:
+        colour = snapshot.faded(palette.PERSON, self.name)
+        if (people, colour) == self._shown:
             return
-        self._shown = people
+        self._shown = (people, colour)
         if people:
             segments = np.concatenate([outline_and_way(track) for track in people])
-            self._node = self._server.scene.add_line_segments("/people", segments, palette.PERSON, thickness=0.05)
+            self._node = self._server.scene.add_line_segments("/people/ways", segments, colour, thickness=0.05)
         elif self._node is not None:
             self._node.remove()
             self._node = None

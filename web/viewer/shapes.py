@@ -8,6 +8,7 @@ import mapbox_earcut
 import numpy as np
 import numpy.typing as npt
 
+BACKGROUND = (27, 30, 36)
 Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.uint32]
 
@@ -28,6 +29,13 @@ def ribbon(points: Floats, z: float) -> npt.NDArray[np.float32]:
     """(N − 1, 2, 3) segments of a polyline (N, 2) at one height."""
     lifted = np.column_stack([points, np.full(len(points), z)]).astype(np.float32)
     return np.stack([lifted[:-1], lifted[1:]], axis=1)
+
+
+def faded(colours: npt.NDArray[np.uint8], strength: float) -> npt.NDArray[np.uint8]:
+    """(N, 3) colours mixed with the scene's background; what has no opacity of its own fades so."""
+    if strength >= 1.0:
+        return colours
+    return np.asarray(np.array(BACKGROUND) * (1 - strength) + colours * strength).astype(np.uint8)
 
 
 @cache

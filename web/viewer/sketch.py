@@ -7,17 +7,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import viser
 
 from navcore.grid import GridSpec
 from web import palette
-from web.viewer.messages import Draft
+from web.viewer.messages import Draft, Mark
 from web.viewer.picking import Point, clamped, floor_point
 from web.viewer.shapes import closed, knob, ribbon
 
 log = logging.getLogger(__name__)
 
 DRAFT_Z = 0.09
+MARK_Z = 0.12
 HANDLE_M = 0.13
 
 Post = Callable[[dict[str, Any]], None]
@@ -29,6 +31,7 @@ class Sketch:
     def __init__(self, client: viser.ClientHandle, post: Post, spec: Callable[[], GridSpec | None]) -> None:
         self._client, self._post, self._spec = client, post, spec
         self._handles: Any = None
+        self._marked: Any = None
         self._count = 0
         self._draggable = False
         self._nodes: dict[str, Any] = {}
@@ -45,6 +48,23 @@ class Sketch:
             self._line("outline", closed(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06)
             self._line("path", np.array(draft.path, dtype=np.float64).reshape(-1, 2), palette.DRAFT, 0.04)
             self._show_handles(corners, draggable=draft.mode == "edit")
+
+    def mark(self, mark: Mark) -> None:
+        """Draw the explained path and the place of a jump; each replaces what was marked before."""
+        lines = [(line.colour, np.array(line.points).reshape(-1, 2)) for line in mark.lines if len(line.points) > 1]
+        if mark.place is not None:
+            around = np.array(mark.place) + 0.4 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+            lines.append(("#f0b429", closed(around)))
+        with self._client.atomic():
+            if self._marked is not None:
+                self._marked.remove()
+                self._marked = None
+            if lines:
+                segments = [ribbon(points, MARK_Z) for _, points in lines]
+                colours = [np.tile(_rgb(colour), (len(part), 2, 1)) for (colour, _), part in zip(lines, segments, strict=True)]
+                self._marked = self._client.scene.add_line_segments(
+                    "/mark", np.concatenate(segments), np.concatenate(colours), thickness=0.12
+                )
 
     def _line(self, name: str, points: Any, colour: palette.Rgb, thickness: float) -> None:
         if (old := self._nodes.pop(name, None)) is not None and len(points) < 2:
@@ -91,3 +111,8 @@ class Sketch:
             return
         on_map = clamped(point, spec)
         self._post({**message, "x_m": point[0], "y_m": point[1], "on_map": list(on_map)})
+
+
+def _rgb(colour: str) -> npt.NDArray[np.uint8]:
+    """Of `#rrggbb`."""
+    return np.frombuffer(bytes.fromhex(colour[1:]), dtype=np.uint8)

@@ -18,13 +18,16 @@ from viser.extras import ViserUrdf
 
 from navcore.grid import GridSpec
 from web import palette
+from web.insight import Candidates
 from web.port import Operations, Picture
+from web.viewer.candidates import CandidateLayer
 from web.viewer.cloud import CloudLayer
+from web.viewer.floor import FloorLayer
 from web.viewer.layer import Layer, Snapshot
-from web.viewer.layers import CameraLayer, FloorLayer, PathLayer, RobotLayer
+from web.viewer.layers import CameraLayer, PathLayer, RobotLayer
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
 from web.viewer.marks import GoalLayer, ZoneLayer
-from web.viewer.messages import LAYERS, Draft, Look, Show
+from web.viewer.messages import LAYERS, Draft, Look, Mark, Show
 from web.viewer.people import PeopleLayer
 from web.viewer.sketch import Sketch
 
@@ -49,9 +52,10 @@ class Viewer:
         self._operations = operations
         self._lock = threading.RLock()
         self._drafts: dict[str, Draft] = {}
+        self._marks: dict[str, Mark] = {}
         self._sketches: dict[int, tuple[str, Sketch]] = {}
         self._clients: dict[int, viser.ClientHandle] = {}
-        self._show = Show(type="show", cloud_colour="camera", hidden=[])
+        self._show = Show(type="show", cloud_colour="camera", hidden=["candidates"])
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
@@ -62,6 +66,7 @@ class Viewer:
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
         self._roots = {name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS}
+        self._roots["candidates"].visible = False
         self._cloud = CloudLayer(self._server)
         self._layers = self._built_layers()
         self._server.on_client_connect(self._joined)
@@ -92,7 +97,7 @@ class Viewer:
         with _Quiet():
             self._server.stop()
 
-    def receive(self, page_id: str, message: Draft | Look | Show) -> None:
+    def receive(self, page_id: str, message: Draft | Look | Show | Mark) -> None:
         """What a console page wants of the 3D view."""
         with self._lock:
             if isinstance(message, Draft):
@@ -102,7 +107,11 @@ class Viewer:
             elif isinstance(message, Look):
                 for client_id, (owner, _) in self._sketches.items():
                     if owner == page_id:
-                        self._look(self._clients[client_id], message.at)
+                        self._look(self._clients[client_id], message.at, message.place)
+            elif isinstance(message, Mark):
+                self._marks[page_id] = message
+                for sketch in self._sketches_of(page_id):
+                    sketch.mark(message)
             else:
                 self._show = message
                 for name, root in self._roots.items():
@@ -114,6 +123,7 @@ class Viewer:
         self.receive(page_id, Draft())
         with self._lock:
             self._drafts.pop(page_id, None)
+            self._marks.pop(page_id, None)
 
     def _sketches_of(self, page_id: str) -> Iterable[Sketch]:
         return [sketch for owner, sketch in self._sketches.values() if owner == page_id]
@@ -126,6 +136,8 @@ class Viewer:
             self._sketches[client.client_id] = (page_id, sketch)
             if (draft := self._drafts.get(page_id)) is not None:
                 sketch.show(draft)
+            if (mark := self._marks.get(page_id)) is not None:
+                sketch.mark(mark)
         self._wake.set()
         self.links.post(page_id, {"type": "viewer", "connected": True})
 
@@ -144,7 +156,7 @@ class Viewer:
 
     def _spec(self) -> GridSpec | None:
         picture = self._operations.picture()
-        return None if picture is None else picture.grid.spec
+        return None if picture is None else picture.grid_spec
 
     # ------------------------------------------------------------------------------------------------------ feeding
 
@@ -164,7 +176,12 @@ class Viewer:
             # Nobody looks: the machine's time belongs to the navigation.
             return
         snapshot = Snapshot(
-            state=self._operations.state(), picture=picture, zones=self._operations.zones(), beware=self._operations.beware()
+            state=self._operations.state(),
+            picture=picture,
+            zones=self._operations.zones(),
+            beware=self._operations.beware(),
+            candidates=self._candidates,
+            strength=self._show.strength,
         )
         now = time.monotonic()
         for layer in self._layers:
@@ -173,7 +190,12 @@ class Viewer:
                 self._guarded(layer.name, partial(layer.push, snapshot))
         cloud = self._operations.cloud()
         if cloud is not None:
-            self._guarded("cloud", partial(self._cloud.push, cloud, self._show.cloud_colour))
+            self._guarded(
+                "cloud", partial(self._cloud.push, cloud, self._show.cloud_colour, self._show.strength.get("cloud", 1.0))
+            )
+
+    def _candidates(self) -> Candidates | None:
+        return None if "candidates" in self._show.hidden else self._operations.insight.candidates()
 
     def _guarded(self, name: str, act: Callable[[], None]) -> None:
         """A layer that fails is said once and tried again; the others go on."""
@@ -190,7 +212,7 @@ class Viewer:
         self._guarded("robot body", self._add_body)
         server = self._server
         ways, marks = (CameraLayer(server), PathLayer(server)), (GoalLayer(server), ZoneLayer(server), PeopleLayer(server))
-        return (FloorLayer(server), robot, *ways, *marks)
+        return (FloorLayer(server), robot, *ways, CandidateLayer(server), *marks)
 
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
@@ -215,16 +237,18 @@ class Viewer:
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target
 
-    def _look(self, client: viser.ClientHandle, at: str) -> None:
+    def _look(self, client: viser.ClientHandle, at: str, place: tuple[float, float] | None) -> None:
         picture, state = self._operations.picture(), self._operations.state()
         if picture is None:
             return
-        spec, lens = picture.grid.spec, client.camera
+        spec, lens = picture.grid_spec, client.camera
         eye, target = _overview(picture) if at == "overview" else _top(spec, lens.fov, lens.aspect)
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
             cos, sin = math.cos(yaw), math.sin(yaw)
             eye, target = (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2), (x + cos, y + sin, 0.0)
+        if at == "place" and place is not None:
+            eye, target = (place[0], place[1] - 3.5, 4.0), (*place, 0.0)
         with client.atomic():
             client.camera.position = eye
             client.camera.look_at = target
@@ -235,7 +259,7 @@ Place = tuple[float, float, float]
 
 def _overview(picture: Picture) -> tuple[Place, Place]:
     """From the south, on what has been seen so far."""
-    spec = picture.grid.spec
+    spec = picture.grid_spec
     seen = np.argwhere(picture.seen)
     x, y, width, height = _extent(spec)
     if len(seen):

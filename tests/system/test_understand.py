@@ -1,0 +1,58 @@
+"""Log, explanation, sightings and figures of the running simulator."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from navcore.learning.dataset import load_dataset
+from tests.system.conftest import state_when
+
+WALL = {"name": "fence", "geometry": {"type": "Polygon", "coordinates": [[[-3.9, 0.2], [3.9, 0.2], [3.9, 0.6], [-3.9, 0.6]]]}}
+
+
+def answer_when(program: httpx.Client, path: str, holds: Callable[[Any], bool], patience_s: float = 60.0) -> Any:
+    """The first answer for which something holds."""
+    deadline = time.monotonic() + patience_s
+    while not holds(answer := program.get(f"/api/v1/{path}").json()):
+        assert time.monotonic() < deadline, f"it never came about; the last answer was {answer!s:.2000}"
+        time.sleep(0.1)
+    return answer
+
+
+def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
+    client.post("/api/v1/goals", json={"x_m": -2.5, "y_m": 2.0})
+    client.post("/api/v1/mission/start")
+    state_when(client, lambda state: state["moving"])
+    assert client.get("/api/v1/explain").json()["found"]
+    zone = client.post("/api/v1/zones", json=WALL).json()["id"]
+    explained = answer_when(client, "explain", lambda said: not said.get("found", True))
+    assert explained["lift"] == {"keys": [f"zone:{zone}"], "exact": True, "at_least": 1}
+    client.post("/api/v1/stop", params={"by": "test"})
+    client.delete(f"/api/v1/zones/{zone}")
+    client.post("/api/v1/stop/reset")
+    client.post("/api/v1/mission/resume")
+    state_when(client, lambda state: state["phase"] == "idle")
+    said = answer_when(client, "journal", lambda log: any(entry["kind"] == "goal" for entry in log["entries"]))["entries"]
+    assert {"mission", "replanned", "zone", "stopped", "goal"} <= {entry["kind"] for entry in said}
+    texts = " ".join(entry["text"] for entry in said)
+    assert "Planned a path of" in texts and "There is no path" in texts and "“fence” was drawn" in texts and "by test" in texts
+    assert [entry["id"] for entry in said] == sorted(entry["id"] for entry in said)
+    series = client.get("/api/v1/series").json()
+    assert len(series["t_s"]) > 3 and max(series["speed_mps"]) > 0.1 and series["explored_m3"][-1] > 1.0
+    run = client.get(f"/api/v1/runs/{client.get('/api/v1/runs').json()[0]['id']}").json()
+    assert len({len(run["series"][name]) for name in run["series"]}) == 1 and max(run["series"]["tick_ms"]) > 0
+
+
+def test_a_thing_that_was_missed_is_put_into_a_data_set_for_the_next_training(client: httpx.Client, data: Path) -> None:
+    snapshot = client.post("/api/v1/sightings/snapshots").json()["snapshot"]
+    missed = {"snapshot": snapshot, "class_name": "cup", "box": [100, 100, 160, 150]}
+    state = client.post("/api/v1/sightings", json=missed).json()
+    assert state["pictures"] == 1, state
+    assert load_dataset(data / "labelling").count("train") == 1
+    refused = client.post("/api/v1/sightings", json={**missed, "class_name": "unicorn"})
+    assert refused.status_code == 404 and "unicorn" in refused.json()["error"]["message"]

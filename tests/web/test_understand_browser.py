@@ -1,0 +1,86 @@
+"""The drawer of the page in a real Chromium: log and jump, why this way, sightings, plots, ages, runs."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.fake_operations import FakeOperations
+from tests.web.test_browser import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures
+from web.port import ZoneDraft
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
+
+
+def place_of(page: Page) -> list[float]:  # noqa: F811
+    """Scale and middle of the map, metres."""
+    return [float(part) for part in (page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()]
+
+
+def test_the_log_is_filtered_and_a_click_goes_to_the_place(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+    await_map(page)
+    operations.insight.log.note(1.0, "stopped", "Somebody is in the way.", (-3.0, 1.0))
+    operations.insight.log.note(2.0, "seen", "First sight of “cup” here.", (2.5, 1.5))
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 2 new")
+    page.get_by_test_id("tab-log").click()
+    expect(page.get_by_test_id("log-entry")).to_have_count(2)
+    page.get_by_test_id("filter-seen").click()
+    expect(page.get_by_test_id("log-entry")).to_have_count(1)
+    page.get_by_test_id("jump").click()
+    expect(page.get_by_test_id("map-canvas")).to_have_attribute("data-place", re.compile(r" 2\.5 1\.5$"))
+    assert place_of(page)[0] >= 60
+    page.get_by_test_id("filter-seen").click()
+    expect(page.get_by_test_id("log-entry").first).to_contain_text("cup")
+    expect(page.get_by_test_id("log-entry")).to_have_count(2)
+
+
+def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+    page.get_by_test_id("tab-why").click()
+    expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
+    zone = operations.add_zone(WET)
+    operations.add_goal(4.4, -0.5)
+    rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
+    expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
+    rule.get_by_test_id("why-without").click()
+    expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
+    operations.add_zone(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
+    expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
+    assert operations.zones()[0].enabled
+
+
+def test_a_wrong_sighting_and_a_missed_thing_are_taught(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+    await_map(page)
+    page.get_by_test_id("tab-seen").click()
+    expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × cup")
+    page.get_by_test_id("wrong-choice").select_option("book")
+    expect(page.get_by_test_id("labelling")).to_contain_text("1 of at most 500")
+    page.get_by_test_id("teach-open").click()
+    frozen = page.get_by_test_id("teach-picture")
+    expect(frozen).to_have_js_property("complete", True)
+    box = frozen.bounding_box()
+    assert box is not None
+    page.get_by_test_id("teach-class").select_option("cup")
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.4 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.65 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
+    page.mouse.up()
+    page.get_by_test_id("teach-add").click()
+    expect(page.get_by_test_id("labelling")).to_contain_text("2 of at most 500")
+    (said, none), (missed, drawn) = operations.insight.taught
+    assert (said, none, missed) == ("book", None, "cup") and drawn is not None
+    assert all(abs(a - b) <= 4 for a, b in zip(drawn, (128, 72, 208, 144), strict=True))
+
+
+def test_curves_ages_and_the_page_of_runs(page: Page, server: ConsoleServer, operations: FakeOperations) -> None:  # noqa: F811
+    await_map(page)
+    expect(page.get_by_test_id("age-picture")).to_have_text(re.compile(r"^picture 0\.\d s$"))
+    page.get_by_test_id("tab-plots").click()
+    for name in ("speed_mps", "distance_m", "explored_m2", "explored_m3", "tick_ms"):
+        expect(page.get_by_test_id(f"chart-{name}").locator(".curve")).to_have_count(1)
+    page.goto(f"{server.url}/runs")
+    expect(page.get_by_test_id("run")).to_have_count(1)
+    expect(page.get_by_test_id("report")).to_contain_text("fake hall")

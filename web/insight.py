@@ -1,0 +1,196 @@
+"""What the console needs to explain the robot: its log of decisions, why its path leads where it does, what it has recognised,
+its figures over time. `app` satisfies this port; every method may be called from any thread, and none of them waits for, or
+holds up, the tick or the command thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Kind = Literal["mission", "goal", "replanned", "stopped", "released", "seen", "zone", "beware", "labelled"]
+"""What a decision is about."""
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One decision, or something that led to one."""
+
+    id: int
+    """Grows by one with every entry."""
+    stamp_s: float
+    """Robot's monotonic clock."""
+    unix_s: float
+    """The wall clock."""
+    kind: Kind
+    """What it is about."""
+    text: str
+    """A sentence for the operator, with the figures that matter."""
+    place: Place | None = None
+    """Where, in metres of the map frame; None when it has no place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """A part of the log."""
+
+    newest: int
+    """Id of the newest entry of all; 0 before the first."""
+    oldest: int
+    """Id of the oldest entry that is still kept; 0 before the first."""
+    entries: tuple[Entry, ...]
+    """Oldest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainedRule:
+    """Something that closes cells, and what it does to the path."""
+
+    key: str
+    """`class:<id>`, `zone:<id>` or `wall`."""
+    name: str
+    """What the operator calls it."""
+    along_m: float
+    """Metres of the path that lie against it."""
+    saves_m: float | None = None
+    """How much shorter the path would be without it; None when that was not asked or cannot be said."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Explanation:
+    """Why the path leads where it does, or what would open one."""
+
+    goal: Place
+    """Where it leads."""
+    reason: str | None
+    """Why there is no path; None when there is one."""
+    length_m: float | None
+    """Of the path; None without one."""
+    points: npt.NDArray[np.float64]
+    """(N, 2) the path in metres of the map frame; (0, 2) without one."""
+    stretches: tuple[tuple[str | None, int, int], ...]
+    """(key of a rule or None, first, last index of `points`), in order, all of the path."""
+    rules: tuple[ExplainedRule, ...]
+    """What stands there, where the path lies against it, and all that can be lifted; the costliest first."""
+    all_cost_m: float | None
+    """How much shorter the path would be with every rule lifted; None without a path, or when that cannot be said."""
+    lift: tuple[str, ...] | None
+    """Without a path: keys of the smallest set of rules whose lifting opens one; None when none does, or none was found."""
+    lift_exact: bool
+    """Whether that is proven; False when the search was given up at its bound."""
+    lift_at_least: int
+    """No smaller number of rules opens a path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Alternative:
+    """The path without some rules; nothing is applied."""
+
+    reason: str | None
+    """Why there would be none; None when there would be one."""
+    length_m: float | None
+    """Its length."""
+    difference_m: float | None
+    """Its length less that of the present path; None when one of them is missing."""
+    points: npt.NDArray[np.float64]
+    """(N, 2) in metres of the map frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidates:
+    """The motion primitives that the local planner chooses from, of the newest tick."""
+
+    serial: int
+    """Of the picture that they belong to."""
+    arcs: npt.NDArray[np.float64]
+    """(A, S, 2) points of each arc in metres of the map frame."""
+    free: npt.NDArray[np.int64]
+    """(A,) how many points of it the body can be driven along, the first ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """A thing of the beware list that was recognised at one place."""
+
+    id: int
+    """Stays with it."""
+    class_name: str
+    """Of the beware list."""
+    class_id: int
+    """The same."""
+    place: Place
+    """Map frame, metres."""
+    confidence: float
+    """Of its best picture, 0 to 1."""
+    looks: int
+    """Pictures that showed it."""
+    first_s: float
+    """When it was first recognised, robot's clock."""
+    last_s: float
+    """When last."""
+    verdict: Literal["wrong"] | None = None
+    """What the operator said of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabellingState:
+    """The folder of pictures for the next training."""
+
+    folder: str
+    """Where it is."""
+    pictures: int
+    """In it."""
+    bytes_used: int
+    """By them."""
+    max_pictures: int
+    """More are refused."""
+    max_bytes: int
+    """The same."""
+
+
+class Insight(Protocol):
+    """The robot's reasons, as seen from the console. Refusals are exceptions of `navcore.errors`."""
+
+    def journal(self, *, kinds: Collection[Kind], since: int, limit: int) -> Page:
+        """The newest entries after the id `since`, at most `limit`; no `kinds` means all."""
+
+    def explain(self) -> Explanation:
+        """Why the present path, or the one to the first goal that waits. `Refused` without a goal or a map."""
+
+    def without(self, keys: Collection[str]) -> Alternative:
+        """The path if these rules did not stand. `NotKnown` for a key that names none."""
+
+    def candidates(self) -> Candidates | None:
+        """What the local planner chooses from now; None before the first picture."""
+
+    def sightings(self) -> tuple[Sighting, ...]:
+        """Everything recognised, newest first."""
+
+    def sighting_picture(self, sighting_id: int) -> bytes:
+        """JPEG of its best view; `NotKnown`."""
+
+    def seen_counts(self) -> Mapping[int, int]:
+        """How many things of each class id were recognised, those called wrong left out."""
+
+    def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
+        """It is no such thing but another, or nothing of the list: its frame goes into the labelling folder, corrected."""
+
+    def snapshot(self) -> int:
+        """Hold the present picture for `add_example`; only the newest few are held. `Refused` before the first picture."""
+
+    def snapshot_picture(self, snapshot: int) -> bytes:
+        """JPEG of a picture that is held; `NotKnown`."""
+
+    def add_example(self, snapshot: int, class_name: str, box: tuple[int, int, int, int]) -> LabellingState:
+        """Something in a held picture was missed: (left, top, right, bottom) pixels hold a thing of this class."""
+
+    def labelling(self) -> LabellingState:
+        """The labelling folder as it is."""
+
+    def series(self, since_s: float) -> Mapping[str, list[float | None]]:
+        """Columns of equal length, one row a second, after this time of the robot's clock: `t_s`, `speed_mps`, …"""

@@ -1,0 +1,61 @@
+"""The motion primitives that the local planner chooses from: what is free of each, and where it would touch something."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from web import palette
+from web.insight import Candidates
+from web.viewer.layer import Snapshot
+from web.viewer.shapes import ribbon
+
+ARC_Z = 0.07
+BLOCKED: palette.Rgb = (190, 60, 50)
+EVERY = 2
+"""Every second arc is drawn: enough to see what there is to choose from."""
+
+
+class CandidateLayer:
+    """Free parts in green, the step that would touch something in red."""
+
+    name = "candidates"
+    period_s = 0.3
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: object = None
+        self._node: Any = None
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Draw them anew with every picture; nothing while nobody wants to see them."""
+        found, strength = snapshot.candidates(), snapshot.strength.get(self.name, 1.0)
+        key = None if found is None else (found.serial, strength)
+        if key == self._shown:
+            return
+        self._shown = key
+        if found is None or not np.isfinite(found.arcs).all():
+            if self._node is not None:
+                self._node.remove()
+                self._node = None
+            return
+        segments, is_free = drawn(found)
+        colours = np.where(
+            is_free[:, None, None], snapshot.faded(palette.GOAL, self.name), snapshot.faded(BLOCKED, self.name)
+        ).repeat(2, axis=1)
+        self._node = self._server.scene.add_line_segments(
+            "/candidates/arcs", segments, colours.astype(np.uint8), thickness=0.02
+        )
+
+
+def drawn(found: Candidates) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """(N, 2, 3) segments, and (N,) whether each is free: an arc ends one step after its first touch."""
+    segments, is_free = [], []
+    for arc, free in zip(found.arcs[::EVERY], found.free[::EVERY], strict=True):
+        line = ribbon(arc[: min(int(free) + 1, len(arc))], ARC_Z)
+        segments.append(line)
+        is_free.append(np.arange(len(line)) < int(free) - 1)
+    return np.concatenate(segments), np.concatenate(is_free)
