@@ -9,7 +9,7 @@ import json
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import typer
 from rich.console import Console as Terminal
@@ -21,6 +21,7 @@ from app.plan_cli import plan
 from app.segment_cli import segment
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from app.train_cli import train
+from app.users_cli import users_cli
 from app.weights_cli import weights_cli
 from navcore.beware import BewareList, default_beware_list, load_beware_list
 from navcore.errors import BewareNavError
@@ -33,6 +34,7 @@ cli = typer.Typer(
 )
 cli.add_typer(dataset_cli, name="dataset")
 cli.add_typer(weights_cli, name="weights")
+cli.add_typer(users_cli, name="users")
 cli.command()(train)
 cli.command()(segment)
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
@@ -63,6 +65,12 @@ def console(
     backend: BackendOption = "auto",
     prior: PriorOption = None,
     kept: KeptOption = None,
+    login: Annotated[
+        bool, typer.Option("--login", help="Ask for a login on loopback too, e.g. behind a reverse proxy.")
+    ] = False,
+    unattended: Annotated[
+        Literal["go on", "pause"], typer.Option(help="What a mission does when whoever was in control has gone silent.")
+    ] = "go on",
 ) -> None:
     """Start the operator console with the simulated robot."""
     from app.console import run_console
@@ -70,7 +78,18 @@ def console(
     if kept is not None:
         prepare(kept.parent)
     choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
-    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept)
+    run_console(
+        scenario=scenario,
+        host=host,
+        port=port,
+        data=data,
+        seed=seed,
+        choice=choice,
+        prior=prior,
+        kept=kept,
+        login=login,
+        unattended=unattended,
+    )
 
 
 @cli.command()

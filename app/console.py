@@ -35,6 +35,10 @@ from navcore.robot import HUSKY
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
 from sim.scenario import load_scenario
+from web.access import Access
+from web.access.attendance import Unattended
+from web.access.roles import Role
+from web.access.users import new_user
 from web.server import ConsoleServer, PortInUse
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -45,9 +49,11 @@ class RunningConsole:
     """A console that runs."""
 
     url: str
-    """Where a browser finds it; carries the login when there is one."""
+    """Where a browser finds it."""
     operations: LiveOperations
     """The system behind it."""
+    password: str | None = None
+    """Of the first admin, who has just been made; nobody can look it up later."""
 
 
 @contextmanager
@@ -61,6 +67,8 @@ def console(
     choice: SegmenterChoice | None = None,
     prior: Path | None = None,
     kept: Path | None = None,
+    login: bool = False,
+    unattended: Unattended = "go on",
 ) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
@@ -97,12 +105,23 @@ def console(
         loop = Loop(robot, pilot, on_decision=recorder.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
-        token = None if host in LOOPBACK else secrets.token_urlsafe(16)
-        server = ConsoleServer(operations, host, port, listener=listener, token=token)
+        locked = login or host not in LOOPBACK
+        password = _first_admin(store) if locked else None
+        access = Access.by_login(store.users, store.audit) if locked else Access(ledger=store.audit)
+        server = ConsoleServer(operations, host, port, listener=listener, access=access, unattended=unattended)
         server.start()
         stack.callback(server.stop)
         stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
-        yield RunningConsole(url=server.login_url, operations=operations)
+        yield RunningConsole(url=server.url, operations=operations, password=password)
+
+
+def _first_admin(store: Store) -> str | None:
+    """Where nobody can log in yet, somebody can from now on: the password, which is kept as a hash only."""
+    if store.users.all():
+        return None
+    password = secrets.token_urlsafe(12)
+    store.users.add(new_user("admin", Role.ADMIN, password))
+    return password
 
 
 def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
@@ -122,13 +141,26 @@ def run_console(
     choice: SegmenterChoice,
     prior: Path | None = None,
     kept: Path | None = None,
+    login: bool = False,
+    unattended: Unattended = "go on",
 ) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     with console(
-        scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept
+        scenario=scenario,
+        host=host,
+        port=port,
+        data=data,
+        seed=seed,
+        choice=choice,
+        prior=prior,
+        kept=kept,
+        login=login,
+        unattended=unattended,
     ) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
+        if running.password is not None:
+            print(f"Log in as admin with the password {running.password} - it is shown this once.", flush=True)
         ended.wait()

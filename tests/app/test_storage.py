@@ -123,6 +123,6 @@ def test_polygons_are_stored_as_plain_json(tmp_path: Path) -> None:
     store.save_zone(zone(1))
     store.close()
     database = sqlite3.connect(tmp_path / "console.sqlite")
-    (polygon,) = database.execute("SELECT polygon FROM zones").fetchone()
+    (stored,) = database.execute("SELECT zone FROM zones").fetchone()
     database.close()
-    assert json.loads(polygon) == [list(corner) for corner in SQUARE]
+    assert json.loads(stored)["polygon"] == [list(corner) for corner in SQUARE]
