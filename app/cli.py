@@ -207,10 +207,10 @@ def bench(
 
 @cli.command()
 def reliability(
-    row: Annotated[list[int] | None, typer.Option(min=1, max=11, help="Only this row; repeat for more.")] = None,
+    row: Annotated[list[int] | None, typer.Option(min=1, max=25, help="Only this row; repeat for more.")] = None,
     factor: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")] = 1.0,
 ) -> None:
-    """Measure the promises about stopping, rows 1 to 11, and print them; exit code 0 only when all are met."""
+    """Measure the promises of the reliability page and print them; exit code 0 only when all are met."""
     from app.reliability import measure_reliability
 
     sys.exit(measure_reliability(rows=frozenset(row or ()), factor=factor))

@@ -1,6 +1,7 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
 import { connect, get, post, stop } from "./api.js";
+import { handKey, togglePad } from "./control.js";
 import { clicked, draft, dragged, finish, nameZonesBy, onDraft, parseCorners, setMode, undo } from "./draft.js";
 import { showBeware, showGoals, showLegend, showZones } from "./lists.js";
 import * as map from "./map.js";
@@ -22,8 +23,8 @@ function text(id, value) { if (element(id).textContent !== value) element(id).te
 function showState(next) {
   state = next;
   arrivedAt = performance.now();
-  const kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : state.phase;
-  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING" };
+  const kind = state.stop_latched ? "stopped" : state.by_hand && state.moving ? "hand" : state.reasons.length ? "held" : state.phase;
+  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING", hand: "✋ BY HAND" };
   element("badge").dataset.kind = kind;
   text("badge", words[kind] ?? kind);
   text("summary", state.summary);
@@ -212,19 +213,20 @@ function onKey(event) {
   }
   if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (handKey(event, true)) { event.preventDefault(); return; }
   if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
   const drawing = draft.mode === "draw" || draft.mode === "edit";
   const keys = {
-    Escape: () => setMode("navigate"), n: () => setMode("navigate"), g: () => setMode("goal"), z: () => setMode("draw"),
+    Escape: () => setMode("navigate"), n: () => setMode("navigate"), m: togglePad, g: () => setMode("goal"), z: () => setMode("draw"),
     Backspace: () => draft.mode === "draw" && undo(),
     Enter: () => drawing && !event.target?.matches?.("button, summary, a") && finish(),
   };
   const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-  if (act && !(drawing && ["g", "z", "n"].includes(event.key.toLowerCase()))) act();
+  if (act && !(drawing && ["g", "z", "n", "m"].includes(event.key.toLowerCase()))) act();
 }
 
 // A focused button is pressed by the space key going up; here that key means stop and nothing else.
-function swallowSpace(event) { if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
+function swallowSpace(event) { handKey(event, false); if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
 
 window.addEventListener("keydown", onKey, true);
 window.addEventListener("keyup", swallowSpace, true);
