@@ -1,4 +1,4 @@
-"""The whole console around a robot on a bench, in real time: what the figures about the door, the stop and the hand are made of."""
+"""The whole console around a robot on a bench, in real time: for the figures about the door, the stop and the hand."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pickle
@@ -80,7 +81,7 @@ def hostile_frames(trials: int) -> Figure:
 
 
 def strangers(trials: int) -> Figure:
-    """Row 24: every route of the app, for every kind of stranger, and for somebody who has not logged in. As many as there are."""
+    """Row 24: every route of the app, for every kind of stranger and for somebody not logged in; as many as there are."""
     let_in, asked = [], 0
     with bench_console() as console, tempfile.TemporaryDirectory() as folder:
         database = Database(Path(folder))
@@ -159,8 +160,6 @@ def _run_by_weights() -> int:
     with tempfile.TemporaryDirectory() as folder:
         trap, weights = Path(folder) / "trap", Path(folder) / "model.safetensors"
         weights.write_bytes(pickle.dumps(_Program(trap)))
-        try:
+        with contextlib.suppress(BadConfiguration):
             load(weights)
-        except BadConfiguration:
-            pass
         return int(trap.exists())

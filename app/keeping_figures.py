@@ -84,9 +84,8 @@ def refusing_disks(trials: int) -> Figure:
             store.save_zone(more)
             kept += refused and store.zones() == (*zones, more)
             store.close()
-    return Figure(
-        trials=trials, measured=f"refused with a reason, old data whole, and saved again afterwards: {kept}", met=kept == trials
-    )
+    measured = f"refused with a reason, old data whole, and saved again afterwards: {kept}"
+    return Figure(trials=trials, measured=measured, met=kept == trials)
 
 
 @contextmanager

@@ -25,7 +25,7 @@ BAD_VALUES: tuple[object, ...] = ("nonsense", -1e12, {"nonsense": 1})
 
 
 def busy_ports(trials: int) -> Figure:
-    """Row 18: from the start of the program to its end, and what it said; the first start, which fills caches, is not counted."""
+    """Row 18: from the program's start to its end, and what it said; the first, which fills caches, is not counted."""
     said, slowest_s = 0, 0.0
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))

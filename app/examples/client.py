@@ -1,6 +1,6 @@
 """Drive the robot from a program: a wet floor is fenced off, a goal is set, and whatever happens the robot is stopped.
 
-python app/examples/client.py http://127.0.0.1:8000 2.0 2.5        (the token of a user in BEWARENAV_TOKEN, if one is needed)
+`python app/examples/client.py http://127.0.0.1:8000 2.0 2.5`, with a user's token in BEWARENAV_TOKEN where one is needed.
 """
 
 import os

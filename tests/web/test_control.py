@@ -78,9 +78,7 @@ def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(serve
         assert first.post("/api/v1/stop").json()["stop_latched"]
 
 
-def test_asking_is_heard_by_the_one_who_drives_and_giving_by_the_one_who_asked(
-    locked: ConsoleServer, accounts: Accounts
-) -> None:
+def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(locked: ConsoleServer, accounts: Accounts) -> None:
     bearer = {name: {"Authorization": f"Bearer {accounts.tokens[name]}"} for name in ("admin", "operator")}
     with live(locked, **bearer["admin"]) as admin, live(locked, **bearer["operator"]) as operator:
         assert news(admin, yours=False)["holder"] is None
