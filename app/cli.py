@@ -73,6 +73,9 @@ def console(
     ] = "go on",
 ) -> None:
     """Start the operator console with the simulated robot."""
+    from app.ports import taken_port
+
+    listener = taken_port(host, port)  # before anything that takes a second
     from app.console import run_console
 
     if kept is not None:
@@ -89,6 +92,7 @@ def console(
         kept=kept,
         login=login,
         unattended=unattended,
+        listener=listener,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from app.faults import Sabotage
 from app.known_world import keep, recall
 from app.operations import LiveOperations
 from app.pilot import Intent, Pilot
+from app.ports import taken_port
 from app.recorder import Recorder
 from app.segmenter import Perception, compose
 from app.segmenter_choice import SegmenterChoice
@@ -27,7 +29,6 @@ from app.storage import Store
 from app.threads import Loop
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
-from navcore.errors import BadConfiguration
 from navcore.grid import GridSpec
 from navcore.mission import Mission
 from navcore.navigator import Navigator
@@ -39,7 +40,7 @@ from web.access import Access
 from web.access.attendance import Unattended
 from web.access.roles import Role
 from web.access.users import new_user
-from web.server import ConsoleServer, PortInUse
+from web.server import ConsoleServer
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -69,16 +70,14 @@ def console(
     kept: Path | None = None,
     login: bool = False,
     unattended: Unattended = "go on",
+    listener: socket.socket | None = None,
 ) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     world = load_scenario(scenario)
     with ExitStack() as stack:
-        try:
-            listener = stack.enter_context(ConsoleServer.reserve(host, port))
-        except PortInUse as error:
-            raise BadConfiguration(str(error)) from None
+        listener = stack.enter_context(listener or taken_port(host, port))
         store = Store(data)
         stack.callback(store.close)
         perception = compose(choice or SegmenterChoice())
@@ -143,6 +142,7 @@ def run_console(
     kept: Path | None = None,
     login: bool = False,
     unattended: Unattended = "go on",
+    listener: socket.socket | None = None,
 ) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
@@ -159,6 +159,7 @@ def run_console(
         kept=kept,
         login=login,
         unattended=unattended,
+        listener=listener,
     ) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:

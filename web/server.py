@@ -25,6 +25,7 @@ from web.api.mission import mission_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zones import zones_router
 from web.guard import Guard
+from web.listening import reserve
 from web.pages import pages_router
 from web.port import Operations
 from web.problems import JsonResponse
@@ -42,10 +43,6 @@ _ABOUT = """Operate the robot: goals, mission, beware zones, beware list, stop; 
 Lengths are metres of the map frame, angles radians.
 Every refusal is `{"error": {"code", "message", "where"}}` and changes nothing.
 The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
-
-
-class PortInUse(OSError):  # noqa: N818 - named after what is wrong, as in navcore
-    """Another program listens where the console should; the text says what to do."""
 
 
 def create_app(
@@ -102,14 +99,6 @@ class ConsoleServer:
         self._server: _Server | None = None
         self._thread: threading.Thread | None = None
 
-    @staticmethod
-    def reserve(host: str, port: int) -> socket.socket:
-        """The console's port, bound and listening, before anything slow is started; close it, or use it as a context.
-
-        Raises `PortInUse`, which names the port and the remedy.
-        """
-        return _listener(host, port)
-
     @property
     def url(self) -> str:
         """Where the operator's browser goes."""
@@ -118,7 +107,7 @@ class ConsoleServer:
 
     def start(self) -> None:
         """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is taken."""
-        listener = self._listener or _listener(self._host, self._port)
+        listener = self._listener or reserve(self._host, self._port)
         self._port = listener.getsockname()[1]
         self._viewer = Viewer(self._operations)
         app = create_app(self._operations, allowed_hosts=self._allowed, access=self._access, viewer=self._viewer)
@@ -172,24 +161,6 @@ def _config(app: FastAPI) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,
     )
-
-
-def _listener(host: str, port: int) -> socket.socket:
-    """A bound socket. Bound here, so that a taken port is known before anything has started."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-        listener.listen(128)
-    except OSError as error:
-        listener.close()
-        raise PortInUse(
-            f"the console cannot listen on {host}:{port}: {error.strerror}; end the program that uses the port, or choose "
-            "another one with --port"
-        ) from None
-    listener.set_inheritable(False)
-    return listener
 
 
 def _names_of(host: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What was acknowledged survives kills, disks that refuse, and new layouts; names, journals and users are kept by their rules."""
+"""What was acknowledged survives kills, disks that refuse and new layouts; names, journals and users keep their rules."""
 
 from __future__ import annotations
 

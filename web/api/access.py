@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Path
 
@@ -15,7 +15,7 @@ from web.problems import RESPONSES, JsonResponse
 from web.replies import TokenOut, UserOut, VisitorOut
 from web.schemas import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
 
-_REFUSALS = {status: RESPONSES[status] for status in (404, 409, 422, 503)}
+_REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (404, 409, 422, 503)}
 UserName = Annotated[str, Path(max_length=40)]
 
 
