@@ -79,7 +79,8 @@ def _in_a_file(folder: Path, kill: int, say: Callable[[str], None]) -> None:
     zones = sorted(_filed(folder))
     for number in range(1_000_000):
         zones.append(f"{kill}-{number}")
-        path.write_text(json.dumps([{"id": zone_id, "corners": CORNERS * 20} for zone_id in zones]))
+        with path.open("w") as file:
+            json.dump([{"id": zone_id, "corners": CORNERS * 20} for zone_id in zones], file)
         say(zones[-1])
 
 

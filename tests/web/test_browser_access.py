@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Error, Page, expect
 
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
@@ -32,6 +32,8 @@ def open_page(browser: Browser) -> Iterator[Opener]:  # noqa: F811
             page.get_by_test_id("login-name").fill(name)
             page.get_by_test_id("login-password").fill(PASSWORD)
             page.get_by_test_id("log-in").click()
+            expect(page.get_by_test_id("connection")).to_have_text("live")
+            page.goto("about:blank")
             page.goto(f"{server.url}/#map")
         expect(page.get_by_test_id("connection")).to_have_text("live")
         return page
@@ -53,7 +55,7 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     expect(viewer.get_by_test_id("control-text")).to_contain_text("operator drives")
     expect(viewer.get_by_test_id("state-badge")).to_contain_text("DRIVING")
     expect(viewer.get_by_test_id("control-take")).to_be_hidden()
-    with pytest.raises(Exception, match="Timeout"):
+    with pytest.raises(Error, match="Timeout"):
         viewer.get_by_test_id("pause").click(timeout=500)
     viewer.get_by_test_id("stop").click()
     expect(operator.get_by_test_id("reasons")).to_contain_text("viewer (console button)")

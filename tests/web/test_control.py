@@ -54,6 +54,12 @@ def eventually(holds: Any) -> None:
         time.sleep(0.01)
 
 
+@pytest.fixture
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow machine is no silent operator."""
+    monkeypatch.setattr("web.access.control.LAPSE_S", 60.0)
+
+
 def page_of(server: ConsoleServer) -> httpx.Client:
     """A browser that has opened the page of an open console."""
     page = httpx.Client(base_url=server.url, trust_env=False)
@@ -61,6 +67,7 @@ def page_of(server: ConsoleServer) -> httpx.Client:
     return page
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(server: ConsoleServer) -> None:
     with page_of(server) as first, page_of(server) as second:
         assert second.get("/api/v1/control").json()["holder"] is None
@@ -78,6 +85,7 @@ def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(serve
         assert first.post("/api/v1/stop").json()["stop_latched"]
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(locked: ConsoleServer, accounts: Accounts) -> None:
     bearer = {name: {"Authorization": f"Bearer {accounts.tokens[name]}"} for name in ("admin", "operator")}
     with live(locked, **bearer["admin"]) as admin, live(locked, **bearer["operator"]) as operator:
@@ -111,6 +119,7 @@ def test_a_viewers_hand_moves_nothing(locked: ConsoleServer, accounts: Accounts,
     assert operations.hands == []
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(server: ConsoleServer, operations: FakeOperations) -> None:
     with page_of(server) as other, live(server) as page:
         other.post("/api/v1/control/take")
