@@ -27,7 +27,19 @@ from navcore.robot import HUSKY
 from web.access import Access
 from web.server import create_app
 
-KEYS = ("x_m", "y_m", "name", "geometry", "type", "coordinates", "properties", "enabled", "margin_m", "classes", "colour")
+KEYS: tuple[str, ...] = (
+    "x_m",
+    "y_m",
+    "name",
+    "geometry",
+    "type",
+    "coordinates",
+    "properties",
+    "enabled",
+    "margin_m",
+    "classes",
+    "colour",
+)
 KEYS += ("hue_deg", "goal", "polygon", "class_id", "version", "role", "password", "\ud800", "x" * 300)
 NUMBERS = ("NaN", "-Infinity", "1e999", "-1e999", "0", "-1", "1e308", "9" * 400, "0.5", "true", "null")
 WORDS = ("", "\ud800", "\x00", "Feature", "Polygon", "é" * 100, "‮", "../../etc/passwd", "<script>", "z1", "red floor")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app import hand_figures, hostile_figures, keeping_figures, start_figures
+from app import drills, hand_figures, hostile_figures, keeping_figures, start_figures
 from app.operations import LiveOperations
 from web import problems
 from web.api import control as control_api
@@ -59,7 +59,7 @@ def test_row_17_the_wall_clock_changes_no_command() -> None:
 
 
 def test_row_17_a_drive_that_asks_the_wall_clock_is_changed(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = keeping_figures.drill
+    honest = drills.drill
 
     def asking(*, seed: int, until_s: float) -> Any:
         return honest(seed=seed, until_s=until_s if time.time() < began_s + 1800 else until_s / 2)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
@@ -38,12 +39,14 @@ class Clock:
         return self.now_s
 
 
-def browser(server: ConsoleServer, name: str | None = None) -> httpx.Client:
+@contextmanager
+def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Client]:
     """A browser, logged in as somebody."""
-    client = httpx.Client(base_url=server.url, trust_env=False, headers={"Accept": "text/html"}, follow_redirects=True)
-    if name is not None:
-        assert client.post("/login", data={"name": name, "password": PASSWORD}).status_code == 200
-    return client
+    accepts = {"Accept": "text/html"}
+    with httpx.Client(base_url=server.url, trust_env=False, headers=accepts, follow_redirects=True, timeout=60) as client:
+        if name is not None:
+            assert client.post("/login", data={"name": name, "password": PASSWORD}).status_code == 200
+        yield client
 
 
 def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(locked: ConsoleServer, accounts: Accounts) -> None:
@@ -81,12 +84,13 @@ def test_a_login_from_another_page_is_refused(locked: ConsoleServer) -> None:
         assert answer.status_code == 403 and "set-cookie" not in answer.headers
 
 
-def test_whoever_guesses_has_to_wait(locked: ConsoleServer) -> None:
+def test_whoever_guesses_has_to_wait(locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("web.access.throttle.EVERY_S", 600.0)  # so that a slow machine gets no try more
     with browser(locked) as client:
         statuses = [client.post("/login", data={"name": "admin", "password": "no"}).status_code for _ in range(AT_ONCE + 1)]
         assert statuses == [401] * AT_ONCE + [429]
         late = client.post("/login", data={"name": "admin", "password": PASSWORD})
-        assert late.status_code == 429 and int(late.headers["retry-after"]) <= EVERY_S + 1
+        assert late.status_code == 429 and 0 < int(late.headers["retry-after"]) <= 600
 
 
 def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address_by_itself() -> None:
@@ -180,7 +184,7 @@ def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
 ) -> None:
     click = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
     click |= {"ray_origin": [0.0, 0.0, 10.0], "ray_direction": [0.1, 0.2, -1.0]}
-    heard = {}
+    heard: dict[str, dict[str, Any] | None] = {}
     for name in ("operator", "viewer"):
         headers = {"Authorization": f"Bearer {accounts.tokens[name]}"}
         link = locked.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
@@ -35,7 +37,7 @@ def live(server: ConsoleServer, **headers: str) -> Connection:
 def news(socket: Connection, **wanted: Any) -> dict[str, Any]:
     """The next message in which all of this holds."""
     for _ in range(200):
-        message: dict[str, Any] = json.loads(socket.recv(timeout=5))
+        message: dict[str, Any] = json.loads(socket.recv(timeout=60))
         if all(message.get(key) == value for key, value in wanted.items()):
             return message
     raise AssertionError(f"it was never said that {wanted}")
@@ -48,7 +50,7 @@ def push(socket: Connection, at_ms: float, **changes: Any) -> None:
 
 def eventually(holds: Any) -> None:
     """Wait for something."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while not holds():
         assert time.monotonic() < deadline
         time.sleep(0.01)
@@ -60,11 +62,12 @@ def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("web.access.control.LAPSE_S", 60.0)
 
 
-def page_of(server: ConsoleServer) -> httpx.Client:
+@contextmanager
+def page_of(server: ConsoleServer) -> Iterator[httpx.Client]:
     """A browser that has opened the page of an open console."""
-    page = httpx.Client(base_url=server.url, trust_env=False)
-    assert page.get("/").status_code == 200 and len(page.cookies) == 1
-    return page
+    with httpx.Client(base_url=server.url, trust_env=False, timeout=60) as page:
+        assert page.get("/").status_code == 200 and len(page.cookies) == 1
+        yield page
 
 
 @pytest.mark.usefixtures("unhurried")
@@ -149,7 +152,7 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(server: ConsoleServer, operation
         page.send(message)
         with pytest.raises(ConnectionClosed):
             for _ in range(20):
-                page.recv(timeout=5)
+                page.recv(timeout=60)
     assert operations.hands == []
 
 
