@@ -9,7 +9,7 @@ import json
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import typer
 from rich.console import Console as Terminal
@@ -21,6 +21,7 @@ from app.plan_cli import plan
 from app.segment_cli import segment
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from app.train_cli import train
+from app.users_cli import users_cli
 from app.weights_cli import weights_cli
 from navcore.beware import BewareList, default_beware_list, load_beware_list
 from navcore.errors import BewareNavError
@@ -33,6 +34,7 @@ cli = typer.Typer(
 )
 cli.add_typer(dataset_cli, name="dataset")
 cli.add_typer(weights_cli, name="weights")
+cli.add_typer(users_cli, name="users")
 cli.command()(train)
 cli.command()(segment)
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
@@ -63,14 +65,35 @@ def console(
     backend: BackendOption = "auto",
     prior: PriorOption = None,
     kept: KeptOption = None,
+    login: Annotated[
+        bool, typer.Option("--login", help="Ask for a login on loopback too, e.g. behind a reverse proxy.")
+    ] = False,
+    unattended: Annotated[
+        Literal["go on", "pause"], typer.Option(help="What a mission does when whoever was in control has gone silent.")
+    ] = "go on",
 ) -> None:
     """Start the operator console with the simulated robot."""
+    from app.ports import taken_port
+
+    listener = taken_port(host, port)  # before anything that takes a second
     from app.console import run_console
 
     if kept is not None:
         prepare(kept.parent)
     choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
-    run_console(scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept)
+    run_console(
+        scenario=scenario,
+        host=host,
+        port=port,
+        data=data,
+        seed=seed,
+        choice=choice,
+        prior=prior,
+        kept=kept,
+        login=login,
+        unattended=unattended,
+        listener=listener,
+    )
 
 
 @cli.command()
@@ -188,10 +211,10 @@ def bench(
 
 @cli.command()
 def reliability(
-    row: Annotated[list[int] | None, typer.Option(min=1, max=11, help="Only this row; repeat for more.")] = None,
+    row: Annotated[list[int] | None, typer.Option(min=1, max=25, help="Only this row; repeat for more.")] = None,
     factor: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")] = 1.0,
 ) -> None:
-    """Measure the promises about stopping, rows 1 to 11, and print them; exit code 0 only when all are met."""
+    """Measure the promises of the reliability page and print them; exit code 0 only when all are met."""
     from app.reliability import measure_reliability
 
     sys.exit(measure_reliability(rows=frozenset(row or ()), factor=factor))

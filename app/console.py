@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from app.faults import Sabotage
 from app.known_world import keep, recall
 from app.operations import LiveOperations
 from app.pilot import Intent, Pilot
+from app.ports import taken_port
 from app.recorder import Recorder
 from app.segmenter import Perception, compose
 from app.segmenter_choice import SegmenterChoice
@@ -27,7 +29,6 @@ from app.storage import Store
 from app.threads import Clockwork, Loop
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
-from navcore.errors import BadConfiguration
 from navcore.grid import GridSpec
 from navcore.mission import Mission
 from navcore.navigator import Navigator
@@ -35,7 +36,11 @@ from navcore.robot import HUSKY
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
 from sim.scenario import load_scenario
-from web.server import ConsoleServer, PortInUse
+from web.access import Access
+from web.access.attendance import Unattended
+from web.access.roles import Role
+from web.access.users import new_user
+from web.server import ConsoleServer
 
 EXPIRY_S = 1.0
 """How often the zones' expiry is looked at."""
@@ -48,9 +53,11 @@ class RunningConsole:
     """A console that runs."""
 
     url: str
-    """Where a browser finds it; carries the login when there is one."""
+    """Where a browser finds it."""
     operations: LiveOperations
     """The system behind it."""
+    password: str | None = None
+    """Of the first admin, who has just been made; nobody can look it up later."""
 
 
 @contextmanager
@@ -64,16 +71,16 @@ def console(
     choice: SegmenterChoice | None = None,
     prior: Path | None = None,
     kept: Path | None = None,
+    login: bool = False,
+    unattended: Unattended = "go on",
+    listener: socket.socket | None = None,
 ) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     world = load_scenario(scenario)
     with ExitStack() as stack:
-        try:
-            listener = stack.enter_context(ConsoleServer.reserve(host, port))
-        except PortInUse as error:
-            raise BadConfiguration(str(error)) from None
+        listener = stack.enter_context(listener or taken_port(host, port))
         store = Store(data)
         stack.callback(store.close)
         perception = compose(choice or SegmenterChoice())
@@ -107,12 +114,23 @@ def console(
         loop = Loop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
-        token = None if host in LOOPBACK else secrets.token_urlsafe(16)
-        server = ConsoleServer(operations, host, port, listener=listener, token=token)
+        locked = login or host not in LOOPBACK
+        password = _first_admin(store) if locked else None
+        access = Access.by_login(store.users, store.audit) if locked else Access(ledger=store.audit)
+        server = ConsoleServer(operations, host, port, listener=listener, access=access, unattended=unattended)
         server.start()
         stack.callback(server.stop)
         stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
-        yield RunningConsole(url=server.login_url, operations=operations)
+        yield RunningConsole(url=server.url, operations=operations, password=password)
+
+
+def _first_admin(store: Store) -> str | None:
+    """Where nobody can log in yet, somebody can from now on: the password, which is kept as a hash only."""
+    if store.users.all():
+        return None
+    password = secrets.token_urlsafe(12)
+    store.users.add(new_user("admin", Role.ADMIN, password))
+    return password
 
 
 def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
@@ -132,13 +150,28 @@ def run_console(
     choice: SegmenterChoice,
     prior: Path | None = None,
     kept: Path | None = None,
+    login: bool = False,
+    unattended: Unattended = "go on",
+    listener: socket.socket | None = None,
 ) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     with console(
-        scenario=scenario, host=host, port=port, data=data, seed=seed, choice=choice, prior=prior, kept=kept
+        scenario=scenario,
+        host=host,
+        port=port,
+        data=data,
+        seed=seed,
+        choice=choice,
+        prior=prior,
+        kept=kept,
+        login=login,
+        unattended=unattended,
+        listener=listener,
     ) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
+        if running.password is not None:
+            print(f"Log in as admin with the password {running.password} - it is shown this once.", flush=True)
         ended.wait()

@@ -29,7 +29,7 @@ from navcore.local_planner import Outcome
 from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Decision
 from navcore.path import NoPath
-from navcore.robot import STANDSTILL, Robot, RobotProfile
+from navcore.robot import STANDSTILL, Command, Robot, RobotProfile, Twist
 from navcore.safety import Verdict
 from navcore.segment import Finder
 from navcore.transform import Pose2
@@ -136,6 +136,7 @@ class LiveOperations:
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,
+            by_hand=self._pilot.hand(now_ns) is not None,
             summary=_summary(intent, decision, reasons, moving),
             stop_latched=intent.stopped_by is not None or self._pilot.pose_in_doubt,
             reasons=reasons,
@@ -232,13 +233,28 @@ class LiveOperations:
 
         self._pilot.change(edit)
 
+    def drive(self, twist: Twist | None) -> None:
+        """By hand, for as long as the command lives; a mission that drives is paused, and stays so."""
+        if twist is None:
+            self._pilot.change(lambda intent: dataclasses.replace(intent, by_hand=None))
+            return
+        command = Command(twist=twist, stamp_ns=self._robot.now_ns())
+
+        def edit(intent: Intent) -> Intent:
+            if intent.stopped_by is not None:
+                raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
+            mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
+            return dataclasses.replace(intent, by_hand=command, mission=mission)
+
+        self._pilot.change(edit)
+
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission, as one step."""
 
         def edit(intent: Intent) -> Intent:
             driving = intent.mission.phase in MOVING
             mission = intent.mission.pause() if driving else intent.mission
-            return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission)
+            return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None)
 
         self._pilot.change(edit)
         # The command thread would send it within its period; the wheels need not wait for that.
@@ -405,6 +421,8 @@ def _summary(intent: Intent, decision: Decision | None, reasons: tuple[StopReaso
     mission = intent.mission
     if reasons:
         return reasons[0].text
+    if moving and mission.phase not in MOVING:
+        return "Driven by hand."
     if mission.phase is Phase.LEAVING:
         return "Leaving the beware area by the shortest way."
     if _in_zone(decision):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from app.occupant import occupant
 from navcore.beware import BewareList
+from navcore.by_hand import keeps_out
 from navcore.contact import NO_POINTS, near_points
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.frame import Frame
@@ -32,6 +33,8 @@ MOVING = (Phase.DRIVING, Phase.LEAVING)
 """Phases of a mission in which the robot may move."""
 STANDS_BELOW_MPS = 0.03
 """A robot slower than this stands, as far as arriving is concerned."""
+HAND_LIFE_NS = COMMAND_LIFE_NS
+"""How long a velocity that somebody gives by hand is good for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +49,8 @@ class Intent:
     """Where the robot must not be."""
     stopped_by: str | None = None
     """Who latched the emergency stop; None when it is not latched."""
+    by_hand: Command | None = None
+    """What a hand on the console asked for last; None when there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -204,20 +209,38 @@ class Pilot:
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> Verdict:
-        intent, thought = self._intent, self._thought
+        intent, thought, hand = self._intent, self._thought, self.hand(now_ns)
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
         driving = intent.mission.phase in MOVING and thought.order == _order(intent)
         facts = Facts(
             now_ns=now_ns,
             frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
             stopped_by=intent.stopped_by,
-            command=thought.command if driving else None,
+            command=hand or (thought.command if driving else None),
             senses=self._watched,
             near=self._near,
             pushing_ns=self._pushing_ns,
         )
         verdict = guard(facts, sent=self._sent, period_s=period_s, profile=self.profile)
-        return Verdict(twist=verdict.twist, reasons=ranked([*verdict.reasons, *self._obstacles(intent, thought)]))
+        found = self._objections_to(hand) if hand is not None else self._obstacles(intent, thought)
+        twist = STANDSTILL if hand is not None and found else verdict.twist
+        return Verdict(twist=twist, reasons=ranked([*verdict.reasons, *found]))
+
+    def hand(self, now_ns: int) -> Command | None:
+        """What somebody asks for by hand, while it is fresh and no mission drives."""
+        command = self._intent.by_hand
+        if command is None or self._intent.mission.phase in MOVING:
+            return None
+        return command if 0 <= now_ns - command.stamp_ns <= HAND_LIFE_NS else None
+
+    def _objections_to(self, hand: Command) -> list[StopReason]:
+        """A hand may go wherever the gate lets it, but into no beware area that the map knows of."""
+        decision, newest = self._thought.decision, self._watched.newest
+        if decision is None or newest is None:
+            return []
+        if keeps_out(hand.twist, newest.pose, decision.occupancy, self.profile):
+            return []
+        return [StopReason(cause=Cause.BEWARE_AHEAD, text="A beware area lies that way; drive by hand in another direction.")]
 
     def _obstacles(self, intent: Intent, thought: Thought) -> list[StopReason]:
         """Why the planners, rather than the gate, keep the robot where it is."""

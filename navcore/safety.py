@@ -28,6 +28,7 @@ class Cause(StrEnum):
 
     EMERGENCY_STOP = "emergency_stop"
     CONTACT_IMMINENT = "contact_imminent"
+    BEWARE_AHEAD = "beware_ahead"
     STALE_FRAME = "stale_frame"
     BAD_FRAME = "bad_frame"
     STUCK_CAMERA = "stuck_camera"

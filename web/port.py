@@ -86,6 +86,8 @@ class State:
     """Grows with every change of the zones."""
     beware_version: int
     """Version of the beware list."""
+    by_hand: bool = False
+    """Somebody drives it by hand."""
     in_zone: bool = False
     """The robot stands in an area that it must not be in; `leave` gets it out."""
     segmenter: str
@@ -258,7 +260,7 @@ class Operations(Protocol):
     """The system as seen from the console.
 
     Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422), `NotKnown` (404),
-    `Outdated` (412/409), `Refused` (409), `StorageFailed` (503). What is refused changes nothing.
+    `Outdated` (409), `Refused` (409), `StorageFailed` (503). What is refused changes nothing.
     """
 
     @property
@@ -313,6 +315,9 @@ class Operations(Protocol):
 
     def mission(self, action: MissionAction) -> None:
         """Start, pause, resume or cancel; or leave the beware area that the robot stands in."""
+
+    def drive(self, twist: Twist | None) -> None:
+        """By hand: this velocity for 0.25 s at most, through the safety gate; None lets go. A driving mission is paused."""
 
     def stop(self, source: str) -> None:
         """Latched emergency stop; `source` says who, e.g. `console button`, `REST`."""

@@ -49,8 +49,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"model": Problem, "description": text}
     for status, text in (
         (404, "Nothing has this id, or there is nothing to show yet"),
-        (409, "Refused in the present state; nothing was changed"),
-        (412, "Somebody else changed it meanwhile; the stored version is in the body"),
+        (409, "Refused in the present state, or somebody else changed it meanwhile (then both versions are in the body)"),
         (422, "A value is wrong; the answer names the place and the reason"),
         (503, "The store did not take it; what was stored before is intact"),
     )

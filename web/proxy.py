@@ -9,23 +9,32 @@ from __future__ import annotations
 import logging
 
 import httpx
+import msgspec
 import websockets
 from fastapi import APIRouter, HTTPException, Response, WebSocket
 from starlette.websockets import WebSocketState
 from websockets.asyncio.client import ClientConnection
 from websockets.typing import Subprotocol
 
+from web.access.roles import CurrentVisitor, Role
 from web.sockets import until_one_ends
 from web.viewer.link import PAGE_ID, PAGE_ID_HEADER
 from web.viewer.viewer import Viewer
 
 log = logging.getLogger(__name__)
 
+CAMERA_MESSAGE = "ViewerCameraMessage"
 TIMEOUT_S = 5.0
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Bytes of one message of viser; a scene that a new client gets at once is large."""
 _KEPT = ("content-type", "content-encoding", "content-length")
 GOING_AWAY, TRY_AGAIN = 1001, 1013
+
+
+class _Kind(msgspec.Struct):
+    """All that the door reads of a message to viser."""
+
+    type: str
 
 
 def viewer_router(viewer: Viewer | None) -> APIRouter:
@@ -49,13 +58,13 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
     # viser's page opens its websocket at its own address without the trailing slash.
     @router.websocket("/viewer")
     @router.websocket("/viewer/{page_id}")
-    async def relay(socket: WebSocket, page_id: str = "") -> None:
+    async def relay(socket: WebSocket, visitor: CurrentVisitor, page_id: str = "") -> None:
         """viser's websocket."""
         offered = socket.scope.get("subprotocols", [])
         if viewer is None or viewer.subprotocol not in offered or (page_id and PAGE_ID.fullmatch(page_id) is None):
             await socket.close(TRY_AGAIN)
             return
-        await _relay(socket, viewer, page_id)
+        await _relay(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR))
 
     return router
 
@@ -73,7 +82,7 @@ async def _fetch(viewer: Viewer | None) -> Response:
     return Response(body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"})
 
 
-async def _relay(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
+async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:
     connecting = websockets.connect(
         viewer.websocket_url,
         subprotocols=[Subprotocol(viewer.subprotocol)],
@@ -85,7 +94,7 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
     )
     async with connecting as upstream:
         await socket.accept(subprotocol=viewer.subprotocol)
-        await until_one_ends(_down(upstream, socket), _up(socket, upstream))
+        await until_one_ends(_down(upstream, socket), _up(socket, upstream, acts=acts))
     if socket.client_state is WebSocketState.CONNECTED and socket.application_state is WebSocketState.CONNECTED:
         await socket.close(GOING_AWAY)
 
@@ -96,10 +105,17 @@ async def _down(upstream: ClientConnection, socket: WebSocket) -> None:
             await socket.send_bytes(message)
 
 
-async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+async def _up(socket: WebSocket, upstream: ClientConnection, *, acts: bool) -> None:
     while True:
         message = await socket.receive()
         if message["type"] != "websocket.receive" or message.get("bytes") is None:
             # viser speaks binary only; anything else ends this connection and no other.
             return
+        if not acts:
+            try:
+                kind = msgspec.msgpack.decode(message["bytes"], type=_Kind).type
+            except msgspec.MsgspecError:
+                return
+            if kind != CAMERA_MESSAGE:
+                continue  # somebody who may only look says where his camera is; whatever else he says is not heard
         await upstream.send(message["bytes"])

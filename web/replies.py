@@ -73,6 +73,7 @@ class StateOut(BaseModel):
     frame_age_s: Figure
     zones_version: int
     beware_version: int
+    by_hand: bool = Field(description="somebody drives it by hand")
     in_zone: bool = Field(description="the robot stands in an area that it must not be in; mission/leave gets it out")
     loop: bool = Field(description="goals that are reached wait again")
     segmenter: str = Field(description="what labels the pictures")
@@ -264,6 +265,43 @@ class PreviewOut(WayOut):
     present: WayOut | None = Field(description="the path without the draft")
     change_m: Figure = Field(description="how much longer the path would be")
     change_s: Figure = Field(description="how much longer it would take")
+
+
+class VisitorOut(BaseModel):
+    """Somebody at the console."""
+
+    name: str
+    role: str
+    logged_in: bool = Field(description="false on a console that serves its own machine without a log-in")
+
+
+class ControlOut(BaseModel):
+    """Who drives."""
+
+    type: Literal["control"] = "control"
+    serial: int = Field(description="grows with every change")
+    you: VisitorOut | None
+    yours: bool = Field(description="whether you are in control")
+    holder: VisitorOut | None
+    asking: VisitorOut | None = Field(description="who would like to have it")
+    asked_by_you: bool
+    before: VisitorOut | None = Field(description="who had it before")
+    was_yours: bool
+    taken: bool = Field(description="whether the holder took it from the one before")
+
+
+class UserOut(BaseModel):
+    """Who may log in."""
+
+    name: str
+    role: str
+    has_token: bool
+
+
+class TokenOut(BaseModel):
+    """A bearer token; it is shown this once."""
+
+    token: str
 
 
 class HealthOut(BaseModel):

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from navcore.beware import LARGEST_CLASS_ID, MAX_MARGIN_M
 from navcore.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
 from navcore.zones import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, ZoneKind
+from web.access.users import LONGEST_PASSWORD
 from web.port import PreviewDraft, ZoneDraft
 
 MAX_NAME = 80
@@ -340,3 +341,47 @@ class PosesIn(_Closed):
     """Past poses as they are known by now; those that are not named stay."""
 
     poses: Annotated[list[NumberedPoseIn], Field(min_length=1, max_length=MAX_POSES)]
+
+
+class Here(_Closed):
+    """A page says that it is still there."""
+
+    type: Literal["here"]
+
+
+class Drive(_Closed):
+    """A page's hand is on the robot: how fast it is to go until it hears more, 0.25 s at most."""
+
+    type: Literal["drive"]
+    v_mps: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-5.0, le=5.0)]
+    w_radps: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-10.0, le=10.0)]
+    t_ms: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e15)] = Field(
+        description="when it was sent, by a clock of the page that only goes forward"
+    )
+
+
+Password = Annotated[StrictStr, Field(max_length=LONGEST_PASSWORD)]
+
+
+class RoleIn(_Closed):
+    """What somebody may do."""
+
+    role: Literal["viewer", "operator", "admin"]
+
+
+class PasswordIn(_Closed):
+    """A new password."""
+
+    password: Password
+
+
+class OwnPasswordIn(PasswordIn):
+    """One's own new password, and the present one as a proof."""
+
+    present: Password
+
+
+class NewUserIn(RoleIn, PasswordIn):
+    """Who may log in from now on."""
+
+    name: Name

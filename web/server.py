@@ -6,13 +6,18 @@ import logging
 import socket
 import threading
 from collections.abc import Sequence
-from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI
 
 from web import problems
+from web.access import Access
+from web.access.attendance import Attendance, Unattended
+from web.access.audit import Auditor
+from web.api.access import access_router
+from web.api.audit import audit_router
 from web.api.beware import beware_router
+from web.api.control import control_router
 from web.api.drawing import drawing_router
 from web.api.events import events_router
 from web.api.explain import explain_router
@@ -25,6 +30,7 @@ from web.api.sightings import sightings_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zones import zones_router
 from web.guard import Guard
+from web.listening import reserve
 from web.pages import pages_router
 from web.port import Operations
 from web.problems import JsonResponse
@@ -44,14 +50,12 @@ Every refusal is `{"error": {"code", "message", "where"}}` and changes nothing.
 The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
 
 
-class PortInUse(OSError):  # noqa: N818 - named after what is wrong, as in navcore
-    """Another program listens where the console should; the text says what to do."""
-
-
 def create_app(
-    operations: Operations, *, allowed_hosts: Sequence[str], token: str | None = None, viewer: Viewer | None = None
+    operations: Operations, *, allowed_hosts: Sequence[str], access: Access | None = None, viewer: Viewer | None = None
 ) -> FastAPI:
     """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or without a port."""
+    access = access or Access()
+    auditor = Auditor(access.ledger)
     app = FastAPI(
         title="Operator console",
         version="1",
@@ -64,12 +68,15 @@ def create_app(
         app.include_router(router(operations), prefix="/api/v1")
     for router in (journal_router, explain_router, sightings_router):
         app.include_router(router(operations), prefix="/api/v1")
+    app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")
+    app.include_router(access_router(access.house), prefix="/api/v1")
+    app.include_router(audit_router(access.ledger), prefix="/api/v1")
     app.include_router(viewer_link_router(viewer), prefix="/api/v1")
     app.include_router(health_router(operations))
     app.include_router(pages_router())
     app.include_router(viewer_router(viewer))
     problems.install(app)
-    app.add_middleware(Guard, allowed_hosts=allowed_hosts, token=token)
+    app.add_middleware(Guard, allowed_hosts=allowed_hosts, house=access.house, control=access.control, auditor=auditor)
     return app
 
 
@@ -84,23 +91,20 @@ class ConsoleServer:
         *,
         listener: socket.socket | None = None,
         allowed_hosts: Sequence[str] = (),
-        token: str | None = None,
+        access: Access | None = None,
+        unattended: Unattended = "go on",
     ) -> None:
-        """`listener` comes from `reserve`; without it, `start` takes the port itself."""
-        self._operations, self._host, self._port, self._token = operations, host, port, token
+        """`listener` comes from `reserve`; without it, `start` takes the port itself. `unattended`: what becomes of a mission
+        when whoever is in control has gone silent.
+        """
+        self._operations, self._host, self._port = operations, host, port
+        self._access = access or Access()
+        self._attendance = Attendance(operations, self._access, unattended)
         self._listener = listener
         self._allowed = (*LOOPBACK, *_names_of(host), *allowed_hosts)
         self._viewer: Viewer | None = None
         self._server: _Server | None = None
         self._thread: threading.Thread | None = None
-
-    @staticmethod
-    def reserve(host: str, port: int) -> socket.socket:
-        """The console's port, bound and listening, before anything slow is started; close it, or use it as a context.
-
-        Raises `PortInUse`, which names the port and the remedy.
-        """
-        return _listener(host, port)
 
     @property
     def url(self) -> str:
@@ -108,26 +112,23 @@ class ConsoleServer:
         name = _names_of(self._host)[0]
         return f"http://{name}:{self._port}"
 
-    @property
-    def login_url(self) -> str:
-        """As `url`, with the token that logs a browser in, where there is one."""
-        return self.url if self._token is None else f"{self.url}/?token={quote(self._token, safe='')}"
-
     def start(self) -> None:
         """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is taken."""
-        listener = self._listener or _listener(self._host, self._port)
+        listener = self._listener or reserve(self._host, self._port)
         self._port = listener.getsockname()[1]
         self._viewer = Viewer(self._operations)
-        app = create_app(self._operations, allowed_hosts=self._allowed, token=self._token, viewer=self._viewer)
+        app = create_app(self._operations, allowed_hosts=self._allowed, access=self._access, viewer=self._viewer)
         self._server = _Server(_config(app))
         self._thread = threading.Thread(target=self._server.run, args=([listener],), name="console", daemon=True)
         self._thread.start()
+        self._attendance.start()
         if not self._server.up.wait(START_S):
             self.stop()
             raise RuntimeError(f"the console did not come up within {START_S:g} s")
 
     def stop(self) -> None:
         """Serve no more; open connections are closed."""
+        self._attendance.stop()
         if self._server is not None:
             self._server.should_exit = True
         if self._viewer is not None:
@@ -167,24 +168,6 @@ def _config(app: FastAPI) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,
     )
-
-
-def _listener(host: str, port: int) -> socket.socket:
-    """A bound socket. Bound here, so that a taken port is known before anything has started."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-        listener.listen(128)
-    except OSError as error:
-        listener.close()
-        raise PortInUse(
-            f"the console cannot listen on {host}:{port}: {error.strerror}; end the program that uses the port, or choose "
-            "another one with --port"
-        ) from None
-    listener.set_inheritable(False)
-    return listener
 
 
 def _names_of(host: str) -> tuple[str, ...]:

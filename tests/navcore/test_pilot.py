@@ -18,7 +18,7 @@ from navcore.mission import Mission, Phase
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason
-from navcore.robot import HUSKY, STANDSTILL, Twist
+from navcore.robot import HUSKY, STANDSTILL, Command, Twist
 from navcore.safety import Cause, Verdict
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
@@ -296,3 +296,54 @@ def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_f
     assert nearest_free(Mask.of(~blocked), (8, 8), 3.9) is None
     assert nearest_free(Mask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
     assert nearest_free(Mask.of(~blocked), (-1, 30), 4.0) == (-1, 30)
+
+
+BY_HAND = Twist(v_mps=0.3, w_radps=0.0)
+
+
+def pushed(driver: Pilot, twist: Twist = BY_HAND) -> Pilot:
+    """A hand on the robot, at the moment of the picture."""
+    hand = Command(twist=twist, stamp_ns=SECOND)
+    driver.change(lambda intent: dataclasses.replace(intent, by_hand=hand))
+    return driver
+
+
+def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None:
+    driver = pilot()
+    think(driver)
+    assert command(pushed(driver)).twist.v_mps == pytest.approx(HUSKY.max_accel_mps2 * 0.05)
+    assert command(driver, after_s=0.2).twist.v_mps == BY_HAND.v_mps
+    late = command(driver, after_s=0.26)
+    assert late.twist == STANDSTILL and late.reasons == ()
+
+
+def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control of the test above."""
+    monkeypatch.setattr("app.pilot.HAND_LIFE_NS", 10**15)
+    monkeypatch.setattr("navcore.safety.COMMAND_LIFE_NS", 10**15)
+    driver = pilot()
+    think(driver)
+    assert command(pushed(driver), after_s=0.4).twist.v_mps > 0
+
+
+def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
+    stopped = pushed(pilot())
+    think(stopped)
+    stopped.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
+    assert causes(command(stopped)) == [Cause.EMERGENCY_STOP] and stopped.sent == STANDSTILL
+    wall = pilot()
+    think(wall, picture(Box(x=(0.75, 1.0), y=(-2, 2), z=(0, 1)), stamp_ns=SECOND))
+    assert causes(command(pushed(wall))) == [Cause.CONTACT_IMMINENT] and wall.sent == STANDSTILL
+    driving = pilot((3.0, 0.0))
+    think(driving)
+    command(pushed(driving, Twist(v_mps=-0.3, w_radps=0.0)))
+    assert driving.sent.v_mps > 0
+
+
+def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
+    near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
+    driver = pilot()
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(near,)))
+    think(driver)
+    assert causes(command(pushed(driver))) == [Cause.BEWARE_AHEAD] and driver.sent == STANDSTILL
+    assert command(pushed(driver, Twist(v_mps=-0.2, w_radps=0.0))).twist.v_mps < 0

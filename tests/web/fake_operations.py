@@ -78,6 +78,8 @@ class FakeOperations:
         self._counts = {"serial": 0, "grid": 0, "zones": 0, "replans": 0}
         self._urdf = robot_urdf
         self.stops: list[str] = []
+        self.hand: Twist | None = None
+        self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
         self._world = {0: _walls(), RED_FLOOR: _box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -107,7 +109,8 @@ class FakeOperations:
                 scenario="fake hall",
                 robot=HUSKY.name,
                 phase=self._mission.phase,
-                moving=moving,
+                moving=moving or self.hand is not None,
+                by_hand=self.hand is not None,
                 summary=self._summary(reasons, moving),
                 stop_latched=self._stopped_by is not None,
                 reasons=reasons,
@@ -216,6 +219,16 @@ class FakeOperations:
         with self._lock:
             self.stops.append(source)
             self._stopped_by = source
+
+    def drive(self, twist: Twist | None) -> None:
+        """Note it; whether it expires is not this world's affair."""
+        with self._lock:
+            if twist is not None and self._stopped_by is not None:
+                raise Refused("the emergency stop is latched; reset it first")
+            if twist is not None and self._mission.phase is Phase.DRIVING:
+                self._mission = self._mission.pause()
+            self.hand = twist
+            self.hands.append(twist)
 
     def reset_stop(self) -> None:
         """As the port says."""

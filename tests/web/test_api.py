@@ -118,7 +118,7 @@ def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(client: h
     client.put("/api/v1/zones/z1", json=zone("by the other"), headers={"If-Match": '"1"'})
     body = zone("mine") if method == "PUT" else None
     late = client.request(method, "/api/v1/zones/z1", json=body, headers={"If-Match": '"1"'})
-    assert wrong(late, 412)["code"] == "outdated"
+    assert wrong(late, 409)["code"] == "outdated"
     assert late.json()["stored"]["properties"]["name"] == "by the other"
     assert (late.json()["given_version"], late.json()["stored_version"], late.headers["etag"]) == (1, 2, '"2"')
     assert client.get("/api/v1/zones/z1").json()["properties"]["name"] == "by the other"
@@ -190,7 +190,7 @@ def test_the_beware_list_is_read_replaced_and_guarded_by_its_version(client: htt
     body["classes"][1]["margin_m"] = 0.4
     assert client.put("/api/v1/beware", json=body, headers={"If-Match": listed.headers["etag"]}).json()["version"] == 1
     late = client.put("/api/v1/beware", json=body, headers={"If-Match": listed.headers["etag"]})
-    assert wrong(late, 412)["code"] == "outdated" and late.json()["stored"]["classes"][1]["margin_m"] == 0.4
+    assert wrong(late, 409)["code"] == "outdated" and late.json()["stored"]["classes"][1]["margin_m"] == 0.4
     body["classes"][1]["name"] = body["classes"][0]["name"]
     assert "more than once" in wrong(client.put("/api/v1/beware", json=body), 422)["message"]
     rule = {"colour": {"hue_deg": [10, 20]}, "margin_m": 0.2}
@@ -203,7 +203,7 @@ def test_an_edit_of_one_class_is_guarded_by_the_lists_version_too(client: httpx.
     first = client.patch("/api/v1/beware/cup", json={"min_confidence": 0.7}, headers=seen)
     assert (first.status_code, first.headers["etag"]) == (200, '"1"')
     late = client.patch("/api/v1/beware/cup", json={"min_confidence": 0.1}, headers=seen)
-    assert wrong(late, 412)["code"] == "outdated" and late.json()["stored_version"] == 1
+    assert wrong(late, 409)["code"] == "outdated" and late.json()["stored_version"] == 1
     assert client.get("/api/v1/beware").json()["classes"][2]["min_confidence"] == 0.7
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_api import wrong, zone
-from web.guard import MAX_BODY_BYTES
+from web.access.bodies import MAX_BODY_BYTES
 from web.server import ConsoleServer
 
 JSON = {"Content-Type": "application/json"}

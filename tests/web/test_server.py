@@ -19,7 +19,8 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from tests.web.fake_operations import FakeOperations
-from web.server import ConsoleServer, PortInUse
+from web.listening import PortInUse, reserve
+from web.server import ConsoleServer
 from web.viewer.viewer import Viewer
 
 VISER = Subprotocol("viser-v1.1.1")
@@ -68,11 +69,11 @@ def test_a_busy_port_is_refused_with_the_port_and_the_remedy(operations: FakeOpe
         with pytest.raises(PortInUse, match=rf"127\.0\.0\.1:{port}.*--port"):
             ConsoleServer(operations, port=port).start()
         with pytest.raises(PortInUse):
-            ConsoleServer.reserve("127.0.0.1", port)
+            reserve("127.0.0.1", port)
 
 
 def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -> None:
-    with ConsoleServer.reserve("127.0.0.1", 0) as place:
+    with reserve("127.0.0.1", 0) as place:
         console = ConsoleServer(operations, listener=place)
         console.start()
         assert console.url.endswith(f":{place.getsockname()[1]}")

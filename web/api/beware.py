@@ -15,7 +15,7 @@ from web.problems import RESPONSES, JsonResponse
 from web.replies import BewareOut
 from web.schemas import MAX_NAME, BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
 
-_REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (412, 422, 503)}
+_REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (409, 422, 503)}
 
 
 def beware_router(operations: Operations) -> APIRouter:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 
+from web.access.roles import CurrentVisitor
 from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
@@ -92,9 +93,12 @@ def mission_router(operations: Operations) -> APIRouter:
         return mission_of(operations.state())
 
     @router.post("/stop", response_model=StateOut)
-    async def stop(by: Annotated[str, Query(max_length=MAX_NAME)] = "REST") -> StateOut:
-        """Emergency stop. It holds until it is reset, whatever else is asked for. `by` says who, for the operators' eyes."""
-        operations.stop(by if by.isprintable() and by.strip() else "REST")
+    async def stop(visitor: CurrentVisitor, by: Annotated[str, Query(max_length=MAX_NAME)] = "REST") -> StateOut:
+        """Emergency stop, for everybody who may look. It holds until it is reset, whatever else is asked for. `by` says by what
+        means, for the operators' eyes.
+        """
+        by = by if by.isprintable() and by.strip() else "REST"
+        operations.stop(f"{visitor.name} ({by})" if visitor.logged_in else by)
         return state_of(operations)
 
     @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))

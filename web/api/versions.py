@@ -34,7 +34,7 @@ ExpectedVersion = Annotated[int | None, Depends(_expected)]
 
 
 def outdated(what: str, given: int | None, stored: Mapping[str, Any], version: int) -> JsonResponse:
-    """412 with both versions, so that the second of two editors can compare and try again."""
+    """409 with both versions, so that the second of two editors can compare and try again."""
     message = f"{what} is at version {version}, your edit was made from version {given}; look at the stored one and edit again"
     extra = {"stored": dict(stored), "stored_version": version, "given_version": given}
-    return problem(412, "outdated", message, "If-Match", extra=extra, headers=etag(version))
+    return problem(409, "outdated", message, "If-Match", extra=extra, headers=etag(version))

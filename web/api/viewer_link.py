@@ -13,9 +13,10 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 from pydantic import ValidationError
 
+from web.access.roles import CurrentVisitor, Role
 from web.sockets import until_one_ends
 from web.viewer.link import PAGE_ID, PageLink
-from web.viewer.messages import PageMessage
+from web.viewer.messages import PageMessage, Show
 from web.viewer.viewer import Viewer
 
 NOT_FOR_YOU, BAD_MESSAGE = 1008, 1007
@@ -26,7 +27,7 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
     router = APIRouter()
 
     @router.websocket("/viewer/{page_id}")
-    async def link(socket: WebSocket, page_id: str) -> None:
+    async def link(socket: WebSocket, page_id: str, visitor: CurrentVisitor) -> None:
         if viewer is None or PAGE_ID.fullmatch(page_id) is None:
             await socket.close(NOT_FOR_YOU)
             return
@@ -34,7 +35,7 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
         mailbox = PageLink(asyncio.get_running_loop())
         viewer.links.put(page_id, mailbox)
         try:
-            await until_one_ends(_tell(socket, mailbox), _listen(socket, viewer, page_id))
+            await until_one_ends(_tell(socket, mailbox), _listen(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR)))
         except ValidationError:
             # Only a page of another version or a stranger says what is not understood.
             await socket.close(BAD_MESSAGE)
@@ -51,9 +52,11 @@ async def _tell(socket: WebSocket, mailbox: PageLink) -> None:
         await socket.send_text(json.dumps(message, allow_nan=False))
 
 
-async def _listen(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
+async def _listen(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
-        viewer.receive(page_id, PageMessage.validate_json(message.get("text") or ""))
+        wish = PageMessage.validate_json(message.get("text") or "")
+        if acts or not isinstance(wish, Show):  # the scene is shown alike to everybody, so it is not a viewer's to change
+            viewer.receive(page_id, wish)

@@ -17,7 +17,7 @@ from web.schemas import Name, ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 SetName = Annotated[Name, Path()]
-_EDITS = {**_BY_STATUS[404], **_BY_STATUS[412], **_BY_STATUS[422], **_BY_STATUS[503]}
+_EDITS = {**_BY_STATUS[404], **_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]}
 
 
 def zones_router(operations: Operations) -> APIRouter:

@@ -44,14 +44,14 @@ export async function stop(by) {
 }
 
 // One connection that comes back by itself; `onMessage` gets parsed messages, `onOpen` a function to send with.
-export function connect(path, { onMessage, onOpen = () => {} }) {
+export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {} }) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   let socket;
   const open = () => {
     socket = new WebSocket(`${scheme}://${location.host}/api/v1${path}`);
     socket.onopen = () => onOpen();
     socket.onmessage = (event) => onMessage(JSON.parse(event.data));
-    socket.onclose = () => setTimeout(open, 500);
+    socket.onclose = () => { onClose(); setTimeout(open, 500); };
   };
   open();
   return { send: (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); } };

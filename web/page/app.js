@@ -1,6 +1,7 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
 import { connect, get, post } from "./api.js";
+import "./control.js";
 import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./draft.js";
 import "./draft_keys.js";
 import { showGoals } from "./goals.js";
@@ -34,8 +35,8 @@ function text(id, value) { if (element(id).textContent !== value) element(id).te
 function showState(next) {
   state = next;
   arrivedAt = performance.now();
-  const kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : state.phase;
-  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING" };
+  const kind = state.stop_latched ? "stopped" : state.by_hand && state.moving ? "hand" : state.reasons.length ? "held" : state.phase;
+  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING", hand: "✋ BY HAND" };
   element("badge").dataset.kind = kind;
   text("badge", words[kind] ?? kind);
   text("summary", state.summary);

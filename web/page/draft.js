@@ -146,7 +146,7 @@ export async function finish() {
     say(`Zone “${zone.properties.name}” is stored and binds the robot${zone.properties.enabled ? "" : " when it is switched on"}.`, { good: true });
     setMode("navigate");
   } catch (error) {
-    if (error.status === 412) {
+    if (error.body?.error?.code === "outdated") {
       draft.version = error.body.stored_version;
       note("Somebody else changed this zone meanwhile. Finish again to put yours in its place, Cancel to keep the stored one.", true);
     } else note(error.message, true);

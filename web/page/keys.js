@@ -1,6 +1,7 @@
 // Every key of the page, and the list of them under `?`. Space means stop and nothing else, wherever the focus is.
 
 import { stop } from "./api.js";
+import { handKey, togglePad } from "./control.js";
 import { element, make } from "./dom.js";
 import { canRedo, canUndo, draft, drawing, finish, redo, remove, setMode, setTool, shift, snapshot, undo } from "./draft.js";
 import { fit, redraw } from "./map.js";
@@ -16,7 +17,7 @@ const LISTED = [
   ["L", "draw a corridor along a line"], ["H", "draw by hand"], ["N", "look around"], ["Enter", "store the zone, press the focused control"],
   ["Esc", "leave a mode, drop a draft"], ["Backspace", "take the last corner back"], ["Delete", "take the selected corner away"],
   ["← ↑ → ↓", "move the whole draft by 5 cm (Shift: 25 cm)"], ["Ctrl Z", "take back: in the draft, else the last edit of the zones"],
-  ["Ctrl Shift Z", "do again"], ["M", "map or 3D view"], ["F", "follow the robot"], ["W", "the whole map"], ["+ −", "zoom the map"],
+  ["Ctrl Shift Z", "do again"], ["M", "map or 3D view"], ["B", "drive by hand: the pad, and the arrow keys while it is open"], ["F", "follow the robot"], ["W", "the whole map"], ["+ −", "zoom the map"],
   ["D", "dark or light"], ["?", "this list"],
 ];
 export const pressStop = (by) => attempt(() => stop(by));
@@ -41,6 +42,7 @@ export function onKey(event) {
     return;
   }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (handKey(event, true)) { event.preventDefault(); return; }
   if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
   const act = (drawing() ? WHILE_DRAWING[key] : ELSEWHERE[key]) ?? ALWAYS[key];
   if (act) act(event);
@@ -49,7 +51,7 @@ export function onKey(event) {
 const inControl = (event) => event.target?.matches?.("button, summary, a, input");
 const ALWAYS = {
   Escape: () => { if (element("help").open) element("help").close(); else { letGo(); setMode("navigate"); } },
-  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), "?": () => help(),
+  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), b: () => togglePad(), "?": () => help(),
 };
 const WHILE_DRAWING = {
   Backspace: () => draft.mode === "draw" && undo(), Delete: () => remove(),
@@ -62,7 +64,7 @@ const ELSEWHERE = {
 };
 
 // A focused button is pressed by the space key going up; here that key means stop and nothing else.
-export function swallowSpace(event) { if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
+export function swallowSpace(event) { handKey(event, false); if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
 
 function help() { if (element("help").open) element("help").close(); else element("help").showModal(); }
 

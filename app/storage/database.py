@@ -1,0 +1,72 @@
+"""The SQLite file itself: opened, brought to the present layout, read and written. An acknowledged write is on the disk."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from app.storage.migrations import migrate
+from navcore.errors import StorageFailed
+
+BUSY_S = 0.5
+"""How long a write waits for another process's lock before it is refused."""
+FILE = "console.sqlite"
+
+
+class Database:
+    """One connection, safe to use from any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open or make the file in `folder`; raises `StorageFailed` when it cannot be used."""
+        self._lock = threading.Lock()
+        self.path = folder / FILE
+        connection = None
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            connection = sqlite3.connect(self.path, timeout=BUSY_S, check_same_thread=False, isolation_level=None)
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")
+            migrate(connection)
+        except (OSError, sqlite3.Error, StorageFailed) as error:
+            if connection is not None:
+                connection.close()
+            raise StorageFailed(f"the data folder {folder} cannot be used: {error}") from None
+        self._connection = connection
+
+    def close(self) -> None:
+        """Release the file."""
+        with self._lock:
+            self._connection.close()
+
+    def rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        """All rows of a query."""
+        with self._lock:
+            try:
+                return self._connection.execute(query, values).fetchall()
+            except sqlite3.Error as error:
+                raise StorageFailed(f"the store {self.path} cannot be read: {error}") from None
+
+    def write(self, statement: str, values: tuple[object, ...] = ()) -> None:
+        """One statement, on the disk when this returns; raises `StorageFailed`, and then nothing has changed."""
+        with self.writing() as connection:
+            connection.execute(statement, values)
+
+    @contextmanager
+    def writing(self) -> Iterator[sqlite3.Connection]:
+        """Several statements that hold together: all are on the disk at the end, or none when anything fails."""
+        with self._lock:
+            try:
+                self._connection.execute("BEGIN IMMEDIATE")
+                try:
+                    yield self._connection
+                    self._connection.execute("COMMIT")
+                except BaseException:
+                    if self._connection.in_transaction:
+                        self._connection.execute("ROLLBACK")
+                    raise
+            except sqlite3.Error as error:
+                raise StorageFailed(f"not saved, what was stored before is intact: {error}") from None

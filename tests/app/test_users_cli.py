@@ -1,0 +1,52 @@
+"""`bewarenav users`: made, listed, changed and removed, beside a console that may be running."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.storage import Store
+from app.users_cli import users_cli
+from navcore.errors import BadConfiguration, BewareNavError, NotKnown, Refused
+from web.access.users import hash_token, is_password
+
+PASSWORD = "long enough"
+
+
+def users(data: Path, *arguments: str, said: str = f"{PASSWORD}\n") -> str:
+    """What the command prints; raises what it refuses."""
+    result = CliRunner().invoke(users_cli, [*arguments, "--data", str(data)], input=said)
+    if isinstance(result.exception, BewareNavError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_users_are_kept_while_a_console_runs_and_nothing_of_a_password_but_its_hash(tmp_path: Path) -> None:
+    console = Store(tmp_path)
+    users(tmp_path, "add", "anna", "--role", "admin")
+    users(tmp_path, "add", "bob")
+    assert [line.split() for line in users(tmp_path, "list").splitlines()] == [["anna", "admin"], ["bob", "operator"]]
+    token = users(tmp_path, "token", "bob").strip()
+    users(tmp_path, "role", "bob", "viewer")
+    users(tmp_path, "password", "bob", said="another long one\n")
+    bob = console.users.all()[1]
+    assert (str(bob.role), bob.token_hash) == ("viewer", hash_token(token))
+    assert is_password("another long one", bob.password_hash) and not is_password(PASSWORD, bob.password_hash)
+    users(tmp_path, "remove", "bob")
+    assert [user.name for user in console.users.all()] == ["anna"]
+    console.close()
+
+
+def test_what_will_not_do_is_refused_in_words(tmp_path: Path) -> None:
+    users(tmp_path, "add", "anna", "--role", "admin")
+    with pytest.raises(Refused, match="already"):
+        users(tmp_path, "add", "anna")
+    with pytest.raises(Refused, match="last admin"):
+        users(tmp_path, "remove", "anna")
+    with pytest.raises(BadConfiguration, match="10 to 200"):
+        users(tmp_path, "add", "bob", said="short\n")
+    with pytest.raises(NotKnown, match="'carol'"):
+        users(tmp_path, "password", "carol")

@@ -1,0 +1,113 @@
+"""Several people at one robot, each in a real Chromium: who may what, who drives, and how they hear of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Error, Page, expect
+
+from tests.web.conftest import PASSWORD, Accounts
+from tests.web.fake_operations import FakeOperations
+from tests.web.test_browser import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+Opener = Callable[[ConsoleServer, str | None], Page]
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Opener]:  # noqa: F811
+    """Opens the console as somebody, in a browser of his own."""
+    contexts = []
+    expect.set_options(timeout=PATIENCE_MS)
+
+    def opened(server: ConsoleServer, name: str | None) -> Page:
+        context = browser.new_context(viewport={"width": 1280, "height": 720})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(f"{server.url}/#map")
+        if name is not None:
+            page.get_by_test_id("login-name").fill(name)
+            page.get_by_test_id("login-password").fill(PASSWORD)
+            page.get_by_test_id("log-in").click()
+            expect(page.get_by_test_id("connection")).to_have_text("live")
+            page.goto("about:blank")
+            page.goto(f"{server.url}/#map")
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+def test_a_viewer_watches_and_stops_and_does_nothing_else(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    operator, viewer = open_page(locked, "operator"), open_page(locked, "viewer")
+    expect(viewer.get_by_test_id("control-text")).to_contain_text("you watch")
+    expect(viewer.get_by_test_id("who-am-i")).to_have_text("viewer")
+    operator.get_by_test_id("goal-input").fill("3, 0")
+    operator.get_by_test_id("goal-add").click()
+    operator.get_by_test_id("start").click()
+    expect(viewer.get_by_test_id("control-text")).to_contain_text("operator drives")
+    expect(viewer.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    expect(viewer.get_by_test_id("control-take")).to_be_hidden()
+    with pytest.raises(Error, match="Timeout"):
+        viewer.get_by_test_id("pause").click(timeout=500)
+    viewer.get_by_test_id("stop").click()
+    expect(operator.get_by_test_id("reasons")).to_contain_text("viewer (console button)")
+    viewer.get_by_test_id("log-out").click()
+    expect(viewer.get_by_test_id("login-name")).to_be_visible()
+    assert [entry["status"] for entry in accounts.store.audit.newest() if entry["who"] == "viewer"] == [303, 200, 200]
+
+
+def test_control_is_asked_for_taken_over_and_everybody_is_told(
+    open_page: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    first, second = open_page(server, None), open_page(server, None)
+    expect(first.get_by_test_id("control-text")).to_have_text("○ Nobody drives")
+    first.get_by_test_id("goal-input").fill("3, 0")
+    first.get_by_test_id("goal-add").click()
+    expect(first.get_by_test_id("control-text")).to_have_text("● You drive")
+    expect(second.get_by_test_id("control-text")).to_contain_text("console")
+    second.get_by_test_id("start").click()
+    expect(second.get_by_test_id("toasts")).to_contain_text("is in control")
+    second.get_by_test_id("control-ask").click()
+    expect(first.get_by_test_id("toasts")).to_contain_text("asks for control")
+    second.get_by_test_id("control-take").click()
+    expect(first.get_by_test_id("toasts")).to_contain_text("has taken over control")
+    expect(second.get_by_test_id("control-text")).to_have_text("● You drive")
+    second.get_by_test_id("start").click()
+    expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+
+
+def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
+    open_page: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = open_page(server, None)
+    page.keyboard.down("ArrowUp")
+    page.wait_for_timeout(200)
+    page.keyboard.up("ArrowUp")
+    assert operations.hands == []  # the pad is shut
+    page.keyboard.press("m")
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("ArrowLeft")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    page.wait_for_timeout(300)
+    assert operations.hand is not None and operations.hand.v_mps > 0 and operations.hand.w_radps > 0
+    page.keyboard.up("ArrowUp")
+    page.keyboard.up("ArrowLeft")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+    assert operations.hands[-1] is None
+    box = page.get_by_test_id("hand-back").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    page.mouse.down()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    page.close()
+    page = open_page(server, None)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+    assert operations.hands[-1] is None

@@ -1,0 +1,31 @@
+"""`GET /api/v1/audit`: who did what, newest first."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from web.access.audit import Ledger
+from web.api.answers import finite
+from web.problems import JsonResponse
+
+LARGEST_ID = 2**53
+
+
+def audit_router(ledger: Ledger | None) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["access"], default_response_class=JsonResponse)
+
+    @router.get("/audit")
+    def get_audit(
+        count: Annotated[int, Query(ge=1, le=1000)] = 100, before: Annotated[int | None, Query(ge=0, le=LARGEST_ID)] = None
+    ) -> list[dict[str, Any]]:
+        """Every request that could change something, with who made it, when (UTC) and how it ended; newest first.
+
+        `before` takes the id of the last entry of one answer and gives those that are older.
+        """
+        entries = [] if ledger is None else ledger.newest(count, before=before)
+        return [finite(dict(entry)) for entry in entries]
+
+    return router

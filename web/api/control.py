@@ -1,0 +1,148 @@
+"""Who drives, and driving by hand.
+
+`WS control/live` is a page's sign of life: the console says twice a second who is in control, the page answers, and while a
+drive key is held it sends velocities. A page that is closed, frozen or cut off sends none, and a velocity lives 0.25 s.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, WebSocket
+from pydantic import Field, TypeAdapter, ValidationError
+
+from navcore.errors import BewareNavError
+from navcore.robot import Twist
+from web.access.audit import Auditor
+from web.access.control import Control
+from web.access.roles import CurrentVisitor, Role, Visitor
+from web.port import Operations
+from web.problems import RESPONSES, JsonResponse
+from web.replies import ControlOut, VisitorOut
+from web.schemas import Drive, Here
+from web.sockets import until_one_ends
+
+Action = Literal["take", "ask", "give"]
+BEAT_S, LOOK_S = 0.5, 0.05
+LATE_S = 0.25
+"""A velocity that was longer on its way than the quickest one is dropped: the operator has let go since."""
+DRIFT = 1e-3
+"""How much the clocks of page and console may run apart."""
+BAD_MESSAGE = 1007
+
+LiveMessage: TypeAdapter[Here | Drive] = TypeAdapter(Annotated[Here | Drive, Field(discriminator="type")])
+
+
+def control_router(operations: Operations, control: Control, auditor: Auditor) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["control"], default_response_class=JsonResponse)
+
+    @router.get("/control", response_model=ControlOut)
+    async def get_control(visitor: CurrentVisitor) -> ControlOut:
+        """Who drives, who has asked to, and who is asking this."""
+        return _control_of(control, visitor)
+
+    @router.post("/control/{action}", response_model=ControlOut, responses={409: RESPONSES[409], 422: RESPONSES[422]})
+    async def act(action: Action, visitor: CurrentVisitor) -> ControlOut:
+        """Take control over, ask for it, or give it to whoever has asked (to nobody if nobody has)."""
+        {"take": control.take, "ask": control.ask, "give": control.give}[action](visitor)
+        return _control_of(control, visitor)
+
+    @router.websocket("/control/live")
+    async def live(socket: WebSocket, visitor: CurrentVisitor) -> None:
+        await socket.accept()
+        hand = Hand(operations, control, visitor)
+        try:
+            await until_one_ends(_tell(socket, control, visitor), _listen(socket, control, hand, auditor))
+        except ValidationError:
+            await socket.close(BAD_MESSAGE)
+        finally:
+            hand.let_go()
+
+    return router
+
+
+class Hand:
+    """One page's hand on the robot."""
+
+    def __init__(self, operations: Operations, control: Control, visitor: Visitor) -> None:
+        self._operations, self._control, self.visitor = operations, control, visitor
+        self._quickest_s: float | None = None
+        self._heard_s = 0.0
+        self.drives = False
+
+    def move(self, wish: Drive) -> bool:
+        """Pass a velocity on; False when it came too late. Raises a refusal."""
+        if wish.v_mps == 0.0 and wish.w_radps == 0.0:
+            self.let_go()
+            return True
+        if self._is_late(wish.t_ms / 1000, time.monotonic()):
+            return False
+        self._control.claim(self.visitor)
+        self._operations.drive(Twist(v_mps=wish.v_mps, w_radps=wish.w_radps))
+        self.drives = True
+        return True
+
+    def let_go(self) -> None:
+        """Stand, if it was this hand that drove."""
+        if self.drives:
+            self.drives = False
+            self._operations.drive(None)
+
+    def _is_late(self, sent_s: float, now_s: float) -> bool:
+        # The two clocks have nothing in common but their pace: the quickest message so far says what is quick.
+        way_s, past_s = now_s - sent_s, now_s - self._heard_s
+        quickest_s = way_s if self._quickest_s is None else min(way_s, self._quickest_s + DRIFT * past_s)
+        self._quickest_s, self._heard_s = quickest_s, now_s
+        return way_s - quickest_s > LATE_S
+
+
+async def _tell(socket: WebSocket, control: Control, visitor: Visitor) -> None:
+    clock = asyncio.get_running_loop().time
+    said_at, said = -BEAT_S, -1
+    while True:
+        if control.now.serial != said or clock() - said_at >= BEAT_S:
+            said_at, said = clock(), control.now.serial
+            await socket.send_text(_control_of(control, visitor).model_dump_json())
+        await asyncio.sleep(LOOK_S)
+
+
+async def _listen(socket: WebSocket, control: Control, hand: Hand, auditor: Auditor) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        heard = LiveMessage.validate_json(message.get("text") or "")
+        control.note_life(hand.visitor)
+        if isinstance(heard, Drive) and hand.visitor.role.may(Role.OPERATOR):
+            drove = hand.drives
+            try:
+                hand.move(heard)
+            except BewareNavError as refused:
+                hand.let_go()
+                await socket.send_text(json.dumps({"type": "refused", "message": str(refused)}))
+            if hand.drives != drove:
+                what = "by hand: begins" if hand.drives else "by hand: ends"
+                await auditor.note({"who": hand.visitor.name, "role": str(hand.visitor.role), "method": "WS", "path": what})
+
+
+def _control_of(control: Control, visitor: Visitor) -> ControlOut:
+    now = control.now
+    return ControlOut(
+        serial=now.serial,
+        you=_visitor_of(visitor),
+        yours=now.holder is not None and now.holder.seat == visitor.seat,
+        holder=_visitor_of(now.holder),
+        asking=_visitor_of(now.asking),
+        asked_by_you=now.asking is not None and now.asking.seat == visitor.seat,
+        before=_visitor_of(now.before),
+        was_yours=now.before is not None and now.before.seat == visitor.seat,
+        taken=now.taken,
+    )
+
+
+def _visitor_of(visitor: Any) -> VisitorOut | None:
+    return None if visitor is None else VisitorOut(name=visitor.name, role=str(visitor.role), logged_in=visitor.logged_in)
