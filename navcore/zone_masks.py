@@ -56,7 +56,7 @@ def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
 
 def _simple(polygon: Polygon) -> list[Polygon]:
     """The polygon cut in two, and again, until no part has a hole or too many corners."""
-    polygon = polygon.simplify(0.0)
+    (polygon,) = _polygons(polygon.simplify(0.0))
     if not polygon.interiors and len(polygon.exterior.coords) <= MAX_CORNERS:
         return [polygon]
     left, low, right, top = polygon.bounds
