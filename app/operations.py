@@ -179,13 +179,14 @@ class LiveOperations:
         """Move, turn or rename a waiting goal."""
         spec = self._pilot.navigator.map.spec
 
-        def edit(mission: Mission) -> Mission:
-            goal = dataclasses.replace(mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
-            if "x_m" in changes or "y_m" in changes:
-                self._standable(goal.x_m, goal.y_m)
-            return mission.change(goal, spec)
+        def changed(mission: Mission) -> Goal:
+            return dataclasses.replace(mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
 
-        return self._pilot.change_mission(edit).waiting(goal_id)
+        if "x_m" in changes or "y_m" in changes:
+            # Looked at before the intent is locked: the command thread must not wait for it.
+            goal = changed(self._pilot.intent.mission)
+            self._standable(goal.x_m, goal.y_m)
+        return self._pilot.change_mission(lambda mission: mission.change(changed(mission), spec)).waiting(goal_id)
 
     def order_goals(self, ids: Sequence[int]) -> None:
         """Drive to the waiting goals in this order."""

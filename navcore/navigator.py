@@ -121,7 +121,7 @@ class Navigator:
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
         motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad)
-        motion = slowed(motion, allowed_speed_mps(order.zones, frame.pose, self._profile, self._config.local))
+        motion = self.limit(motion, frame, order)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
     def label(self, frame: Frame, order: Order) -> Labels:
@@ -256,6 +256,11 @@ class Navigator:
             goal_yaw_rad=goal_yaw_rad,
         )
         return self._motion
+
+    def limit(self, motion: Motion, frame: Frame, order: Order) -> Motion:
+        """The same motion, as slow as the operator's speed limits want it."""
+        rules = self._config.local
+        return slowed(motion, allowed_speed_mps(order.zones, frame.pose, frame.twist.v_mps, self._profile, rules))
 
     def _tread(self, pose: Pose2) -> None:
         outline = self._profile.footprint()

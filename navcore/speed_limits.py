@@ -23,13 +23,17 @@ LAG_S = 0.25
 Points = npt.NDArray[np.float64]
 
 
-def allowed_speed_mps(zones: Iterable[Zone], pose: Pose2, profile: RobotProfile, rules: LocalRules) -> float:
-    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it there; inf without one."""
+def allowed_speed_mps(zones: Iterable[Zone], pose: Pose2, speed_mps: float, profile: RobotProfile, rules: LocalRules) -> float:
+    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it there; inf without one.
+
+    `speed_mps` is what the robot drives now: so fast it goes on until the wheels hear of this.
+    """
     limits = [zone for zone in zones if _limits(zone)]
     if not limits:
         return math.inf
     body = _body(pose, profile)
-    return min(_braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))), rules) for zone in limits)
+    going_m = abs(speed_mps) * LAG_S
+    return min(_braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - going_m, rules) for zone in limits)
 
 
 def slowed(motion: Motion, allowed_mps: float) -> Motion:
@@ -77,12 +81,8 @@ def _limit_mps(zone: Zone) -> float:
     return zone.max_speed_mps
 
 
-def _braking_mps(zone: Zone, distance_m: float, rules: LocalRules) -> float:
-    limit, braking = _limit_mps(zone), rules.braking_mps2
-    room_m = max(distance_m - zone.margin_m, 0.0)
-    # From v·lag + (v² − limit²) / (2·braking) = room.
-    reached = math.sqrt((braking * LAG_S) ** 2 + limit**2 + 2 * braking * room_m) - braking * LAG_S
-    return max(limit, reached)
+def _braking_mps(zone: Zone, room_m: float, rules: LocalRules) -> float:
+    return math.sqrt(_limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0))
 
 
 def _body(pose: Pose2, profile: RobotProfile) -> Polygon:

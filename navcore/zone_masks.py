@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+import cv2
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon, box
@@ -33,15 +34,22 @@ def closed_cells(zones: Iterable[Zone], spec: GridSpec) -> BoolGrid:
 
 def polygons_of(mask: BoolGrid, spec: GridSpec) -> tuple[Corners, ...]:
     """Simple polygons that touch exactly the marked cells of (rows, cols), biggest first; raises `BadGeometry` for too many."""
+    count, _ = cv2.connectedComponents(mask.view(np.uint8), connectivity=4)
+    if count - 1 > MAX_PARTS:
+        raise _too_many()
     whole = shapely.union_all(list(_runs(mask, spec)))
     parts: list[Polygon] = []
     for polygon in sorted(_polygons(whole), key=lambda part: -part.area):
         parts.extend(_simple(polygon))
         if len(parts) > MAX_PARTS:
-            raise BadGeometry(f"the mask falls into more than {MAX_PARTS} zones; is it a map instead of a keep-out mask?")
+            raise _too_many()
     inset_m = INSET * spec.resolution_m
     shrunk = (inner for part in parts for inner in _polygons(part.buffer(-inset_m, join_style="mitre")))
     return tuple(tuple((float(x), float(y)) for x, y in polygon.exterior.coords[:-1]) for polygon in shrunk)
+
+
+def _too_many() -> BadGeometry:
+    return BadGeometry(f"the mask falls into more than {MAX_PARTS} zones; is it a map instead of a keep-out mask?")
 
 
 def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
@@ -56,7 +64,7 @@ def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
 
 def _simple(polygon: Polygon) -> list[Polygon]:
     """The polygon cut in two, and again, until no part has a hole or too many corners."""
-    polygon = polygon.simplify(0.0)
+    (polygon,) = _polygons(polygon.simplify(0.0))
     if not polygon.interiors and len(polygon.exterior.coords) <= MAX_CORNERS:
         return [polygon]
     left, low, right, top = polygon.bounds

@@ -237,7 +237,7 @@ class ImportedFeatureIn(_Open):
 
     def draft(self) -> ZoneDraft:
         """What the system stores."""
-        return (self.properties or ImportedPropertiesIn()).drafted(self.geometry)
+        return (self.properties or ImportedPropertiesIn.model_validate({})).drafted(self.geometry)
 
 
 class ZoneImportIn(_Open):

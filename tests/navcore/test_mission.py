@@ -104,7 +104,7 @@ def test_leaving_an_area_keeps_the_goals_and_ends_paused_with_some_and_idle_with
 
 def test_goals_are_named_turned_moved_and_ordered_while_they_wait() -> None:
     named = EMPTY.add(1.0, 2.0, SPEC, yaw_rad=3 * math.pi, name="dock").add(0.0, 0.0, SPEC)
-    assert (named.queue[0].name, named.queue[0].yaw_rad) == ("dock", pytest.approx(math.pi))
+    assert named.queue[0].name == "dock" and named.queue[0].yaw_rad == pytest.approx(math.pi)
     moved = named.change(Goal(id=1, x_m=-1.0, y_m=0.0, name="gate"), SPEC)
     assert moved.queue[0] == Goal(id=1, x_m=-1.0, y_m=0.0, name="gate")
     assert [goal.id for goal in moved.reorder([2, 1]).queue] == [2, 1]

@@ -24,9 +24,29 @@ WRITES = [
     ("PUT", "/api/v1/beware"),
     ("PATCH", "/api/v1/beware/cup"),
     ("POST", "/api/v1/preview"),
+    ("PATCH", "/api/v1/goals/1"),
+    ("PUT", "/api/v1/goals/order"),
+    ("PUT", "/api/v1/mission/loop"),
+    ("POST", "/api/v1/zones/import"),
+    ("POST", "/api/v1/zones/import-mask"),
+    ("POST", "/api/v1/camera/region"),
 ]
 KEYS = ["x_m", "y_m", "name", "geometry", "type", "coordinates", "properties", "enabled", "margin_m", "classes", "colour"]
-KEYS += ["hue_deg", "goal", "polygon", "class_id", "version", "min_confidence", "\ud800", "x" * 300]
+KEYS += [
+    "hue_deg",
+    "goal",
+    "polygon",
+    "class_id",
+    "version",
+    "min_confidence",
+    "yaw_rad",
+    "features",
+    "drawn",
+    "kind",
+    "ids",
+    "\ud800",
+    "x" * 300,
+]
 
 numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -34,7 +54,8 @@ numbers = st.one_of(
     st.sampled_from([0, -1, 1e308, 2**63, -0.0]),
 )
 words = st.one_of(
-    st.text(st.characters(), max_size=20), st.sampled_from(["\ud800", "\x00", "Feature", "Polygon", "é" * 100, "‮"])
+    st.text(st.characters(), max_size=20),
+    st.sampled_from(["\ud800", "\x00", "Feature", "Polygon", "Point", "FeatureCollection", "é" * 100, "‮"]),
 )
 leaves = st.one_of(st.none(), st.booleans(), numbers, words)
 keys = st.one_of(st.sampled_from(KEYS), words)

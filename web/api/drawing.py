@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import math
 
 import cv2
@@ -58,7 +57,7 @@ def drawing_router(operations: Operations) -> APIRouter:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
         try:
             picture = base64.b64decode(mask.picture, validate=True)
-        except binascii.Error:
+        except ValueError:
             raise BadConfiguration("mask.picture: is not base64") from None
         spec = newest().grid.spec
         cells = prior_layer(read(mask.yaml.encode(errors="replace"), picture, "mask"), spec)
