@@ -25,7 +25,8 @@ def test_the_journal_is_filtered_and_read_on_from_where_one_was(client: httpx.Cl
     }  # fmt: skip
     part = client.get("/api/v1/journal", params={"kind": ["seen"], "since": 2, "limit": 1}).json()
     assert [entry["id"] for entry in part["entries"]] == [4]
-    for wrong in ({"kind": "nonsense"}, {"limit": 0}, {"limit": 5000}, {"since": -1}):
+    refused: tuple[dict[str, str | int], ...] = ({"kind": "nonsense"}, {"limit": 0}, {"limit": 5000}, {"since": -1})
+    for wrong in refused:
         assert client.get("/api/v1/journal", params=wrong).status_code == 422
 
 
@@ -87,7 +88,7 @@ def test_tiles_put_together_are_the_map(client: httpx.Client, operations: FakeOp
     canvas = np.zeros((told["rows"] * SCALE, told["cols"] * SCALE, 4), dtype=np.uint8)
     for row, col, _ in told["changed"]:
         data = client.get(f"/api/v1/map/tiles/{row}/{col}.png").content
-        tile = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        tile = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
         low, left = row * TILE * SCALE, col * TILE * SCALE
         upper = canvas.shape[0] - low
         canvas[upper - tile.shape[0] : upper, left : left + tile.shape[1]] = cv2.cvtColor(tile, cv2.COLOR_BGRA2RGBA)
