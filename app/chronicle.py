@@ -69,9 +69,11 @@ class Chronicle:
         self._journal.note(now_s, "stopped", reasons[0].text, pose)
 
     def _settle(self, now_s: float, pose: Place) -> None:
-        if self._held is None or self._held[2] is None or now_s - self._held[2] < QUIET_S:
+        if self._held is None:
             return
         cause, since_s, clear_s = self._held
+        if clear_s is None or now_s - clear_s < QUIET_S:
+            return
         self._held = None
         text = f"Nothing holds the robot any more; {cause.replace('_', ' ')} lasted {clear_s - since_s:.1f} s."
         self._journal.note(now_s, "released", text, pose)

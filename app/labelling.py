@@ -182,6 +182,6 @@ def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt
     kinds = np.where(region, np.uint8(cv2.GC_PR_FGD), np.uint8(cv2.GC_BGD))
     cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(np.ascontiguousarray(rgb[..., ::-1]), kinds, None, *models, 3, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(np.ascontiguousarray(rgb[..., ::-1]), kinds, (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK)
     found = (kinds == cv2.GC_FGD) | (kinds == cv2.GC_PR_FGD)
     return found if found.sum() >= 0.05 * region.sum() else region

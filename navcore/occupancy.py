@@ -83,8 +83,10 @@ class Occupancy:
     @property
     def masks(self) -> Mapping[Hashable, Mask]:
         """Every layer as it is packed, by class id, `"zones"`, `("wide", …)` and `"free"`: to see what has changed."""
-        wide = {("wide", index, margin_m): mask for index, (margin_m, mask) in enumerate(self._wide_zones)}
-        return {**self._layers, "zones": self._zones, **wide, "free": self._free}
+        found: dict[Hashable, Mask] = {"zones": self._zones, "free": self._free}
+        found.update((class_id, mask) for class_id, mask in self._layers.items())
+        found.update((("wide", index, margin_m), mask) for index, (margin_m, mask) in enumerate(self._wide_zones))
+        return found
 
     def part(self, top: int, left: int, bottom: int, right: int) -> OccupancyGrid:
         """The part of the grid in rows top … bottom−1 and columns left … right−1, which lie on it."""

@@ -85,4 +85,4 @@ def _differing(old: Mask | None, new: Mask | None, shape: tuple[int, int]) -> np
     inner = np.zeros((shape[0] * TILE, shape[1] * _WORDS), dtype=np.bool_)
     held = words[PAD:, PAD // 64 :][: inner.shape[0], : inner.shape[1]]
     inner[: held.shape[0], : held.shape[1]] = held
-    return inner.reshape(shape[0], TILE, shape[1], _WORDS).any(axis=(1, 3))
+    return np.asarray(inner.reshape(shape[0], TILE, shape[1], _WORDS).any(axis=(1, 3)))

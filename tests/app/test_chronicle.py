@@ -143,7 +143,8 @@ def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(kinds: list[Kind]
     for number, kind in enumerate(kinds):
         journal.note(float(number), kind, f"{number}")
     kept = [(number + 1, kind) for number, kind in enumerate(kinds)][-25:]
-    page = journal.page(kinds=("zone",), since=since, limit=limit)
+    asked: tuple[Kind, ...] = ("zone",)
+    page = journal.page(kinds=asked, since=since, limit=limit)
     wanted = [number for number, kind in kept if kind == "zone" and number > since][-limit:]
     assert [entry.id for entry in page.entries] == wanted
     assert page.newest == len(kinds) and page.oldest == (kept[0][0] if kept else 0)

@@ -181,7 +181,7 @@ class Viewer:
             zones=self._operations.zones(),
             beware=self._operations.beware(),
             candidates=self._candidates,
-            strength=self._show.strength,
+            strength={str(name): share for name, share in self._show.strength.items()},
         )
         now = time.monotonic()
         for layer in self._layers:
@@ -197,7 +197,7 @@ class Viewer:
     def _candidates(self) -> Candidates | None:
         return None if "candidates" in self._show.hidden else self._operations.insight.candidates()
 
-    def _guarded(self, name: str, act: Callable[[], None]) -> None:
+    def _guarded(self, name: str, act: Callable[[], object]) -> None:
         """A layer that fails is said once and tried again; the others go on."""
         try:
             act()
