@@ -73,7 +73,7 @@ def _unit_mesh(kind: str) -> tuple[Floats, Floats]:
     )
 
 
-SIDES = 9
+SIDES = 7
 """Of a coarse cylinder or cone."""
 TIP = 0.4
 """A cone's upper diameter, by its lower one."""

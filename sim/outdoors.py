@@ -25,7 +25,7 @@ def _ball(size: Size, at_m: tuple[float, float, float], colour: Colour) -> Solid
 
 
 def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """A trunk, thicker at its foot, below a crown of three balls; the girth of the file is that of the foot."""
+    """A trunk, thicker at its foot, below a crown of two balls; the girth of the file is that of the foot."""
     girth, _, height = size
     stem, spread = max(height - 2.2, CROWN_M + 0.5), max(0.36 * height, 1.6)
     low = max(stem, CROWN_M + 0.35 * spread)
@@ -33,8 +33,7 @@ def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
         replace(cylinder(girth, 0.5, (0.0, 0.0), colour), kind="cone", pattern="bark"),
         _trunk(0.8 * girth, stem, colour),
         _ball((spread, spread, 0.7 * spread), (0.0, 0.0, low), _LEAVES),
-        _ball((0.8 * spread, 0.8 * spread, 0.7 * spread), (0.28 * spread, 0.1 * spread, low + 0.3 * spread), _LEAVES),
-        _ball((0.7 * spread, 0.7 * spread, 0.6 * spread), (-0.22 * spread, -0.2 * spread, low + 0.35 * spread), _LEAVES),
+        _ball((0.75 * spread, 0.75 * spread, 0.7 * spread), (0.2 * spread, 0.1 * spread, low + 0.35 * spread), _LEAVES),
     )
 
 

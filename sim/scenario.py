@@ -26,7 +26,7 @@ WORLDS = Path(__file__).parent / "worlds"
 
 Indoors = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
 Outdoors = Literal["house", "tree", "conifer", "bush", "rock"]
-FurnitureKind = Indoors | Outdoors
+FurnitureKind = Literal[Indoors, Outdoors]
 ItemKind = Literal["cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"]
 Surface = Literal["paint", "water", "mud", "chemical"]
 SURFACE_COLOURS: dict[str, Colour] = {

@@ -41,6 +41,7 @@ def strew(scenario: Scenario, rng: np.random.Generator) -> Scenario:
         circles[:, 2] /= np.sqrt(2) if strewn.kind in ROUND else 1.0
         free = shapely.distance(spots, taken) > circles[:, 2] + strewn.gap_m
         free &= shapely.distance(spots, kept_free) > circles[:, 2] + CLEAR_M
+        free &= (np.abs(at) + circles[:, 2, None] < np.array(scenario.size_m) / 2).all(axis=1)
         chosen, there = _apart(np.flatnonzero(free), circles, there, strewn.count)
         for i in chosen:
             x, y, depth, width, height, turn = (round(float(v), 4) for v in (*at[i], *sizes[i], turns[i]))

@@ -11,7 +11,7 @@ import shapely
 from sim.ground import Ground
 from sim.mesh import Mesh
 
-CELL_M = 1.5
+CELL_M = 2.0
 """The ground's mesh has a node at every such step; between them it is off by millimetres, as its waves are long."""
 Floats = npt.NDArray[np.float64]
 

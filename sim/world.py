@@ -126,14 +126,15 @@ def _hang(client: int, sheet: Print, ground: Ground) -> None:
 
 
 def _build_item(client: int, thing: Thing, item: Item, ground: Ground) -> None:
-    """A loose body: the robot can push it. One box is enough for its collisions."""
+    """A loose body: the robot can push it; but on hills nothing would stay, so there it is fixed. One box is for collisions."""
     size = item.extent_m()
     middle = size[2] / 2
     collision = pybullet.createCollisionShape(
         pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size], physicsClientId=client
     )
     visual = show_solids(client, thing.solids, lower_m=middle)
-    body = _place(client, ITEM_MASSES_KG[item.kind], collision, visual, thing.pose, ground, middle)
+    mass_kg = ITEM_MASSES_KG[item.kind] if ground.is_flat else 0.0
+    body = _place(client, mass_kg, collision, visual, thing.pose, ground, middle, tilted=True)
     pybullet.changeDynamics(body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=client)
 
 
@@ -162,8 +163,18 @@ def _build_mover(client: int, mover: Moving, ground: Ground) -> int:
     return _place(client, 0.0, collision, visual, mover.pose, ground)
 
 
-def _place(client: int, mass_kg: float, collision: int, visual: int, pose: Pose2, ground: Ground, above_m: float = 0.0) -> int:
-    place, turn = _stand(pose, ground, above_m, tilted=mass_kg > 0)
+def _place(
+    client: int,
+    mass_kg: float,
+    collision: int,
+    visual: int,
+    pose: Pose2,
+    ground: Ground,
+    above_m: float = 0.0,
+    *,
+    tilted: bool = False,
+) -> int:
+    place, turn = _stand(pose, ground, above_m, tilted=tilted)
     return int(pybullet.createMultiBody(mass_kg, collision, visual, place, turn, physicsClientId=client))
 
 
@@ -172,7 +183,7 @@ def _move(client: int, body: int, pose: Pose2, ground: Ground) -> None:
 
 
 def _stand(pose: Pose2, ground: Ground, above_m: float = 0.0, *, tilted: bool = False) -> tuple[list[float], list[float]]:
-    """Place and turn of what stands `above_m` above the ground: upright, or as loose things lie, as the ground does."""
+    """Place and turn of what stands `above_m` above the ground: upright, or tilted as the ground is."""
     place = [pose.x_m, pose.y_m, ground.height_m(pose.x_m, pose.y_m) + above_m]
     if tilted and not ground.is_flat:
         return place, list(pybullet.getQuaternionFromEuler(ground.attitude(pose)))
