@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pybullet
 import shapely
 
-from sim.shapes import Colour, Polygon, Solid, quaternion
+from sim.mesh import MESHES, Mesh, merged
+from sim.shapes import Colour, Solid, quaternion
 from sim.textures import Texture
 
 PARTS = 16
 """The engine takes at most so many solids for one body."""
 NO_SHAPE = -1
-MESHES = {
-    kind: Path(__file__).parent / "meshes" / f"{mesh}.obj"
-    for kind, mesh in (("box", "cube"), ("cylinder", "cylinder"), ("cone", "cone"), ("ball", "ball"))
-}
-"""Of side 1, about the origin."""
 _SQUARE = """
 v -0.5 -0.5 0
 v 0.5 -0.5 0
@@ -87,6 +81,26 @@ def show_square(client: int, size_m: tuple[float, float]) -> int:
     )
 
 
+def show_mesh(client: int, mesh: Mesh, colour: Colour, *, repeats_m: float = 0.0) -> int:
+    """A visual shape of a mesh; a texture on it repeats after `repeats_m`, 0 for none."""
+    return _from_text(
+        mesh.text(repeats_m),
+        lambda path: pybullet.createVisualShape(
+            pybullet.GEOM_MESH, fileName=path, rgbaColor=rgba(colour), specularColor=[0, 0, 0], physicsClientId=client
+        ),
+    )
+
+
+def solid_mesh(client: int, mesh: Mesh) -> int:
+    """A collision shape of a mesh that never moves, as it is, hollows and all."""
+    return _from_text(
+        mesh.text(),
+        lambda path: pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, fileName=path, flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH, physicsClientId=client
+        ),
+    )
+
+
 def load_texture(client: int, texture: Texture) -> int:
     """A texture's handle. The renderer keeps it until the client ends."""
     with tempfile.TemporaryDirectory() as folder:
@@ -113,7 +127,7 @@ def _show_merged(client: int, solids: Sequence[Solid], lower_m: float) -> int:
         # The names are new each time, because meshes are cached.
         paths = [Path(folder) / f"{i}.obj" for i in range(len(colours))]
         for path, colour in zip(paths, colours, strict=True):
-            path.write_text(_merged([solid for solid in solids if solid.colour == colour]), encoding="ascii")
+            path.write_text(merged([solid for solid in solids if solid.colour == colour]).text(), encoding="ascii")
         return int(
             pybullet.createVisualShapeArray(
                 shapeTypes=[pybullet.GEOM_MESH for _ in colours],
@@ -143,29 +157,3 @@ def _patch(polygon: Sequence[Sequence[float]], side_m: float) -> str:
     spots = [f"vt {x / side_m:.6f} {y / side_m:.6f}" for x, y in corners]
     faces = [f"f {i}/{i}/1 {i + 1}/{i + 1}/1 {i + 2}/{i + 2}/1" for i in range(1, len(corners), 3)]
     return "\n".join([*vertices, *spots, "vn 0 0 1", *faces, ""])
-
-
-@cache
-def _unit_mesh(kind: str) -> tuple[Polygon, Polygon, tuple[tuple[tuple[int, int], ...], ...]]:
-    """(V, 3) vertices, (N, 3) normals and the faces, each with pairs of their numbers from 0."""
-    lines = [line.split() for line in MESHES[kind].read_text(encoding="ascii").splitlines()]
-    vertices = np.array([line[1:] for line in lines if line[:1] == ["v"]], dtype=np.float64)
-    normals = np.array([line[1:] for line in lines if line[:1] == ["vn"]], dtype=np.float64)
-    corners = [[corner.split("/") for corner in line[1:]] for line in lines if line[:1] == ["f"]]
-    return vertices, normals, tuple(tuple((int(c[0]) - 1, int(c[-1]) - 1) for c in face) for face in corners)
-
-
-def _merged(solids: Sequence[Solid]) -> str:
-    """Solids as one mesh in OBJ format, in the frame of their thing."""
-    lines, first_vertex, first_normal = [], 1, 1
-    for solid in solids:
-        vertices, normals, faces = _unit_mesh(solid.kind)
-        turn = np.array(pybullet.getMatrixFromQuaternion(quaternion(solid.yaw_rad, solid.pitch_rad))).reshape(3, 3)
-        placed = (vertices * solid.size_m) @ turn.T + solid.centre_m
-        bent = normals / np.maximum(solid.size_m, 1e-9)
-        bent = (bent / np.linalg.norm(bent, axis=1, keepdims=True)) @ turn.T
-        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in placed.tolist()]
-        lines += [f"vn {x:.5f} {y:.5f} {z:.5f}" for x, y, z in bent.tolist()]
-        lines += ["f " + " ".join(f"{v + first_vertex}//{n + first_normal}" for v, n in face) for face in faces]
-        first_vertex, first_normal = first_vertex + len(vertices), first_normal + len(normals)
-    return "\n".join([*lines, ""])

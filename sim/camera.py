@@ -15,6 +15,7 @@ from navcore.frame import Intrinsics
 from navcore.robot import HUSKY
 from navcore.transform import Matrix, Pose2
 from sim.egl import egl_works, load_egl, unload_egl
+from sim.ground import FLAT, Ground
 from sim.stereo import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
 
 Renderer = Literal["tiny", "egl"]
@@ -88,10 +89,11 @@ class Camera:
         errors: StereoErrors,
         rng: np.random.Generator,
         mount: Matrix = T_BASE_CAMERA,
+        ground: Ground = FLAT,
     ) -> None:
         """Before anything is built in the client: the renderer learns of bodies as they are made."""
         self.intrinsics = d455_intrinsics(size)
-        self._client, self._errors, self._rng = client, errors, rng
+        self._client, self._errors, self._rng, self._ground = client, errors, rng, ground
         self.mount = mount
         """T_base_camera, optical frame."""
         self._plugin = _start_renderer(client, renderer)
@@ -106,7 +108,7 @@ class Camera:
 
     def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """The same without the camera's errors; depth is that of the far plane where nothing is."""
-        rgb, depth, _ = self.shoot(pose.matrix() @ self.mount, flags=pybullet.ER_NO_SEGMENTATION_MASK)
+        rgb, depth, _ = self.shoot(self._ground.lifted(pose) @ self.mount, flags=pybullet.ER_NO_SEGMENTATION_MASK)
         return rgb, depth
 
     def shoot(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:

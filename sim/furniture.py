@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from sim.outdoors import OUTDOORS
 from sim.shapes import Colour, Solid, box, cylinder
 
 Size = tuple[float, float, float]
@@ -24,6 +25,11 @@ FURNITURE_SIZES: Mapping[str, Size] = {
     "bin": (0.3, 0.3, 0.4),
     "box": (0.5, 0.5, 0.5),
     "cylinder": (0.4, 0.4, 0.8),
+    "house": (6.0, 8.0, 4.2),
+    "tree": (0.4, 0.4, 9.0),
+    "conifer": (0.35, 0.35, 11.0),
+    "bush": (0.9, 0.9, 0.9),
+    "rock": (0.8, 0.7, 0.5),
 }
 """Every kind of furniture and its usual size."""
 
@@ -39,6 +45,11 @@ FURNITURE_COLOURS: Mapping[str, Colour] = {
     "bin": (84, 86, 90),
     "box": (166, 140, 108),
     "cylinder": (140, 140, 144),
+    "house": (184, 172, 150),
+    "tree": (98, 82, 66),
+    "conifer": (84, 70, 60),
+    "bush": (92, 106, 70),
+    "rock": (134, 132, 128),
 }
 """Of each kind; dull, so that only what the robot must beware of is saturated."""
 
@@ -144,4 +155,5 @@ _FURNITURE: Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]] = {
     "bin": _plain_cylinder,
     "box": _plain_box,
     "cylinder": _plain_cylinder,
+    **OUTDOORS,
 }

@@ -66,21 +66,44 @@ def _pose(at: tuple[float, float], yaw_deg: float) -> Pose2:
 
 
 def _wall(wall: Wall) -> tuple[Solid, ...]:
-    """A box for each straight; it reaches round a corner by half its thickness, but not into a door."""
+    """A box for each straight between doors; it reaches round a corner by half its thickness, but not into a door."""
     last, closed = len(wall.points) - 2, wall.points[0] == wall.points[-1]
-    boxes = []
+    boxes, from_m = [], 0.0
     for i, ((x0, y0), (x1, y1)) in enumerate(pairwise(wall.points)):
         length, reach = math.hypot(x1 - x0, y1 - y0), wall.thickness_m / 2
-        before = reach if i > 0 or closed else 0.0
-        after = reach if i < last or closed else 0.0
-        along = (length + after - before) / 2 / length
-        boxes.append(
-            Solid(
-                kind="box",
-                size_m=(length + before + after, wall.thickness_m, wall.height_m),
-                centre_m=(x0 + along * (x1 - x0), y0 + along * (y1 - y0), wall.height_m / 2),
-                colour=wall.colour,
-                yaw_rad=math.atan2(y1 - y0, x1 - x0),
+        first = -reach if i > 0 or closed else 0.0
+        end = length + (reach if i < last or closed else 0.0)
+        for begin, stop in _between_doors(wall, first, end, from_m):
+            along = (begin + stop) / 2 / length
+            boxes.append(
+                Solid(
+                    kind="box",
+                    size_m=(stop - begin, wall.thickness_m, wall.height_m),
+                    centre_m=(x0 + along * (x1 - x0), y0 + along * (y1 - y0), wall.height_m / 2),
+                    colour=wall.colour,
+                    yaw_rad=math.atan2(y1 - y0, x1 - x0),
+                )
             )
-        )
+        from_m += length
     return tuple(boxes)
+
+
+def _between_doors(wall: Wall, first: float, end: float, from_m: float) -> list[tuple[float, float]]:
+    """What is left of the straight from `first` to `end`, which begins `from_m` along the run."""
+    ends = [first]
+    for door in sorted(door - from_m for door in wall.doors_m):
+        if first < door < end:
+            ends += [door - wall.door_m / 2, door + wall.door_m / 2]
+    ends.append(end)
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
+
+
+def doors(scenario: Scenario) -> tuple[tuple[float, float], ...]:
+    """x, y of the middle of every door that a wall names."""
+    return tuple(spot for wall in scenario.walls for spot in _doors_of(wall))
+
+
+def _doors_of(wall: Wall) -> list[tuple[float, float]]:
+    points = np.array(wall.points)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    return [(float(np.interp(d, along, points[:, 0])), float(np.interp(d, along, points[:, 1]))) for d in wall.doors_m]

@@ -15,16 +15,18 @@ from navcore.settings import between, from_table, read_toml
 from navcore.transform import Pose2
 from sim.faults import Fault
 from sim.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
+from sim.ground import Relief
 from sim.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.scenario_checks import check_scenario
-from sim.shapes import Colour, Solid, facing, quaternion
+from sim.scenery import FARTHEST_M, Room, Scatter
+from sim.shapes import Colour, Pattern, Solid, facing, quaternion
 
 WORLDS = Path(__file__).parent / "worlds"
 """Where the built-in worlds lie."""
-FARTHEST_M = 100.0
-"""Worlds are at most twice as large as this."""
 
-FurnitureKind = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
+Indoors = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
+Outdoors = Literal["house", "tree", "conifer", "bush", "rock"]
+FurnitureKind = Literal[Indoors, Outdoors]
 ItemKind = Literal["cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"]
 Surface = Literal["paint", "water", "mud", "chemical"]
 SURFACE_COLOURS: dict[str, Colour] = {
@@ -60,6 +62,10 @@ class Wall:
     """From the floor."""
     colour: tuple[int, int, int] = between(0, 255, default=(226, 223, 214))
     """Red, green, blue."""
+    doors_m: tuple[float, ...] = between(0.0, 4 * FARTHEST_M, default=())
+    """How far along the run the middle of each door is: a gap in it."""
+    door_m: float = between(0.1, 10.0, default=1.4)
+    """How wide they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,6 +218,10 @@ class Scenario:
     """Where the mission leads, in this order, x and y in metres."""
     floor_colour: tuple[int, int, int] = between(0, 255, default=(196, 196, 194))
     """Red, green, blue."""
+    floor_pattern: Pattern = "plain"
+    """What its colour is multiplied with."""
+    relief: Relief | None = None
+    """How the ground rolls; flat when left out."""
     walls: tuple[Wall, ...] = field(default=())
     """All walls."""
     furniture: tuple[Furniture, ...] = field(default=())
@@ -228,6 +238,10 @@ class Scenario:
     """Everything that moves by a timetable."""
     faults: tuple[Fault, ...] = field(default=())
     """Everything that goes wrong, and when."""
+    rooms: tuple[Room, ...] = field(default=())
+    """Where each seed furnishes: its furniture comes to that of the file."""
+    scatter: tuple[Scatter, ...] = field(default=())
+    """What each seed strews, one after the other: it comes to the furniture and the items of the file."""
 
     @property
     def start_pose(self) -> Pose2:

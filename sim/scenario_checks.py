@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -42,6 +43,13 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         for j, (a, b) in enumerate(pairwise(wall.points)):
             if a == b:
                 raise BadConfiguration(f"{where}.walls[{i}].points[{j + 1}]: repeats the point before, {a}; leave it out")
+        length_m = sum(math.dist(a, b) for a, b in pairwise(wall.points))
+        for j, along_m in enumerate(wall.doors_m):
+            if not wall.door_m / 2 < along_m < length_m - wall.door_m / 2:
+                raise BadConfiguration(
+                    f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at {along_m:g} m does not fit into "
+                    f"a wall of {length_m:g} m"
+                )
     for i, item in enumerate(scenario.items):
         if item.shape and item.shape not in (known := item_shapes(item.kind)):
             raise BadConfiguration(f"{where}.items[{i}].shape: {item.shape!r}, a {item.kind} is one of {', '.join(known)}")
@@ -55,10 +63,22 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         if len(person.points) > 1 and person.speed_mps == 0:
             raise BadConfiguration(f"{where}.people[{i}].speed_mps: is 0 for a walker, expected more, or a single point")
 
+    for key, corners in _areas(scenario):
+        (x0, y0), (x1, y1) = corners
+        if not (x0 < x1 and y0 < y1):
+            raise BadConfiguration(f"{where}.{key}.corners: expected the lowest x, y and then the highest, got {corners}")
+    for i, strewn in enumerate(scenario.scatter):
+        if any(low > high for low, high in zip(strewn.least_m, strewn.most_m, strict=True)):
+            raise BadConfiguration(f"{where}.scatter[{i}].most_m: {strewn.most_m} is less than least_m, {strewn.least_m}")
     for i, mover in enumerate(scenario.movers):
         times = [t_s for t_s, _, _ in mover.keys]
         if not times or times != sorted(times) or times[0] < 0:
             raise BadConfiguration(f"{where}.movers[{i}].keys: expected one or more, from 0 s on, in order of time")
+
+
+def _areas(scenario: Scenario) -> Iterator[tuple[str, tuple[Spot, Spot]]]:
+    yield from ((f"rooms[{i}]", room.corners) for i, room in enumerate(scenario.rooms))
+    yield from ((f"scatter[{i}]", strewn.corners) for i, strewn in enumerate(scenario.scatter) if strewn.corners)
 
 
 def _check_inside(scenario: Scenario, where: str) -> None:
@@ -84,6 +104,10 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
         yield f"items[{i}].at", item.at
     for i, sheet in enumerate(scenario.prints):
         yield f"prints[{i}].at", sheet.at
+    for i, room in enumerate(scenario.rooms):
+        yield from ((f"rooms[{i}].corners[{j}]", corner) for j, corner in enumerate(room.corners))
+    for i, strewn in enumerate(scenario.scatter):
+        yield from ((f"scatter[{i}].corners[{j}]", corner) for j, corner in enumerate(strewn.corners or ()))
     for i, person in enumerate(scenario.people):
         yield from ((f"people[{i}].points[{j}]", point) for j, point in enumerate(person.points))
 

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from navcore.transform import Pose2
 
+Pattern = Literal["plain", "tiles", "carpet", "grass", "bark", "leaves", "brick", "thatch"]
+"""What the colour of a surface is multiplied with, see `sim.textures`."""
 Colour = tuple[int, int, int]
 """Red, green and blue, 0 to 255."""
 Polygon = npt.NDArray[np.float64]
@@ -36,6 +38,8 @@ class Solid:
     """Turn about z in the frame of its thing."""
     pitch_rad: float = 0.0
     """Turn about its own y before that; by a quarter turn it lies along x."""
+    pattern: Pattern = "plain"
+    """Of all its sides, where it is part of what stands fixed."""
 
     @property
     def extent_m(self) -> tuple[float, float, float]:

@@ -17,6 +17,7 @@ from navcore.transform import Pose2
 from sim.camera import Camera, Renderer
 from sim.chassis import chassis_of
 from sim.faults import Fault, FaultLine
+from sim.ground import Ground
 from sim.odometry import Gyro, Odometry
 from sim.quiet import quiet_stdout
 from sim.referee import Referee
@@ -173,7 +174,13 @@ class Simulator:
     ) -> Camera:
         rng = generator(seed, Source.CAMERA)
         return Camera(
-            self._client, size=size, renderer=renderer, errors=errors, rng=rng, mount=self.profile.camera.T_base_camera
+            self._client,
+            size=size,
+            renderer=renderer,
+            errors=errors,
+            rng=rng,
+            mount=self.profile.camera.T_base_camera,
+            ground=Ground(self.scenario.relief),
         )
 
     def _build(self, seed: int) -> None:
@@ -181,7 +188,7 @@ class Simulator:
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
         build_world(self._client, self.scenario)
         self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile)
-        self._robot = SkidSteer(self._client, self.scenario.start_pose, self._chassis)
+        self._robot = SkidSteer(self._client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief))
         for _ in range(SETTLING_STEPS):
             self._robot.drive(0.0, 0.0)
             pybullet.stepSimulation(physicsClientId=self._client)

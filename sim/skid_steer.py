@@ -13,6 +13,7 @@ import pybullet
 
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.transform import Pose2
+from sim.ground import FLAT, Ground
 from sim.tyres import Tyres, grip
 
 YAW_GAIN = 1.0
@@ -23,6 +24,8 @@ LARGEST_CORRECTION_RADPS = 1.5
 """The integral part is held within this, so that a blocked robot does not spin when it comes free."""
 COMMAND_TIMEOUT_NS = 250_000_000
 """The driver forgets a velocity after this, as the real one does."""
+
+GRAVITY_MPS2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,11 +80,13 @@ class Driver:
 class SkidSteer:
     """The robot's body in the physics engine."""
 
-    def __init__(self, client: int, start: Pose2, chassis: Chassis) -> None:
-        self._client, self._chassis = client, chassis
-        turn = pybullet.getQuaternionFromEuler([0.0, 0.0, start.yaw_rad])
-        place = [start.x_m, start.y_m, 0.0]
+    def __init__(self, client: int, start: Pose2, chassis: Chassis, ground: Ground = FLAT) -> None:
+        self._client, self._chassis, self._ground = client, chassis, ground
+        turn = pybullet.getQuaternionFromEuler(ground.attitude(start))
+        place = [start.x_m, start.y_m, ground.height_m(start.x_m, start.y_m)]
         self.body: int = pybullet.loadURDF(str(chassis.urdf()), place, turn, physicsClientId=client)
+        parts = range(-1, pybullet.getNumJoints(self.body, physicsClientId=client))
+        self._weight_n = GRAVITY_MPS2 * sum(pybullet.getDynamicsInfo(self.body, i, physicsClientId=client)[0] for i in parts)
         for wheel in chassis.wheels:
             # The tyre model is what holds the wheels to the floor, see `sim.tyres`.
             pybullet.changeDynamics(self.body, wheel, lateralFriction=0.0, physicsClientId=client)
@@ -98,7 +103,9 @@ class SkidSteer:
         )
         pose, speeds, track_m = self.pose(), self._wheels(1), self._chassis.track_m
         motion = self._motion(pose)
-        for side, force in zip((1, -1), grip(motion, *speeds, track_m, self._chassis.tyres), strict=True):
+        ahead, left = self._ground.rise(pose)
+        uphill = (self._weight_n / 2 * ahead, self._weight_n / 2 * left)
+        for side, force in zip((1, -1), grip(motion, *speeds, track_m, self._chassis.tyres, uphill), strict=True):
             self._push(pose, force, side * track_m / 2)
 
     def rolled_m(self) -> tuple[float, float]:
@@ -134,12 +141,13 @@ class SkidSteer:
 
     def _push(self, pose: Pose2, force: tuple[float, float], left_m: float) -> None:
         """Apply a force (forward, left) of the tyres at `left_m` from the middle."""
+        height_m = self._ground.height_m(pose.x_m, pose.y_m) + self._chassis.grip_height_m
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         pybullet.applyExternalForce(
             self.body,
             -1,
             [cos * force[0] - sin * force[1], sin * force[0] + cos * force[1], 0.0],
-            [pose.x_m - sin * left_m, pose.y_m + cos * left_m, self._chassis.grip_height_m],
+            [pose.x_m - sin * left_m, pose.y_m + cos * left_m, height_m],
             pybullet.WORLD_FRAME,
             physicsClientId=self._client,
         )

@@ -31,13 +31,13 @@ def print_texture(shows: str) -> Texture:
 def spill_texture(colour: Colour, gloss: float, seed: int) -> Texture:
     """Blotches of a colour with soft lights of `gloss`, 0 to 1; it repeats at its edges."""
     rng = np.random.default_rng(seed)
-    tone = 1.0 + 0.14 * _clouds(rng, 6)[:, :, None]
-    light = np.clip(_clouds(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
+    tone = 1.0 + 0.14 * clouds(rng, 6)[:, :, None]
+    light = np.clip(clouds(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
     picture = np.array(colour) * tone
     return np.asarray(np.clip(picture + gloss * light * (255.0 - picture), 0, 255), dtype=np.uint8)
 
 
-def _clouds(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:
+def clouds(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:
     """(SPILL_PX, SPILL_PX) smooth noise of mean 0 and deviation 1 that repeats at its edges."""
     spots = np.tile(rng.standard_normal((cells, cells)), (3, 3))
     smooth = cv2.resize(spots, (3 * SPILL_PX, 3 * SPILL_PX), interpolation=cv2.INTER_CUBIC)

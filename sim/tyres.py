@@ -29,18 +29,25 @@ class Tyres:
 
 
 def grip(
-    motion: tuple[float, float, float], left_mps: float, right_mps: float, track_m: float, tyres: Tyres
+    motion: tuple[float, float, float],
+    left_mps: float,
+    right_mps: float,
+    track_m: float,
+    tyres: Tyres,
+    uphill: Force = (0.0, 0.0),
 ) -> tuple[Force, Force]:
     """What the floor does to the (left, right) tyres.
 
     `motion` is the body's speed forward and to the left and its yaw rate; the wheels' rims move at `left_mps`, `right_mps`.
+    `uphill` is what each side bears of the weight on a slope: rubber holds that without slipping.
     """
     along, across, yaw_rate = motion
+    ahead, beside = uphill
     scrub = max(-tyres.scrub_nm, min(tyres.scrub_nm, tyres.scrub_nms * yaw_rate)) / track_m
-    sideways, stiffness = -tyres.stiffness_nspm * across / 2, tyres.stiffness_nspm
+    sideways, stiffness = beside - tyres.stiffness_nspm * across / 2, tyres.stiffness_nspm
     return (
-        _limited(stiffness * (left_mps - along + yaw_rate * track_m / 2) + scrub, sideways, tyres.side_grip_n),
-        _limited(stiffness * (right_mps - along - yaw_rate * track_m / 2) - scrub, sideways, tyres.side_grip_n),
+        _limited(stiffness * (left_mps - along + yaw_rate * track_m / 2) + scrub + ahead, sideways, tyres.side_grip_n),
+        _limited(stiffness * (right_mps - along - yaw_rate * track_m / 2) - scrub + ahead, sideways, tyres.side_grip_n),
     )
 
 

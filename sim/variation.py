@@ -1,4 +1,7 @@
-"""What a seed changes: where chairs and items stand exactly, and how each sensor errs. Same seed, same world, bit for bit."""
+"""What a seed changes: where chairs and items stand exactly, what rooms and woods hold, where hills are, how each sensor errs.
+
+Same seed, same world, bit for bit.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from sim.furnishing import furnish
 from sim.scenario import Furniture, Item, Scenario
+from sim.strewing import strew
 
 Placed = TypeVar("Placed", Furniture, Item)
 
@@ -31,6 +36,7 @@ class Source(IntEnum):
     ENCODER = 3
     CAMERA = 4
     FAULTS = 5
+    SCENERY = 6
 
 
 def generator(seed: int, source: Source) -> np.random.Generator:
@@ -42,7 +48,11 @@ def vary(scenario: Scenario, seed: int) -> Scenario:
     """The scenario as it is found in this run."""
     rng = generator(seed, Source.WORLD)
     furniture = tuple(_nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture)
-    return dataclasses.replace(scenario, furniture=furniture, items=tuple(_nudge(item, rng) for item in scenario.items))
+    relief = scenario.relief and dataclasses.replace(scenario.relief, seed=seed)
+    items = tuple(_nudge(item, rng) for item in scenario.items)
+    found = dataclasses.replace(scenario, furniture=furniture, items=items, relief=relief)
+    scenery = generator(seed, Source.SCENERY)
+    return strew(furnish(found, scenery), scenery)
 
 
 def _nudge(thing: Placed, rng: np.random.Generator) -> Placed:
