@@ -65,9 +65,9 @@ class Areas:
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
         self._excused &= inside
         on: npt.NDArray[np.bool_] = inside & ~self._excused
-        for number in np.flatnonzero(on & ~self._on):
+        for entered in np.flatnonzero(on & ~self._on):
             self.intrusions += 1
-            self.by_name[self._names[number]] += 1
+            self.by_name[self._names[entered]] += 1
         if on.any():
             self.seconds += period_s
             self.m2s += period_s * self._covered_m2(body, np.flatnonzero(on), shoved)
