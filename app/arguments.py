@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from navcore.beware import BewareList, default_beware_list, load_beware_list
 from navcore.errors import BadConfiguration
 
 PriorOption = Annotated[
@@ -19,6 +20,37 @@ PriorOption = Annotated[
 KeptOption = Annotated[
     Path | None,
     typer.Option("--map", metavar="FILE", help="The map of an earlier session: loaded if it is there, kept there at the end."),
+]
+
+BewareOption = Annotated[Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")]
+RandomOption = Annotated[bool, typer.Option("--random", help="Each seed draws a start and a goal that can be reached.")]
+ZonesOption = Annotated[
+    int | None,
+    typer.Option("--zones", min=0, max=8, help="The operator's zones that each seed draws across the way; 2 with --random."),
+]
+
+
+def beware_list(path: Path | None) -> BewareList:
+    """Of a file, or the one that comes with the package."""
+    return default_beware_list() if path is None else load_beware_list(path)
+
+
+class Ablation(StrEnum):
+    """What is different from the whole system."""
+
+    NONE = "none"
+    NO_SEMANTICS = "no-semantics"
+    """Nothing of the beware list is ever seen: a robot with geometry alone."""
+    NO_ZONES = "no-zones"
+    """The operator's zones are not told to the robot; the referee judges by them all the same."""
+    NO_LOCAL_PLANNER = "no-local-planner"
+    """The path is followed directly, with no look at what stands near it; the gate before the wheels stays."""
+    ORACLE = "oracle"
+    """The simulator's own labels in the place of a segmenter's."""
+
+
+AblationOption = Annotated[
+    Ablation, typer.Option("--ablation", help="Leave a part of the navigation out, or give it the simulator's own labels.")
 ]
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import signal
 import statistics
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console as Terminal
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from navcore.errors import BadConfiguration
@@ -47,7 +51,8 @@ class Campaign:
             with kept.open("a", encoding="utf-8") as file:
                 if text and not text.endswith("\n"):
                     file.write("\n")
-                for report in self._driven([key for key in wanted if key not in done], workers):
+                left = [key for key in wanted if key not in done]
+                for report in _shown(self._driven(left, workers), [done[key] for key in wanted if key in done], len(wanted)):
                     done[report[self.key]] = report
                     file.write(json.dumps({**report, "campaign": name}) + "\n")
                     file.flush()
@@ -59,9 +64,16 @@ class Campaign:
         if workers == 1:
             yield from map(self.drive, keys)
             return
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_end_with_parent) as pool:
             jobs = [pool.submit(self.drive_alone, key) for key in keys]
-            yield from (job.result() for job in as_completed(jobs))
+            try:
+                yield from (job.result() for job in as_completed(jobs))
+            except BaseException:
+                # What is driven now is not kept anyway: do not let the operator wait for it.
+                pool.shutdown(wait=False, cancel_futures=True)
+                for process in active_children():
+                    process.terminate()
+                raise
 
     def _read(self, text: str, name: str, path: Path) -> Iterator[Report]:
         """The episodes kept before; a line that a kill cut short is driven again."""
@@ -75,17 +87,46 @@ class Campaign:
             yield report
 
 
+def _shown(driven: Iterator[Report], kept: list[Report], total: int) -> Iterator[Report]:
+    """The same reports, with a progress bar."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Terminal(stderr=True)) as bar:
+        succeeded = sum(bool(report["success"]) for report in kept)
+        task = bar.add_task(_said(succeeded, len(kept)), total=total, completed=len(kept))
+        for number, report in enumerate(driven, start=len(kept) + 1):
+            yield report
+            succeeded += bool(report["success"])
+            bar.update(task, completed=number, description=_said(succeeded, number))
+
+
+def _said(succeeded: int, ended: int) -> str:
+    return f"{succeeded} of {ended} succeeded" if ended else "driving"
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed ends; one whose parent hears Ctrl-C is ended by it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+
 def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> float:
     """The mean of a figure over reports."""
     return round(statistics.fmean(value(report) for report in reports), 4)
 
 
-def conclude(reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path) -> None:
-    """Write `summary.json` and print the table."""
+def write_summary(summary: Report, out: Path) -> None:
+    """Write `summary.json`; raises `BadConfiguration` where that cannot be done."""
     try:
         (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     except OSError as error:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
+
+
+def conclude(reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path) -> None:
+    """Write `summary.json` and print the table."""
+    write_summary(summary, out)
     table = Table(*columns, title=title)
     for report in reports:
         table.add_row(*(f"{report[column]}" for column in columns))

@@ -15,15 +15,27 @@ import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.arguments import BenchPart, KeptOption, PriorOption, point, prepare
+from app.arguments import (
+    Ablation,
+    AblationOption,
+    BenchPart,
+    BewareOption,
+    KeptOption,
+    PriorOption,
+    RandomOption,
+    ZonesOption,
+    beware_list,
+    point,
+    prepare,
+)
 from app.dataset_cli import dataset_cli
+from app.evaluate_cli import compare, evaluate
 from app.plan_cli import plan
 from app.segment_cli import segment
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from app.train_cli import train
 from app.users_cli import users_cli
 from app.weights_cli import weights_cli
-from navcore.beware import BewareList, default_beware_list, load_beware_list
 from navcore.errors import BewareNavError
 
 cli = typer.Typer(
@@ -37,9 +49,11 @@ cli.add_typer(weights_cli, name="weights")
 cli.add_typer(users_cli, name="users")
 cli.command()(train)
 cli.command()(segment)
+cli.command()(plan)
+cli.command()(evaluate)
+cli.command()(compare)
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same run.")]
-BewareOption = Annotated[Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")]
 
 
 def main() -> None:
@@ -110,28 +124,36 @@ def drive(
     backend: BackendOption = "auto",
     prior: PriorOption = None,
     kept: KeptOption = None,
+    random: RandomOption = False,
+    zones: ZonesOption = None,
+    ablation: AblationOption = Ablation.NONE,
 ) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without any violation."""
-    from app.episode import Episode
+    from app.album import Album
     from app.known_world import keep, recall
     from app.plots import plot_episode
     from app.segmenter import compose
+    from app.task import Task, episode_of
+    from navcore.robot import HUSKY
     from sim.scenario import load_scenario
 
     goals = tuple(point(text, "--goal") for text in goal or [])
     for folder in [*(file.parent for file in (report, kept) if file is not None), *([plots] if plots else [])]:
         prepare(folder)
-    world, listed = load_scenario(scenario), _beware(beware)
-    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
-    episode = Episode(world, seed=seed, beware=listed, goals=goals, max_time_s=max_time, perception=perception)
+    task = Task(
+        scenario=load_scenario(scenario), goals=goals, random=random, zones=zones, ablation=ablation, max_time_s=max_time
+    )
+    perception, listed = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)), beware_list(beware)
+    episode = episode_of(task, seed, robot=HUSKY, beware=listed, perception=perception)
     try:
+        album = Album(episode)
         recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
             task = bar.add_task("starting", total=1.0)
             result = episode.run(lambda progress: bar.update(task, description=progress.text(), completed=progress.share))
         keep(episode.pilot.navigator.map, listed, kept)
         if plots is not None:
-            plot_episode(result, episode, plots)
+            plot_episode(result, episode, album, plots)
     finally:
         episode.close()
     if report is not None:
@@ -142,59 +164,6 @@ def drive(
         f"intrusions, {result['distance_m']:.1f} m in {result['sim_time_s']:.0f} s, {result['wall_time_s']:.0f} s of real time"
     )
     sys.exit(0 if result["success"] else 1)
-
-
-@cli.command()
-def evaluate(
-    suite: Annotated[
-        str, typer.Argument(help="A scenario, e.g. office, or one of the suites barn, dynabarn, crossings and finding.")
-    ],
-    worlds: Annotated[Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")] = None,
-    robot: Annotated[str, typer.Option(metavar="husky|jackal", help="What drives; suites are scaled to fit it.")] = "husky",
-    episodes: Annotated[
-        int | None, typer.Option(min=1, max=10_000, help="Seeds of a scenario, 10 if left out; the first worlds of a suite.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first episode; the others follow. Of every world of a suite.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, max=64)] = 1,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where episodes.jsonl and summary.json go.")] = None,
-    max_time: Annotated[float, typer.Option(metavar="S", min=1.0)] = 600.0,
-    beware: BewareOption = None,
-    segmenter: KindOption = "auto",
-    weights: WeightsOption = None,
-    backend: BackendOption = "auto",
-) -> None:
-    """Drive many seeded episodes and print what came of them; resumes where it was interrupted."""
-    from app.barn import SUITES, evaluate_barn
-    from app.crossings import evaluate_crossings
-    from app.evaluate import evaluate_scenario
-    from app.segmenter import compose
-
-    if suite in SUITES:
-        into = out or Path("runs") / f"{suite}-{robot}"
-        verdict = evaluate_barn(suite, worlds, robot=robot, count=episodes, seed=seed, workers=workers, out=into)
-        sys.exit(0 if verdict["success_rate"] == 1.0 else 1)
-    if suite == "crossings":
-        seeds, into = range(seed, seed + (episodes or 200)), out or Path("runs") / suite
-        verdict = evaluate_crossings(seeds=seeds, workers=workers, out=into, beware=_beware(beware))
-        sys.exit(0 if verdict["drove_into_somebody"] == 0 else 1)
-    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
-    if suite == "finding":
-        from app.finding import run_finding
-
-        into = out or Path("runs") / suite
-        found = run_finding(perception.segmenter, _beware(beware), seed=seed, walks=episodes or 40, out=into)
-        sys.exit(0 if found["found_in_time"] >= 0.95 and found["false_items_per_10_m"] < 1.0 else 1)
-    summary = evaluate_scenario(
-        suite,
-        robot=robot,
-        seeds=range(seed, seed + (episodes or 10)),
-        workers=workers,
-        out=out or Path("runs") / suite,
-        max_time_s=max_time,
-        beware=_beware(beware),
-        perception=perception,
-    )
-    sys.exit(0 if summary["success_rate"] == 1.0 else 1)
 
 
 @cli.command()
@@ -226,13 +195,6 @@ def doctor() -> None:
     from app.doctor import examine
 
     sys.exit(examine())
-
-
-cli.command()(plan)
-
-
-def _beware(path: Path | None) -> BewareList:
-    return default_beware_list() if path is None else load_beware_list(path)
 
 
 def _refuse(text: str) -> NoReturn:

@@ -9,8 +9,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
+from app.ablation import ablate, segmenter_for
+from app.arguments import Ablation
 from app.faults import Sabotage
 from app.pilot import COMMAND_PERIOD_S, Intent, Pilot
+from app.report import report_of
 from app.segmenter import Perception, colour_perception
 from app.timing import Stopwatch
 from navcore.beware import BewareList
@@ -19,17 +24,17 @@ from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.mission import Goal, Mission, Phase
-from navcore.navigator import Navigator
+from navcore.navigator import Decision, Navigator
 from navcore.robot import HUSKY, RobotProfile
 from navcore.safety import Verdict
 from navcore.transform import Pose2
 from navcore.warmup import warm_up
+from navcore.zones import Zone
+from sim.finds import Finds
 from sim.scenario import Scenario
 from sim.simulator import Simulator
 
 SERIES_PERIOD_S = 1.0
-GOAL_RADIUS_M = 0.3
-"""The robot must finally stand this near to a goal, judged from the ground truth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +60,20 @@ class Progress:
         return f"{self.goals_done} of {self.goals} goals, {where}, {self.sim_time_s:5.0f} s"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One moment of an episode."""
+
+    t_s: float
+    """Simulated time."""
+    pose: Pose2
+    """Where the robot truly is."""
+    explored_m2: float
+    """Area that its map has seen by then."""
+    explored_m3: float
+    """And volume."""
+
+
 def map_of(scenario: Scenario) -> GridSpec:
     """The map's grid for a world."""
     return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
@@ -75,30 +94,50 @@ class Episode:
         perception: Perception | None = None,
         camera_size: tuple[int, int] = (424, 240),
         robot: RobotProfile = HUSKY,
+        as_found: bool = False,
+        zones: tuple[tuple[tuple[float, float], ...], ...] = (),
+        ablation: Ablation = Ablation.NONE,
     ) -> None:
-        """Without a perception the colour rules look for what is to beware of."""
-        self.scenario, self.seed, self._max_time_s = scenario, seed, max_time_s
-        spec = map_of(scenario)
+        """Without a perception the colour rules look for what is to beware of.
+
+        `as_found`: a seed has made its changes to the scenario already. `zones`: polygons that the operator has drawn.
+        """
+        self.seed, self.zones, self.ablation, self._max_time_s = seed, zones, ablation, max_time_s
+        self.spec = spec = map_of(scenario)
         mission = Mission()
         for x_m, y_m in goals or scenario.goals:
             mission = mission.add(x_m, y_m, spec)
         if not mission.queue:
             raise BadConfiguration(f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y")
-        self._goals = mission.queue
-        self.simulator = Simulator(scenario, seed=seed, camera_size=camera_size, robot=robot)
-        profile = self.simulator.profile
-        self._config = config or NavigatorConfig()
-        self._perception = perception or colour_perception()
-        navigator = Navigator(spec=spec, profile=profile, segmenter=self._perception.segmenter, config=self._config)
-        self._sabotage = Sabotage(navigator, lambda: self.simulator.faults, lambda: self._now_s)
+        self.goals = mission.queue
+        self.simulator = Simulator(scenario, seed=seed, camera_size=camera_size, robot=robot, as_found=as_found)
+        self.scenario, profile = self.simulator.scenario, self.simulator.profile
+        self.simulator.referee.set_zones([np.array(zone) for zone in zones])
+        config, perception = config or NavigatorConfig(), perception or colour_perception()
+        self.inflation_m = profile.width_m / 2 + config.safety_margin_m
+        """Room that the robot's middle keeps from everything."""
+        self._segmenter = segmenter_for(ablation, perception.segmenter, self.simulator)
+        self.seen_by = perception.identity if self._segmenter is perception.segmenter else str(ablation)
+        """What labels the pictures."""
+        navigator = Navigator(spec=spec, profile=profile, segmenter=self._segmenter, config=config)
+        ablate(navigator, ablation, profile, config)
+        self._sabotage = Sabotage(navigator, lambda: self.simulator.faults, lambda: self.now_s)
         self.stopwatch = Stopwatch(navigator)
-        self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware))
+        drawn = () if ablation is Ablation.NO_ZONES else zones
+        told = tuple(Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon) for i, polygon in enumerate(drawn, start=1))
+        self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware, zones=told))
+        self.finds = Finds(self.scenario)
+        """What came into view."""
         self._thinks_of: Frame | None = None
         self._thinks_until_s = 0.0
         self.on_verdict: Callable[[float, Verdict], None] = lambda t_s, verdict: None
         """Told of each command as it is sent, with the simulated time."""
-        self._arrived: dict[int, float] = {}
-        self._explored: list[tuple[float, float, float]] = []
+        self.on_decision: Callable[[float, Decision], None] = lambda t_s, decision: None
+        """Told of each tick's outcome, with the simulated time."""
+        self.arrived: dict[int, float] = {}
+        """Number of a goal → how far from it the robot truly was when it said that it was there."""
+        self.samples: list[Sample] = []
+        """One a second."""
         self.driven: list[tuple[float, float]] = []
         """(x, y) where the robot truly was, once a command."""
 
@@ -112,42 +151,43 @@ class Episode:
 
         Before it sets out the robot stands and looks for `look_first_s`.
         """
-        warm_up(self._perception.segmenter)
+        warm_up(self._segmenter)
         started = time.perf_counter()
         frame = self._look(look_first_s)
         self.pilot.change_mission(Mission.start)
-        next_command_s, next_sample_s = 0.0, 0.0
-        while self.pilot.intent.mission.phase is Phase.DRIVING and self._now_s < self._max_time_s:
+        next_command_s, next_sample_s, cut_short = 0.0, 0.0, False
+        while self.pilot.intent.mission.phase is Phase.DRIVING and self.now_s < self._max_time_s:
             self.simulator.step()
-            if ended(self.simulator):
+            if cut_short := ended(self.simulator):
                 break
             if self.simulator.newest_frame() is not frame:
                 frame = self.simulator.newest_frame()
                 self._begin_tick(frame)
             self._end_tick()
-            if self._now_s >= next_command_s:
+            if self.now_s >= next_command_s:
                 next_command_s += COMMAND_PERIOD_S
                 self._command()
-            if self._now_s >= next_sample_s:
+            if self.now_s >= next_sample_s:
                 next_sample_s += SERIES_PERIOD_S
                 self._sample()
                 on_progress(self._progress())
         self._sample()
         on_progress(self._progress())
-        return self._report(time.perf_counter() - started)
+        return report_of(self, wall_time_s=time.perf_counter() - started, cut_short=cut_short)
 
     def close(self) -> None:
         """Free the simulator."""
         self.simulator.close()
 
     @property
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
+        """Simulated time."""
         return self.simulator.now_ns() / 1e9
 
     def _look(self, seconds: float) -> Frame | None:
         """Stand and look for so long, at least until there is a picture; the last one thought about, None without any."""
         seen: Frame | None = None
-        while (newest := self.simulator.newest_frame()) is None or self._now_s < seconds:
+        while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:
             if newest is not None and newest is not seen:
                 seen = newest
                 self._think(newest)
@@ -156,11 +196,13 @@ class Episode:
 
     def _begin_tick(self, frame: Frame | None) -> None:
         """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile are missed."""
+        if frame is not None:
+            self.finds.look(frame, self.simulator.true_pose().matrix() @ frame.T_base_camera)
         if self._thinks_of is None:
-            self._thinks_of, self._thinks_until_s = frame, self._now_s + self._sabotage.delay_s()
+            self._thinks_of, self._thinks_until_s = frame, self.now_s + self._sabotage.delay_s()
 
     def _end_tick(self) -> None:
-        if self._thinks_of is None or self._now_s < self._thinks_until_s:
+        if self._thinks_of is None or self.now_s < self._thinks_until_s:
             return
         frame, self._thinks_of = self._thinks_of, None
         try:
@@ -172,86 +214,46 @@ class Episode:
 
     def _think(self, frame: Frame) -> None:
         goal = self.pilot.intent.mission.goal
-        self.pilot.think(frame, clock=self.simulator.now_ns)
+        decision = self.pilot.think(frame, clock=self.simulator.now_ns)
+        if decision is not None:
+            self.on_decision(self.now_s, decision)
         if goal is not None and goal in self.pilot.intent.mission.reached:
             pose = self.simulator.true_pose()
-            self._arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
+            self.arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
         now_ns, newest = self.simulator.now_ns(), self.simulator.newest_frame()
         verdict = self.pilot.command(now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest)
-        self.on_verdict(self._now_s, verdict)
+        self.on_verdict(self.now_s, verdict)
         pose = self.simulator.true_pose()
         self.driven.append((pose.x_m, pose.y_m))
         self.simulator.referee.note_stop(verdict.reasons[0].cause if verdict.reasons else None)
 
     def _sample(self) -> None:
-        world = self.pilot.navigator.map
-        self._explored.append((self._now_s, world.explored.area_m2, world.explored.volume_m3))
+        explored = self.pilot.navigator.map.explored
+        self.samples.append(
+            Sample(
+                t_s=self.now_s,
+                pose=self.simulator.true_pose(),
+                explored_m2=explored.area_m2,
+                explored_m3=explored.volume_m3,
+            )
+        )
 
     def _progress(self) -> Progress:
         goal, pose = self.pilot.intent.mission.goal, self.simulator.odometry()
         return Progress(
             goal=goal,
             goals_done=len(self.pilot.intent.mission.reached),
-            goals=len(self._goals),
+            goals=len(self.goals),
             distance_m=pose.distance_to(goal.x_m, goal.y_m) if goal else 0.0,
-            sim_time_s=self._now_s,
+            sim_time_s=self.now_s,
             share=self._share(pose),
         )
 
     def _share(self, pose: Pose2) -> float:
-        places = [(self.scenario.start[0], self.scenario.start[1]), *((goal.x_m, goal.y_m) for goal in self._goals)]
+        places = [(self.scenario.start[0], self.scenario.start[1]), *((goal.x_m, goal.y_m) for goal in self.goals)]
         legs = [math.dist(here, there) for here, there in pairwise(places)]
         done = len(self.pilot.intent.mission.reached)
         left = pose.distance_to(*places[done + 1]) if done < len(legs) else 0.0
         return min(max(1.0 - (left + sum(legs[done + 1 :])) / max(sum(legs), 1e-9), 0.0), 1.0)
-
-    def _report(self, wall_time_s: float) -> dict[str, Any]:
-        referee, watch = self.simulator.referee, self.stopwatch
-        reached = [goal for goal in self._goals if self._arrived.get(goal.id, float("inf")) <= GOAL_RADIUS_M]
-        everywhere = len(reached) == len(self._goals)
-        shortest_m = self._shortest_m()
-        longest_m = max(referee.distance_m, shortest_m or 0.0)
-        return {
-            "scenario": self.scenario.name,
-            "seed": self.seed,
-            "robot": self.simulator.profile.name,
-            "segmenter": self._perception.identity,
-            "goals": [[goal.x_m, goal.y_m] for goal in self._goals],
-            "goals_reached": len(reached),
-            "success": everywhere and referee.violations() == 0,
-            "sim_time_s": round(self._now_s, 3),
-            "wall_time_s": round(wall_time_s, 3),
-            "distance_m": round(referee.distance_m, 3),
-            "shortest_m": None if shortest_m is None else round(shortest_m, 3),
-            "spl": 0.0 if shortest_m is None or not everywhere else round(shortest_m / longest_m, 4),
-            "collisions": referee.collisions,
-            "struck_while_standing": referee.struck_while_standing,
-            "min_clearance_m": round(referee.min_clearance_m, 4),
-            "beware_intrusions": referee.beware_intrusions,
-            "beware_intrusion_s": round(referee.beware_intrusion_s, 3),
-            "zone_intrusions": referee.zone_intrusions,
-            "zone_intrusion_s": round(referee.zone_intrusion_s, 3),
-            "goal_errors_m": {str(goal_id): round(error, 3) for goal_id, error in self._arrived.items()},
-            "replans": len(watch.ms["plan"]),
-            "plan_ms": watch.summary("plan"),
-            "tick_ms": watch.summary("tick"),
-            "segment_ms": watch.summary("label"),
-            "series": self._series(),
-            "stops": referee.stops,
-        }
-
-    def _series(self) -> dict[str, list[float]]:
-        return {
-            "t_s": [round(t_s, 3) for t_s, _, _ in self._explored],
-            "distance_m": [round(self.simulator.referee.distance_at(t_s), 3) for t_s, _, _ in self._explored],
-            "explored_m2": [round(area, 2) for _, area, _ in self._explored],
-            "explored_m3": [round(volume, 3) for _, _, volume in self._explored],
-        }
-
-    def _shortest_m(self) -> float | None:
-        """The shortest way through all goals on the true map with the same inflation; None when there is none."""
-        inflation_m = self.simulator.profile.width_m / 2 + self._config.safety_margin_m
-        goals = [(goal.x_m, goal.y_m) for goal in self._goals]
-        return self.simulator.referee.shortest_m(map_of(self.scenario), inflation_m, goals)

@@ -1,104 +1,111 @@
-"""Many seeded episodes of one world."""
+"""Many seeded episodes of one world: driven, judged, summed up and drawn."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.campaign import Campaign, conclude, mean_of
-from app.episode import Episode
+from rich.console import Console as Terminal
+
+from app.arguments import Ablation
+from app.campaign import Campaign, write_summary
 from app.segmenter import Perception, colour_perception, compose
 from app.segmenter_choice import SegmenterChoice
+from app.summary import summarise, tables_of
+from app.task import Task, episode_of
 from navcore.beware import BewareList
 from navcore.config import config_for
 from navcore.robot import load_profile
-from sim.scenario import load_scenario
 
-COLUMNS = (
-    *("seed", "success", "goals_reached", "collisions", "beware_intrusions", "zone_intrusions", "min_clearance_m"),
-    *("distance_m", "spl", "sim_time_s", "wall_time_s", "replans"),
-)
+NEEDS_NO_SEGMENTER = (Ablation.NO_SEMANTICS, Ablation.ORACLE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """What every episode of a campaign has in common."""
+
+    task: Task
+    """What they are about."""
+    robot: str
+    """What drives."""
+    beware: BewareList
+    """What it must not touch."""
+    out: Path
+    """Where reports and figures go."""
+    drawn: frozenset[int] = frozenset()
+    """Seeds whose figures are drawn, beside those that fail."""
 
 
 def evaluate_scenario(
-    scenario: str,
+    task: Task,
     *,
-    seeds: Iterable[int],
+    seeds: Sequence[int],
     workers: int,
     out: Path,
-    max_time_s: float,
     beware: BewareList,
     perception: Perception | None = None,
     robot: str = "husky",
+    draw_first: int = 1,
 ) -> dict[str, Any]:
-    """Drive one episode a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
+    """Drive one episode a seed, keep each as it ends, print tables, write `summary.json` and figures; returns the summary.
+
+    The figures of the first `draw_first` episodes and of all that fail lie in `out/figures/seed-…`.
+    """
     perception = perception or colour_perception()
     # Each worker makes the same segmenter again, with the engine that was found, and keeps to one thread.
     choice = dataclasses.replace(perception.choice, threads=1)
     profile = load_profile(robot)
-    run = _Run(scenario=scenario, robot=robot, max_time_s=max_time_s, beware=beware)
+    seen_by = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
+    common = Evaluation(task=task, robot=robot, beware=beware, out=out, drawn=frozenset(seeds[:draw_first]))
     campaign = Campaign(
         key="seed",
-        rules=(load_scenario(scenario), beware.classes, max_time_s, profile, config_for(profile), perception.identity),
-        holds="another world, robot, beware list, segmenter or time limit",
-        drive=partial(_drive, run=run, perception=perception),
-        drive_alone=partial(_drive_alone, run=run, choice=choice),
+        rules=(task, beware.classes, profile, config_for(profile), seen_by),
+        holds="another world, task, ablation, robot, beware list, segmenter or time limit",
+        drive=partial(_drive, common=common, perception=perception),
+        drive_alone=partial(_drive_alone, common=common, choice=choice),
     )
-    reports = campaign.run(list(seeds), workers=workers, out=out)
-    summary = summarise(scenario, reports)
-    conclude(reports, summary, columns=COLUMNS, title=scenario, out=out)
+    reports = campaign.run(seeds, workers=workers, out=out)
+    summary = summarise(reports)
+    write_summary(summary, out)
+    _draw(reports, common)
+    terminal = Terminal(width=None if sys.stdout.isatty() else 140)
+    for table in tables_of(summary):
+        terminal.print(table)
+    terminal.print(f"episodes.jsonl, summary.json and figures are in {out}")
     return summary
 
 
-def summarise(scenario: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """The figures of a campaign."""
-    return {
-        "scenario": scenario,
-        "episodes": len(reports),
-        "success_rate": mean_of(reports, lambda report: float(report["success"])),
-        "goals_reached": sum(report["goals_reached"] for report in reports),
-        "goals": sum(len(report["goals"]) for report in reports),
-        "collisions": sum(report["collisions"] for report in reports),
-        "beware_intrusions": sum(report["beware_intrusions"] for report in reports),
-        "zone_intrusions": sum(report["zone_intrusions"] for report in reports),
-        "min_clearance_m": min(report["min_clearance_m"] for report in reports),
-        "spl": mean_of(reports, lambda report: report["spl"]),
-        "sim_time_s": mean_of(reports, lambda report: report["sim_time_s"]),
-        "real_time_factor": mean_of(reports, lambda report: report["sim_time_s"] / report["wall_time_s"]),
-        "tick_ms_p99": mean_of(reports, lambda report: report["tick_ms"]["p99"]),
-    }
+def _draw(reports: Sequence[dict[str, Any]], common: Evaluation) -> None:
+    from app.plots import all_drives, progress, save
+    from sim.variation import vary
+
+    folder = common.out / "figures"
+    folder.mkdir(parents=True, exist_ok=True)
+    world = vary(common.task.scenario, int(reports[0]["seed"]))
+    save(progress(reports, f"{world.name}, {len(reports)} episodes"), folder / "progress")
+    save(all_drives(reports, world), folder / "drives")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
-    """What every episode of a campaign has in common."""
-
-    scenario: str
-    robot: str
-    max_time_s: float
-    beware: BewareList
+def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> dict[str, Any]:
+    return _drive(seed, common=common, perception=compose(choice))
 
 
-def _drive_alone(seed: int, *, run: _Run, choice: SegmenterChoice) -> dict[str, Any]:
-    return _drive(seed, run=run, perception=compose(choice))
+def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str, Any]:
+    from app.album import Album
+    from app.plots import plot_episode
 
-
-def _drive(seed: int, *, run: _Run, perception: Perception) -> dict[str, Any]:
-    robot = load_profile(run.robot)
-    episode = Episode(
-        load_scenario(run.scenario),
-        seed=seed,
-        beware=run.beware,
-        config=config_for(robot),
-        max_time_s=run.max_time_s,
-        perception=perception,
-        robot=robot,
-    )
+    profile = load_profile(common.robot)
+    episode = episode_of(common.task, seed, robot=profile, beware=common.beware, perception=perception)
     try:
-        return episode.run()
+        album = Album(episode)
+        report = episode.run()
+        if seed in common.drawn or not report["success"]:
+            plot_episode(report, episode, album, common.out / "figures" / f"seed-{seed:04d}")
+        return report
     finally:
         episode.close()

@@ -5,15 +5,19 @@ It is stepped from outside and reads no clock: time passes by 1/240 s in each `s
 
 from __future__ import annotations
 
+import math
 from types import TracebackType
 from typing import Literal
 
+import numpy as np
+import numpy.typing as npt
 import pybullet
 
 from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.robot import HUSKY, RobotProfile, Twist
 from navcore.transform import Pose2
+from sim.bodies import loose_bodies
 from sim.camera import Camera, Renderer
 from sim.chassis import chassis_of
 from sim.faults import Fault, FaultLine
@@ -24,6 +28,7 @@ from sim.referee import Referee
 from sim.scenario import Scenario
 from sim.skid_steer import Driver, SkidSteer
 from sim.stereo import StereoErrors
+from sim.true_things import class_of_bodies
 from sim.variation import Source, generator, vary
 from sim.world import Crowd, build_world
 
@@ -46,14 +51,18 @@ class Simulator:
         camera_rate_hz: float = 10.0,
         errors: StereoErrors | None = None,
         robot: RobotProfile = HUSKY,
+        as_found: bool = False,
     ) -> None:
-        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err."""
+        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err.
+
+        `as_found`: the scenario is what a seed has made of it already, and everything stands where it says.
+        """
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.profile, self._chassis = robot, chassis_of(robot)
-        self.scenario = vary(scenario, seed)
+        self.scenario = scenario if as_found else vary(scenario, seed)
         """As it is found in this run."""
         with quiet_stdout():
             self._client: int = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*camera_size))
@@ -97,6 +106,7 @@ class Simulator:
             pose=pose,
             rolling=self._robot.rolling(),
             people=self._crowd.poses(),
+            items=[self._lies_at(body) for body in self._loose],
             period_s=PERIOD_S,
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
@@ -120,6 +130,15 @@ class Simulator:
             pose=self.odometry(),
             twist=self.velocity(),
         )
+
+    def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
+        """(H, W) which pixels of a picture taken now show what is to beware of and people, by class: for oracles and tests."""
+        bodies = self._camera.bodies(self.true_pose())
+        shown: dict[str, npt.NDArray[np.bool_]] = {}
+        for body, name in self._class_of.items():
+            pixels = bodies == body
+            shown[name] = shown[name] | pixels if name in shown else pixels
+        return shown
 
     def send(self, twist: Twist) -> None:
         """Ask the wheels for a velocity; it is clipped to the platform's limits and forgotten after 0.25 s."""
@@ -169,6 +188,10 @@ class Simulator:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
+    def _lies_at(self, body: int) -> Pose2:
+        (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        return Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
     def _add_camera(
         self, renderer: Literal["auto", "tiny", "egl"], size: tuple[int, int], errors: StereoErrors, seed: int
     ) -> Camera:
@@ -187,7 +210,10 @@ class Simulator:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
         build_world(self._client, self.scenario)
+        self._loose = loose_bodies(self._client)
+        first = pybullet.getNumBodies(physicsClientId=self._client)
         self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile)
+        self._class_of = class_of_bodies(self.scenario, loose=self._loose, first_person=first)
         self._robot = SkidSteer(self._client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief))
         for _ in range(SETTLING_STEPS):
             self._robot.drive(0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The true static map as a grid, for the shortest way that could have been driven."""
+"""The true static map as a grid, for places that can be reached."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from navcore.grid import BoolGrid, GridSpec
-from navcore.path import Path, plan
 from sim.shapes import Polygon
 
 FINE = 16
@@ -35,17 +34,3 @@ def blocked_grid(polygons: Sequence[Polygon], spec: GridSpec, inflation_m: float
     rows, cols = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     disc = (rows**2 + cols**2 <= radius**2).astype(np.uint8)
     return np.asarray(cv2.dilate(rasterise(polygons, spec).astype(np.uint8), disc), dtype=np.uint8) > 0
-
-
-def shortest_way_m(
-    blocked: BoolGrid, spec: GridSpec, start: tuple[float, float], goals: Sequence[tuple[float, float]]
-) -> float | None:
-    """Length of the shortest way through all goals in order; None when there is none."""
-    total_m, here = 0.0, start
-    for goal in goals:
-        leg = plan(blocked, spec.cell(*here), spec.cell(*goal))
-        if not isinstance(leg, Path):
-            return None
-        total_m += leg.length * spec.resolution_m
-        here = goal
-    return total_m

@@ -33,6 +33,9 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
+        (("evaluate", "barn", "--random"), "suite of its own"),
+        (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
+        (("compare", "/no/such/folder"), "summary.json"),
         (("evaluate", "office", "--robot", "unicycle"), "unicycle"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"), "such.safetensors"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
@@ -68,7 +71,19 @@ def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("console",), ("drive",), ("evaluate",), ("bench",), ("reliability",), ("doctor",), ("plan",), ("weights",)]
+    "command",
+    [
+        (),
+        ("console",),
+        ("drive",),
+        ("evaluate",),
+        ("compare",),
+        ("bench",),
+        ("reliability",),
+        ("doctor",),
+        ("plan",),
+        ("weights",),
+    ],
 )
 def test_every_level_has_help(command: tuple[str, ...]) -> None:
     answer = bewarenav(*command, "--help")
@@ -82,7 +97,8 @@ def test_a_drive_writes_its_report_and_pictures_and_ends_with_0(tmp_path: Path) 
     assert answer.returncode == 0, answer.stderr
     assert "1 of 1 goals" in answer.stdout
     assert json.loads(report.read_text())["success"] is True
-    assert sorted(path.name for path in plots.iterdir()) == ["map.png", "progress.png"]
+    names = ("frames", "progress", "top_view")
+    assert sorted(path.name for path in plots.iterdir()) == [f"{name}.{kind}" for name in names for kind in ("png", "svg")]
 
 
 def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(tmp_path: Path) -> None:

@@ -5,10 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import pytest
-
 from app.episode import Episode
-from app.evaluate import evaluate_scenario
 from navcore.beware import BewareList, default_beware_list
 from sim.scenario import Scenario, load_scenario
 
@@ -76,14 +73,3 @@ def test_the_office_mission_is_driven_without_a_touch() -> None:
     assert report["goals_reached"] == 3
     assert (report["collisions"], report["beware_intrusions"]) == (0, 0)
     assert report["success"] is True
-
-
-def test_an_evaluation_is_resumed_where_it_was_cut(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    beware = default_beware_list()
-    first = evaluate_scenario("empty_room", seeds=range(1), workers=1, out=tmp_path, max_time_s=120.0, beware=beware)
-    kept = (tmp_path / "episodes.jsonl").read_text()
-    (tmp_path / "episodes.jsonl").write_text(kept + '{"scenario": "empty_ro')  # as a kill would leave it
-    both = evaluate_scenario("empty_room", seeds=range(2), workers=1, out=tmp_path, max_time_s=120.0, beware=beware)
-    assert (first["episodes"], both["episodes"]) == (1, 2)
-    assert (tmp_path / "episodes.jsonl").read_text().startswith(kept)
-    assert "success_rate" in capsys.readouterr().out

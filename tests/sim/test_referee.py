@@ -50,6 +50,8 @@ def test_two_things_struck_are_two_collisions() -> None:
     referee = Referee(open_floor(furniture=(BOX, other)))
     pass_by(referee, 0.8)
     assert referee.collisions == 2
+    log = referee.summary()["contacts"]
+    assert [(contact["what"], contact["collided"]) for contact in log] == [("box", True), ("cylinder", True)]
 
 
 def test_the_physical_robot_collides_with_a_box_before_it() -> None:
@@ -70,6 +72,50 @@ def test_an_intrusion_counts_once_with_its_duration(scenario: Scenario) -> None:
     clear = Referee(scenario)
     pass_by(clear, 0.86)
     assert clear.beware_intrusions == 0 and clear.beware_intrusion_s == 0.0
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.4])
+def test_an_intrusion_is_weighed_by_the_area_of_the_footprint_in_it(yaw_rad: float) -> None:
+    marking = Marking(name="red", polygon=((2.0, -3.0), (9.0, -3.0), (9.0, 3.0), (2.0, 3.0)))
+    over_it_twice = Marking(name="red too", polygon=((2.0, -3.0), (9.0, -3.0), (9.0, 3.0), (2.0, 3.0)))
+    referee = Referee(open_floor(markings=(marking, over_it_twice)))
+    pose = Pose2(x_m=2.0, y_m=0.0, yaw_rad=yaw_rad)  # its middle on the edge: half of it is inside, however it is turned
+    for step in range(240):
+        referee.observe(t_s=(step + 1) * PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S)
+    half_m2 = HUSKY.length_m * HUSKY.width_m / 2
+    assert referee.summary()["beware_intrusion_m2s"] == pytest.approx(half_m2, abs=1e-4)  # a union: nothing counts twice
+    assert referee.summary()["intruded"] == {"red": 1, "red too": 1}
+    assert referee.beware_intrusion_s == pytest.approx(1.0)
+
+
+def test_a_corner_of_the_footprint_is_enough_to_intrude_and_its_middle_is_not_what_counts() -> None:
+    corner = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 4)
+    reach_m = HUSKY.circumscribed_radius_m
+    bearing = math.pi / 4 + math.atan2(HUSKY.width_m, HUSKY.length_m)
+    for out_m, times in ((0.01, 0), (-0.01, 1)):
+        x, y = (reach_m + 0.1 + out_m) * math.cos(bearing), (reach_m + 0.1 + out_m) * math.sin(bearing)
+        small = tuple((x + 0.1 * math.cos(a), y + 0.1 * math.sin(a)) for a in np.arange(64) * math.pi / 32 + bearing)
+        referee = Referee(open_floor(markings=(Marking(name="red", polygon=small),)))
+        referee.observe(t_s=PERIOD_S, pose=corner, rolling=STANDSTILL, people=(), period_s=PERIOD_S)
+        assert referee.beware_intrusions == times
+
+
+def test_an_item_that_was_shoved_away_is_judged_where_it_lies_now_too() -> None:
+    cup = Item(kind="cup", at=(0.0, 5.0))
+    for now, times in (((0.0, 5.0), 0), ((2.0, 0.0), 1)):
+        referee = Referee(open_floor(items=(cup,)))
+        pose = Pose2(x_m=2.0, y_m=0.3, yaw_rad=0.0)
+        lies = (Pose2(x_m=now[0], y_m=now[1], yaw_rad=0.0),)
+        referee.observe(t_s=PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S, items=lies)
+        assert referee.beware_intrusions == times
+
+
+def test_the_simulator_tells_the_referee_where_a_shoved_item_lies() -> None:
+    with blind(open_floor(items=(Item(kind="bag", at=(1.2, 0.0)),), start=(0.0, 0.0, 0.0))) as simulator:
+        drive(simulator, 0.5, 0.0, 3.0)
+        wait(simulator, 0.5)
+        assert simulator.referee.beware_intrusions == 1  # it lay there, and is pushed on, and is one bag
+        assert simulator.referee.summary()["intruded"] == {"bag": 1}
 
 
 def test_a_marking_that_is_not_to_beware_of_may_be_driven_over() -> None:
@@ -111,6 +157,7 @@ def test_somebody_who_does_not_yield_strikes_the_standing_robot_and_it_is_not_it
         wait(simulator, 11.0)
         assert simulator.referee.struck_while_standing >= 1
         assert simulator.referee.collisions == 0
+        assert {"person"} == {contact["what"] for contact in simulator.referee.summary()["contacts"]}
 
 
 def test_somebody_who_yields_strikes_nobody() -> None:
@@ -127,6 +174,8 @@ def test_driving_into_somebody_is_a_collision() -> None:
     with blind(open_floor(people=(Person(points=((1.5, 0.0),)),))) as simulator:
         drive(simulator, 0.5, 0.0, 2.5)
         assert simulator.referee.collisions == 1 and simulator.referee.struck_while_standing == 0
+        contact, *_ = simulator.referee.summary()["contacts"]
+        assert (contact["what"], contact["collided"]) == ("person", True)
 
 
 def test_stops_are_intervals_with_their_reason() -> None:

@@ -1,0 +1,51 @@
+"""Why an episode failed, in a few words that many episodes can be sorted by."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+Report = Mapping[str, Any]
+STOPS_FROM_S = 2.0
+"""A stop at the end of an episode that is shorter than this is not why it ended."""
+
+
+def causes_of(report: Report) -> list[str]:
+    """The causes of a failure, the gravest first; empty for a success.
+
+    `report` is one of the contract, with `contacts`, `intruded` and `ended`.
+    """
+    found = [f"drove into {contact['what']}" for contact in report["contacts"] if contact["collided"]]
+    found += [f"over {name}" for name in report["intruded"]]
+    found += ["over a zone"] if report["zone_intrusions"] else []
+    if report["goals_reached"] < len(report["goals"]):
+        found.append(_why_not_there(report))
+    return list(dict.fromkeys(found))
+
+
+def count_causes(reports: Iterable[Report]) -> dict[str, list[int]]:
+    """Gravest cause → the seeds of the episodes that failed by it, the most frequent cause first."""
+    seeds: dict[str, list[int]] = {}
+    for report in reports:
+        if report["causes"]:
+            seeds.setdefault(report["causes"][0], []).append(report["seed"])
+    return dict(sorted(seeds.items(), key=lambda found: -len(found[1])))
+
+
+def _why_not_there(report: Report) -> str:
+    """By how the episode ended: where the robot believed to be there, what held it at the end, else what held it longest."""
+    if report["ended"] == "all goals":
+        return "goal missed: it stopped beside it"
+    stops: Sequence[Mapping[str, Any]] = report["stops"]
+    if not stops:
+        return "goal not reached: out of time"
+    last = stops[-1]
+    if last["duration_s"] >= STOPS_FROM_S and last["t_s"] + last["duration_s"] >= report["sim_time_s"] - STOPS_FROM_S:
+        return f"goal not reached: {last['reason']}"
+    held_s: Counter[str] = Counter()
+    for stop in stops:
+        held_s[stop["reason"]] += stop["duration_s"]
+    reason, seconds = held_s.most_common(1)[0]
+    share = seconds / max(report["sim_time_s"], 1e-9)
+    return f"goal not reached: {reason}, again and again" if share > 0.25 else "goal not reached: out of time"
