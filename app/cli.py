@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from app.arguments import BenchPart, KeptOption, PriorOption, point, prepare
 from app.dataset_cli import dataset_cli
 from app.plan_cli import plan
+from app.replay_cli import replay
 from app.segment_cli import segment
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from app.train_cli import train
@@ -206,6 +207,7 @@ def doctor() -> None:
 
 
 cli.command()(plan)
+cli.command()(replay)
 
 
 def _beware(path: Path | None) -> BewareList:
