@@ -18,7 +18,8 @@ from navcore.transform import Matrix, invert, transform_points
 Array = npt.NDArray[np.float64]
 FRAMES = 20
 """So many are looked at."""
-STEP_PX = 8
+STEPS_ACROSS = 80
+"""A picture is looked at in so many steps."""
 LONGEST_STEP_M = 0.10
 """Neighbouring measurements further apart lie on different things."""
 WIDEST_RAD = np.radians(50.0)
@@ -61,8 +62,10 @@ def find_floor(recording: Recording) -> Matrix:
 
 
 def _standing_on(up: Array, floor: float, T_world_camera: Matrix) -> Matrix:
-    ahead = T_world_camera[:3, 2] - up * (T_world_camera[:3, 2] @ up)
-    ahead /= np.linalg.norm(ahead)
+    ahead, above = (axis - up * (axis @ up) for axis in (T_world_camera[:3, 2], -T_world_camera[:3, 1]))
+    if np.linalg.norm(ahead) < 1e-6:  # it looks straight down: along the picture's upper edge then
+        ahead = above
+    ahead = ahead / np.linalg.norm(ahead)
     below = T_world_camera[:3, 3] + up * (floor - T_world_camera[:3, 3] @ up)
     T_world_map = np.eye(4)
     T_world_map[:3] = np.column_stack([ahead, np.cross(up, ahead), up, below])
@@ -75,7 +78,7 @@ def _facing(normals: Array, guess: Array) -> Array:
     if len(near) == 0:
         return guess
     tried = near[:: max(len(near) // 500, 1)]
-    best = tried[np.argmax((tried @ near.T > np.cos(NARROW_RAD)).sum(axis=1))]
+    best: Array = tried[np.argmax((tried @ near.T > np.cos(NARROW_RAD)).sum(axis=1))]
     for _ in range(5):
         best = near[near @ best > np.cos(NARROW_RAD)].mean(axis=0)
         best /= np.linalg.norm(best)
@@ -95,8 +98,9 @@ def _surface(recording: Recording) -> tuple[Array, Array]:
 
 def _pieces(depth_m: npt.NDArray[np.float32], lens: Intrinsics) -> tuple[Array, Array]:
     """(N, 3) points and normals in the camera's frame."""
-    i, j = (np.arange(0, side, STEP_PX) for side in depth_m.shape)
-    z = depth_m[::STEP_PX, ::STEP_PX].astype(np.float64)
+    step = max(lens.width // STEPS_ACROSS, 1)
+    i, j = (np.arange(0, side, step) for side in depth_m.shape)
+    z = depth_m[::step, ::step].astype(np.float64)
     z[z > FURTHEST_M] = 0
     grid = np.dstack([(j[None, :] - lens.cx) * z / lens.fx, (i[:, None] - lens.cy) * z / lens.fy, z])
     here, right, down = grid[:-1, :-1], grid[:-1, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, :-1]
