@@ -62,6 +62,8 @@ def _look(
             b = (i - lens[3]) / lens[1]
             rise = t[2, 0] * a + t[2, 1] * b + t[2, 2]
             if rise * depth + t[2, 3] > place[4]:
+                if t[2, 3] > place[4]:
+                    continue  # from a camera above the ceiling cut to something above it
                 depth = (place[4] - t[2, 3]) / rise
             if depth > furthest:
                 furthest, furthest_row = depth, i

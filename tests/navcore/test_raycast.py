@@ -41,3 +41,13 @@ def test_a_camera_that_measures_nothing_has_looked_nowhere() -> None:
         type(frame)(**{**{name: getattr(frame, name) for name in frame.__slots__}, "depth_m": blind}), PointRules()
     )
     assert cloud.explored.area_m2 == 0
+
+
+def test_a_camera_above_the_ceiling_cut_does_not_look_through_a_wall_either() -> None:
+    cloud = CloudMap(SPEC, MapRules())
+    frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    assert frame.T_map_camera[2, 3] > 0.5
+    cloud.explored.look(frame, PointRules(ceiling_m=0.5))
+    seen = cloud.explored.seen.bools
+    assert seen[SPEC.cell(1.2, 0.0)]
+    assert not seen[:, SPEC.cell(2.35, 0.0)[1] :].any()
