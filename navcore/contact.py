@@ -109,7 +109,7 @@ def _near(
             if LOWEST_M < z < HIGHEST_M and depth < REACH_M:
                 found[count, 0], found[count, 1] = x, y
                 count += 1
-            elif z < -DROP_M and not dropped:
+            elif z < -DROP_M and not dropped and min(edge_x, x) < REACH_M:
                 found[count, 0], found[count, 1] = (edge_x, edge_y) if edge_x < np.inf else (x, y)
                 count, dropped = count + 1, True
             elif abs(z) <= LOWEST_M:

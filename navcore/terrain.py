@@ -22,11 +22,11 @@ CELL_M = 0.2
 """Side of a cell."""
 AHEAD, ASIDE = 30, 25
 """So many cells ahead of the robot's middle, and to either side, beginning one row behind it."""
-STRIDE = 2
-"""Every so manieth row and column is looked at."""
+ROWS, COLUMNS = 240, 106
+"""About so many rows and columns of the picture are looked at: far away there are few rows to a cell, but columns enough."""
 BAND_M = 0.04
 """What is measured so little above the lowest of a cell is its ground, too."""
-PIXELS = 4
+PIXELS = 2
 """So many of them make a measurement."""
 STEP_M = 0.06
 """Where the ground was out of sight for a while it has risen or fallen by no more than this, or it is an obstacle."""
@@ -85,11 +85,12 @@ def _lowest(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx
     """(AHEAD, 2 · ASIDE) mean height of the lowest that each cell shows; NaN where it shows too little."""
     height, width = depth_m.shape
     least = np.full((AHEAD, 2 * ASIDE), np.inf)
+    rows, columns = max(height // ROWS, 1), max(width // COLUMNS, 1)
     total, count = np.zeros((AHEAD, 2 * ASIDE)), np.zeros((AHEAD, 2 * ASIDE))
     for turn in range(2):
-        for i in range(0, height, STRIDE):
+        for i in range(0, height, rows):
             b = (i - cy) / fy
-            for j in range(0, width, STRIDE):
+            for j in range(0, width, columns):
                 depth = depth_m[i, j]
                 if not 0 < depth <= FARTHEST_M:
                     continue
