@@ -31,6 +31,7 @@ from app.arguments import (
 from app.dataset_cli import dataset_cli
 from app.evaluate_cli import compare, evaluate
 from app.plan_cli import plan
+from app.replay_cli import replay
 from app.segment_cli import segment
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from app.train_cli import train
@@ -50,6 +51,7 @@ cli.add_typer(users_cli, name="users")
 cli.command()(train)
 cli.command()(segment)
 cli.command()(plan)
+cli.command()(replay)
 cli.command()(evaluate)
 cli.command()(compare)
 ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
@@ -149,8 +151,8 @@ def drive(
         album = Album(episode)
         recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
-            task = bar.add_task("starting", total=1.0)
-            result = episode.run(lambda progress: bar.update(task, description=progress.text(), completed=progress.share))
+            shown = bar.add_task("starting", total=1.0)
+            result = episode.run(lambda progress: bar.update(shown, description=progress.text(), completed=progress.share))
         keep(episode.pilot.navigator.map, listed, kept)
         if plots is not None:
             plot_episode(result, episode, album, plots)

@@ -24,8 +24,9 @@ from app.series import Series
 from app.sighted import Sighted, packed
 from navcore.config import NavigatorConfig
 from navcore.errors import NotKnown, Refused
-from navcore.local_planner import candidates, hard_cells, nearby
+from navcore.local_planner import candidates
 from navcore.navigator import Decision
+from navcore.near_cells import hard_cells, nearby
 from navcore.path import Path
 from navcore.safety import StopReason, Verdict
 from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting

@@ -263,6 +263,10 @@ class Pilot:
             )
         if outcome is Outcome.BOXED_IN:
             found.append(StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear of what stands near the robot."))
+        if outcome is Outcome.GIVEN_UP:
+            tried = "it has waited, backed off and looked round, and found no way"
+            text = f"The robot gives up: {tried}. Clear its way, or pick another goal."
+            found.append(StopReason(cause=Cause.BOXED_IN, text=text))
         if outcome is Outcome.YIELD:
             found.append(StopReason(cause=Cause.YIELDING, text="Somebody is in the robot's way; it waits until he has passed."))
         return found

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from navcore.contact import REACTION_S, braking_s
 from navcore.grid import GridSpec
-from navcore.local_planner import hard_cells
+from navcore.near_cells import hard_cells
 from navcore.occupancy import Occupancy
 from navcore.robot import RobotProfile, Twist
 from navcore.transform import Pose2

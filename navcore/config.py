@@ -8,6 +8,7 @@ from pathlib import Path
 from navcore.cloud_map import MapRules
 from navcore.local_planner import LocalRules
 from navcore.points import PointRules
+from navcore.recovery import RecoveryRules
 from navcore.robot import HUSKY, RobotProfile
 from navcore.settings import between, from_table, read_toml
 from navcore.yielding import PeopleRules
@@ -34,6 +35,8 @@ class NavigatorConfig:
     """When points are replaced and cleared."""
     local: LocalRules = field(default_factory=LocalRules)
     """How the local planner moves."""
+    recovery: RecoveryRules = field(default_factory=RecoveryRules)
+    """What it tries when it is boxed in."""
     people: PeopleRules = field(default_factory=PeopleRules)
     """How it behaves beside people."""
 

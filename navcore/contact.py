@@ -1,7 +1,8 @@
 """How soon a motion would end in contact, by the newest depth picture alone: no map, no planner, no memory.
 
-Only what is higher than 10 cm and lies in what the footprint sweeps along the commanded arc counts, plus a little room, and
-only where several pixels agree. The camera looks ahead: of what stands beside or behind the robot this knows nothing.
+Only what is higher than 10 cm above the ground and lies in what the footprint sweeps along the commanded arc counts, plus a
+little room, and only where several pixels agree; and the edge beyond which the ground drops. The camera looks ahead: of what
+stands beside or behind the robot this knows nothing.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ import numpy.typing as npt
 from navcore.frame import Frame
 from navcore.robot import RobotProfile, Twist
 from navcore.search.bits import compiled
+from navcore.terrain import FARTHEST_M, Image, ground_heights
 
 NearPoints = npt.NDArray[np.float32]
 
 LOWEST_M, HIGHEST_M = 0.10, 1.5
 """Of what can be run into; the same as the navigator's defaults, but none of its settings."""
+DROP_M, SLOPE = 0.15, 0.2
+"""And of what can be fallen into, and of ground that goes on."""
 REACH_M = 2.5
 """Farther from the robot's middle than this nothing is imminent."""
 AHEAD_M, ASIDE_M = 0.03, 0.01
@@ -46,7 +50,7 @@ def near_points(frame: Frame) -> NearPoints:
     whole = frame.depth_m.shape == (lens.height, lens.width) and frame.depth_m.dtype == np.float32
     if not (whole and lens.fx > 0 and lens.fy > 0):
         return NO_POINTS  # refused by name elsewhere, and the robot stands for it
-    return np.asarray(_near(frame.depth_m, mount, lens.fx, lens.fy, lens.cx, lens.cy))
+    return np.asarray(_near(frame.depth_m, ground_heights(frame, SLOPE), mount, lens.fx, lens.fy, lens.cx, lens.cy))
 
 
 def time_to_contact(points: NearPoints, twist: Twist, profile: RobotProfile) -> float:
@@ -81,23 +85,35 @@ def allowed_share(contact_s: float, twist: Twist, *, frame_age_s: float, profile
 
 @compiled
 def _near(
-    depth_m: npt.NDArray[np.float32], t: npt.NDArray[np.float32], fx: float, fy: float, cx: float, cy: float
+    depth_m: npt.NDArray[np.float32],
+    ground_m: Image,
+    t: npt.NDArray[np.float32],
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
 ) -> NearPoints:
+    """Column by column, upward in the picture: where the ground drops, the last that was seen of it is the edge."""
     height, width = depth_m.shape
     found, count = np.empty(((height // STRIDE + 1) * (width // STRIDE + 1), 2), dtype=np.float32), 0
-    for i in range(0, height, STRIDE):
-        b = np.float32((i - cy) / fy)
-        for j in range(0, width, STRIDE):
+    for j in range(0, width, STRIDE):
+        a, edge_x, edge_y, dropped = np.float32((j - cx) / fx), np.float32(np.inf), np.float32(np.inf), False
+        for i in range(height - 1, -1, -STRIDE):
             depth = depth_m[i, j]
-            if not 0 < depth < REACH_M:
+            if not 0 < depth <= FARTHEST_M:
                 continue
-            a = np.float32((j - cx) / fx)
-            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
-            if not LOWEST_M < z < HIGHEST_M:
-                continue
-            found[count, 0] = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
-            found[count, 1] = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
-            count += 1
+            b = np.float32((i - cy) / fy)
+            x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
+            y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
+            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3] - ground_m[i, j]
+            if LOWEST_M < z < HIGHEST_M and depth < REACH_M:
+                found[count, 0], found[count, 1] = x, y
+                count += 1
+            elif z < -DROP_M and not dropped and min(edge_x, x) < REACH_M:
+                found[count, 0], found[count, 1] = (edge_x, edge_y) if edge_x < np.inf else (x, y)
+                count, dropped = count + 1, True
+            elif abs(z) <= LOWEST_M:
+                edge_x, edge_y = x, y
     return found[:count].copy()
 
 

@@ -12,22 +12,20 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cache
 
-import cv2
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.arcs import ALONG_M, along, arcs
+from navcore.clearances import clearances
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec, OccupancyGrid, inflate, inflation_radius
+from navcore.near_cells import outside, stands_in
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
 from navcore.transform import Pose2, wrap_angle
-from navcore.yielding import NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
+from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
 
 Points = npt.NDArray[np.float64]
-MANNERS = PeopleRules()
 
 
 class Outcome(StrEnum):
@@ -42,6 +40,8 @@ class Outcome(StrEnum):
     BOXED_IN = "boxed in: no motion keeps clear of what stands near"
     IN_ZONE = "standing in a beware area"
     YIELD = "waiting for somebody to pass"
+    LOOK = "looking round for a way"
+    GIVEN_UP = "given up: waiting, backing off and looking round have found no way"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,51 +87,7 @@ class Motion:
 
 
 IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
-
-
-def hard_cells(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """(rows, cols) masks: geometric cells, and cells of beware classes and zones, grown by their own margins."""
-    ruled, by_margin = grid.zones.copy(), dict[float, npt.NDArray[np.bool_]]()
-    layers = [*((grid.margins_m.get(class_id, 0.0), layer) for class_id, layer in grid.beware.items()), *grid.wide_zones]
-    for margin_m, layer in layers:
-        if layer.any():
-            by_margin[margin_m] = by_margin[margin_m] | layer if margin_m in by_margin else layer
-    for margin_m, layer in by_margin.items():
-        ruled |= _grown(layer, margin_m, grid.spec.resolution_m)
-    return grid.geometric, ruled
-
-
-def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_m: float) -> Points:
-    """(N, 2) centres of marked cells within a square of `reach_m` around the robot, in the base frame."""
-    row, col = grid.spec.cell(pose.x_m, pose.y_m)
-    reach = math.ceil(reach_m / grid.spec.resolution_m)
-    top, left = max(row - reach, 0), max(col - reach, 0)
-    cells = np.argwhere(mask[top : max(row + reach + 1, 0), left : max(col + reach + 1, 0)])
-    centres = grid.spec.centres(cells + np.array([top, left])) - np.array([pose.x_m, pose.y_m])
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return np.ascontiguousarray(centres @ np.array([[cos, -sin], [sin, cos]]))
-
-
-def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
-    """Whether the footprint covers the middle part of any cell that the operator's rules forbid, base frame."""
-    return not bool(_outside(ruled, profile, -cell_m / 2).all())
-
-
-def without_area_of(ruled: npt.NDArray[np.bool_], spec: GridSpec, footprint: Points, pose: Pose2) -> npt.NDArray[np.bool_]:
-    """(rows, cols) the ruled cells but for the connected areas that the footprint, (N, 2) in the base frame, stands in."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    corners = footprint @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-    pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
-    body = np.zeros(ruled.shape, dtype=np.uint8)
-    cv2.fillConvexPoly(body, np.round(pixels * 256).astype(np.int32), 1, shift=8)
-    _, areas = cv2.connectedComponents(ruled.view(np.uint8), connectivity=8)
-    return ruled & ~np.isin(areas, np.unique(areas[body.view(np.bool_) & ruled]))
-
-
-def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """(rows, cols) the unseen cells beside a known one."""
-    beside = cv2.dilate(known.view(np.uint8), np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
-    return np.asarray(beside & ~known)
+BOXED_IN = Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
 
 
 def plan_motion(
@@ -148,6 +104,8 @@ def plan_motion(
     people: Bodies = NOBODY,
     manners: PeopleRules = MANNERS,
     goal_yaw_rad: float | None = None,
+    retreat_map: Points | None = None,
+    look_round: bool = False,
 ) -> Motion:
     """The motion that follows the path best without touching anything, and slower or not at all where people are near.
 
@@ -155,7 +113,8 @@ def plan_motion(
     not seen yet: the planner of paths counts it as free, but no part of the body is swept over it before it was looked at.
     `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
     as far as its cell's corners. `people` are kept clear of by the rules of `manners`. At the goal the robot turns in place to
-    `goal_yaw_rad`, map frame, where one is asked for.
+    `goal_yaw_rad`, map frame, where one is asked for. With `retreat_map`, the (N, 2) driven path in the map frame, newest
+    first, the robot backs off along it instead; with `look_round` it turns on in place.
     """
     path = path_from(path_map, pose)
     askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
@@ -166,26 +125,29 @@ def plan_motion(
     if stands_in(ruled, profile, cell_m):
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
-    geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
+    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
     near = _Surroundings(
-        obstacles=np.vstack([geometric, ruled, people.outlines()[_outside(people.outlines(), profile, 0.0)]]),
-        unseen=unseen[_outside(unseen, profile, 0.0)],
+        obstacles=np.vstack([geometric, ruled, people.outlines()[outside(people.outlines(), profile, 0.0)]]),
+        unseen=unseen[outside(unseen, profile, 0.0)],
         reach_m=cell_m * math.sqrt(0.5),
         profile=profile,
         rules=rules,
         people=people,
         manners=manners,
     )
-    motion = _aligned(near, askew) if at_goal else _chosen(near, path, pose, previous)
+    if retreat_map is not None:
+        motion = _retreat(near, path_from(retreat_map, pose)) or BOXED_IN
+    elif look_round:
+        motion = _look_round(near) or BOXED_IN
+    else:
+        motion = _aligned(near, askew) if at_goal else _chosen(near, path, pose, previous)
     return _beside_people(motion, near)
 
 
 def _aligned(near: _Surroundings, askew: float) -> Motion:
     """Turn in place to the heading asked for; where there is no room to turn, stand."""
     turn = _turn(near, askew)
-    if turn is None:
-        return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
-    return dataclasses.replace(turn, outcome=Outcome.ALIGN)
+    return BOXED_IN if turn is None else dataclasses.replace(turn, outcome=Outcome.ALIGN)
 
 
 def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
@@ -227,7 +189,7 @@ def candidates(
 
     What stands near counts as there; people who walk and what is unseen do not, since they depend on speed and on the tick.
     """
-    geometric = geometric[_outside(geometric, profile, -cell_m / 2)]
+    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
     near = _Surroundings(
         obstacles=np.vstack([geometric, ruled]),
         unseen=np.empty((0, 2)),
@@ -237,7 +199,7 @@ def candidates(
         people=NOBODY,
         manners=MANNERS,
     )
-    _, poses = _arcs()
+    _, poses = arcs()
     clear = near.clear(poses) > near.padding_m
     return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
 
@@ -266,12 +228,18 @@ class _Surroundings:
     def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about `FAR_M`."""
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
-        return np.asarray(_clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
+        return np.asarray(clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
 
     def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
-        return np.asarray(_clearances(self._unseen, poses, half_length, half_width) > 0)
+        return np.asarray(clearances(self._unseen, poses, half_length, half_width) > 0)
+
+    def turned_about(self) -> _Surroundings:
+        """The same place, seen from a robot that faces the other way."""
+        about = copy.copy(self)
+        about.people, about._obstacles, about._unseen = self.people.turned_about(), -self._obstacles, -self._unseen
+        return about
 
     def without_people(self) -> _Surroundings:
         """The same place with nobody walking about."""
@@ -286,10 +254,10 @@ def _follow(near: _Surroundings, path: Points) -> Motion | None:
     Where somebody walks the arcs are tried at several speeds: what is blocked by him now may be free a moment later.
     """
     rules = near.rules
-    curvatures, poses = _arcs()
+    curvatures, poses = arcs()
     clear = near.clear(poses)
     free = (clear > near.padding_m) & near.looked_at(poses)
-    progress, aside, askew = _along(path, poses, rules.lookahead_m)
+    progress, aside, askew = along(path, poses, rules.lookahead_m)
     gain = progress - aside - 0.15 * askew - 0.6 * np.maximum(0.0, 0.25 - clear) - 0.02 * np.abs(curvatures)[:, None]
     free, gain, fastest = _apart_from_people(near, curvatures, poses, free, gain)
     arc, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
@@ -299,7 +267,9 @@ def _follow(near: _Surroundings, path: Points) -> Motion | None:
     free_m = float(ALONG_M[free[arc]].max())
     if len(near.people.walking) and not free[arc, -1]:
         waiting = place_to_wait(near.people, poses[arc][free[arc]], ALONG_M[free[arc]] / fastest, near.profile, near.manners)
-        free_m = float(ALONG_M[waiting]) if waiting >= 0 else 0.0
+        if waiting < 0:
+            return None
+        fastest = min(fastest, math.sqrt(2 * rules.braking_mps2 * float(ALONG_M[waiting])))
     # free_m ends where the padding would be touched; the padding itself is what is left after braking.
     speed = min(
         fastest,
@@ -333,43 +303,9 @@ def _apart_from_people(
     return best
 
 
-def _along(
-    path: Points, poses: npt.NDArray[np.float64], lookahead_m: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """For each of (A, S, 3) poses: metres gained along the path, metres aside of it, radians askew to it; each (A, S)."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    stations = np.linspace(0.0, min(along[-1], 1.5 * lookahead_m), 32)
-    marks = np.column_stack([np.interp(stations, along, path[:, axis]) for axis in (0, 1)])
-    ahead = np.column_stack([np.interp(stations + 0.3, along, path[:, axis]) for axis in (0, 1)]) - marks
-    # At the path's end there is nothing ahead: the last direction goes on.
-    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
-    headings[~ahead.any(axis=1)] = headings[ahead.any(axis=1)][-1] if ahead.any() else 0.0
-    gained, aside, askew = _beside(marks, headings, poses)
-    return stations[gained], aside, askew
-
-
-@numba.njit(cache=True, nogil=True)
-def _beside(
-    marks: Points, headings: Points, poses: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """For each of (A, S, 3) poses the nearest of (M, 2) marks, the distance to it and the angle to its heading."""
-    arcs, steps = poses.shape[0], poses.shape[1]
-    nearest, aside, askew = np.empty((arcs, steps), np.int64), np.empty((arcs, steps)), np.empty((arcs, steps))
-    for a in range(arcs):
-        for s in range(steps):
-            least, at = np.inf, 0
-            for m in range(len(marks)):
-                squared = (poses[a, s, 0] - marks[m, 0]) ** 2 + (poses[a, s, 1] - marks[m, 1]) ** 2
-                if squared < least:
-                    least, at = squared, m
-            nearest[a, s], aside[a, s] = at, math.sqrt(least)
-            askew[a, s] = abs((poses[a, s, 2] - headings[at] + math.pi) % (2 * math.pi) - math.pi)
-    return nearest, aside, askew
-
-
-def _turn(near: _Surroundings, bearing: float) -> Motion | None:
+def _turn(near: _Surroundings, bearing: float, *, either_way: bool = True) -> Motion | None:
     """Turn in place towards the bearing, the long way round if the short one is blocked; None when neither is free."""
-    for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing)):
+    for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing))[: 2 if either_way else 1]:
         headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(2.0))))
         poses = np.zeros((1, len(headings), 3))
         poses[0, :, 2] = headings
@@ -382,106 +318,53 @@ def _turn(near: _Surroundings, bearing: float) -> Motion | None:
 
 def _back_off(near: _Surroundings, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly, over ground that was seen or driven before."""
-    curvatures, poses = _arcs()
+    curvatures, poses = arcs()
     behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
     reach = ((near.clear(behind) > near.padding_m) & near.looked_at(behind)).sum(axis=1)
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
-        return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
-    return Motion(twist=Twist(v_mps=-0.2, w_radps=-0.2 * float(curvatures[arc])), outcome=Outcome.BACK, began=began)
+        return BOXED_IN
+    twist = Twist(v_mps=-BACK_MPS, w_radps=-BACK_MPS * float(curvatures[arc]))
+    return Motion(twist=twist, outcome=Outcome.BACK, began=began)
 
 
-ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
-"""Where along an arc the footprint is looked at: close together at first, because there it may be close to something."""
+def _retreat(near: _Surroundings, driven: Points) -> Motion | None:
+    """Reverse along the driven path, (N, 2) in the base frame; None when that is blocked.
+
+    Seen from a robot that faces the other way it is a path like any other: the footprint is the same from both ends.
+    """
+    motion = _follow(near.turned_about(), -driven) if len(driven) > 1 else None
+    if motion is None:
+        return None
+    share = min(1.0, BACK_MPS / max(motion.twist.v_mps, BACK_MPS))
+    return Motion(twist=Twist(v_mps=-share * motion.twist.v_mps, w_radps=share * motion.twist.w_radps), outcome=Outcome.BACK)
+
+
+def _look_round(near: _Surroundings) -> Motion | None:
+    """Turn on in place, to the left where that is free; None where neither way is."""
+    for bearing in (LOOK_RAD, -LOOK_RAD):
+        turn = _turn(near, bearing, either_way=False)
+        if turn is not None:
+            return dataclasses.replace(turn, outcome=Outcome.LOOK)
+    return None
+
+
+BACK_STEPS = 13
+"""Of an arc's, the first 0.4 m, for reversing."""
+BACK_MPS = 0.2
+"""The camera does not see where a reversing robot goes."""
+LOOK_RAD = math.radians(30.0)
+"""So far ahead of its heading a robot looks for room that turns on and on in place."""
 SPEEDS = (1.0, 0.6, 0.35)
 """Shares of the full speed at which the way past somebody is tried."""
 DRIFT = 2.0
 """While it turns to its heading the robot may be so many times as far from the goal as when it arrived."""
-BACK_STEPS = 13
-"""Of these, the first 0.4 m, for reversing."""
-
-
-@cache
-def _arcs() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """(A,) curvatures in 1/m and (A, S, 3) poses (x, y, heading) along them in the base frame, from one step on."""
-    spread = np.linspace(-1.0, 1.0, 41)
-    curvatures = 3.0 * spread * np.abs(spread)
-    along = ALONG_M
-    heading = curvatures[:, None] * along[None, :]
-    safe = np.where(curvatures == 0, 1.0, curvatures)[:, None]
-    x = np.where(curvatures[:, None] == 0, along[None, :], np.sin(heading) / safe)
-    y = np.where(curvatures[:, None] == 0, 0.0, (1 - np.cos(heading)) / safe)
-    return curvatures, np.stack([x, y, heading], axis=2)
 
 
 def _carrot(path_base: Points, lookahead_m: float) -> Points:
     """(2,) the point of the path that lies `lookahead_m` further along it, or its end."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path_base, axis=0).T))])
     return np.asarray(path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)])
-
-
-def _outside(points: Points, profile: RobotProfile, padding_m: float) -> npt.NDArray[np.bool_]:
-    """(N,) points outside the footprint grown by the padding, or shrunk where it is negative."""
-    return np.asarray(
-        (np.abs(points[:, 0]) > profile.length_m / 2 + padding_m) | (np.abs(points[:, 1]) > profile.width_m / 2 + padding_m)
-    )
-
-
-def _grown(mask: npt.NDArray[np.bool_], margin_m: float, resolution_m: float) -> npt.NDArray[np.bool_]:
-    if margin_m <= 0:
-        return mask
-    return inflate(mask, inflation_radius(vehicle_width_m=0.0, safety_margin_m=margin_m, resolution_m=resolution_m))
-
-
-def _clearances(obstacles: Points, poses: npt.NDArray[np.float64], half_length: float, half_width: float) -> Points:
-    """(A, S) least distance from the footprint to any obstacle point on the way to each pose, at most `FAR_M`."""
-    # Points that no pose comes near are left out. Single precision is good to a micrometre here.
-    reach = float(np.hypot(half_length, half_width)) + FAR_M
-    low, high = poses[..., :2].min(axis=(0, 1)) - reach, poses[..., :2].max(axis=(0, 1)) + reach
-    near = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
-    lanes = np.full((2, -(-len(near) // LANES), LANES), 1e6, dtype=np.float32)
-    lanes.reshape(2, -1)[:, : len(near)] = near.T
-    return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
-
-
-FAR_M = 0.5
-"""Room beyond this makes no difference to any motion."""
-LANES = 32
-"""Points are looked at so many at a time, which the compiler makes vectors of."""
-Lanes = npt.NDArray[np.float32]
-
-
-@numba.njit(cache=True, nogil=True)
-def _sweep(x: Lanes, y: Lanes, poses: npt.NDArray[np.float64], half_length: np.float32, half_width: np.float32) -> Points:
-    arcs, steps = poses.shape[0], poses.shape[1]
-    clear, nearest = np.empty((arcs, steps)), np.empty(LANES, dtype=np.float32)
-    for a in range(arcs):
-        least = np.float32(FAR_M) ** 2
-        for s in range(steps):
-            _nearest(x, y, poses[a, s], half_length, half_width, nearest)
-            for lane in range(LANES):
-                least = min(least, nearest[lane])
-            clear[a, s] = math.sqrt(least)
-    return clear
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
-def _nearest(
-    x: Lanes, y: Lanes, pose: npt.NDArray[np.float64], half_length: np.float32, half_width: np.float32, nearest: Lanes
-) -> None:
-    """(LANES,) squared distance from the footprint at a pose to the nearest point of each lane."""
-    at_x, at_y, zero = np.float32(pose[0]), np.float32(pose[1]), np.float32(0)
-    cos, sin = np.float32(math.cos(pose[2])), np.float32(math.sin(pose[2]))
-    for lane in range(LANES):
-        nearest[lane] = np.float32(1e9)
-    for block in range(x.shape[0]):
-        for lane in range(LANES):
-            dx, dy = x[block, lane] - at_x, y[block, lane] - at_y
-            out_x, out_y = abs(cos * dx + sin * dy) - half_length, abs(cos * dy - sin * dx) - half_width
-            out_x = out_x if out_x > zero else zero
-            out_y = out_y if out_y > zero else zero
-            squared = out_x * out_x + out_y * out_y
-            nearest[lane] = squared if squared < nearest[lane] else nearest[lane]
 
 
 def path_from(path_map: Points, pose: Pose2) -> Points:

@@ -12,25 +12,17 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
+from navcore.followed import Track
 from navcore.frame import Frame, check_frame
 from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
-from navcore.local_planner import (
-    IDLE,
-    Motion,
-    Outcome,
-    Points,
-    hard_cells,
-    nearby,
-    plan_motion,
-    rim_of_unseen,
-    stands_in,
-    without_area_of,
-)
+from navcore.local_planner import IDLE, Motion, Outcome, Points, plan_motion
 from navcore.mask import Mask
+from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
-from navcore.people import PERSON, PeopleTracker, Track
+from navcore.people import PERSON, PeopleTracker
 from navcore.points import observe
+from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile
 from navcore.search.bits import Plane
 from navcore.search.free_space import FREE, FreeSpace
@@ -39,6 +31,7 @@ from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
 from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s
 from navcore.taut import pull_taut
+from navcore.terrain import Image, ground_heights
 from navcore.transform import Pose2
 from navcore.way_out import way_out
 from navcore.waypoints import choose_waypoints
@@ -111,38 +104,48 @@ class Navigator:
         self._motion = IDLE
         self._placed = False
         self._tracker = PeopleTracker()
+        self._recovery, self._trail = Recovery(), NO_POINTS
+        self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
 
     def tick(self, frame: Frame, order: Order) -> Decision:
         """From a frame to a motion. Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
         labels = self.label(frame, order)
-        people = self.track(frame, labels, order)
-        self.remember(frame, labels, order)
+        ground_m = self.survey(frame)
+        people = self.track(frame, labels, order, ground_m)
+        self.remember(frame, labels, order, ground_m)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
         motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad)
-        motion = self.limit(motion, frame, order)
+        motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
     def label(self, frame: Frame, order: Order) -> Labels:
         """Which pixels show something on the beware list."""
         return self._segmenter.segment(frame, order.beware)
 
-    def track(self, frame: Frame, labels: Labels, order: Order) -> tuple[Track, ...]:
-        """Everybody who walks, and everybody whom the segmenter recognises."""
-        return self._tracker.follow(frame, labels, order.beware)
+    def survey(self, frame: Frame) -> Image:
+        """(H, W) how high the ground lies below what each pixel shows."""
+        return ground_heights(frame, self._config.points.max_slope)
 
-    def remember(self, frame: Frame, labels: Labels, order: Order) -> None:
+    def track(self, frame: Frame, labels: Labels, order: Order, ground_m: Image | None = None) -> tuple[Track, ...]:
+        """Everybody who walks, and everybody whom the segmenter recognises."""
+        return self._tracker.follow(frame, labels, order.beware, ground_m)
+
+    def remember(self, frame: Frame, labels: Labels, order: Order, ground_m: Image | None = None) -> None:
         """Put the frame's points on the map, under its pose ID, but for those of people who walk; note the ground trodden."""
         self._tread(frame.pose)
-        self.map.insert(observe(frame, labels, order.beware, self.map.spec, self._config.points), frame, labels)
+        seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
+        self.map.insert(seen, frame, labels)
         people = [entry.class_id for entry in order.beware.classes if entry.name == PERSON]
         self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
         self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:
         """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
-        return self._occupancy.follow(order.beware, order.zones)
+        if self._closed[0] != order.goal:
+            self._closed = (order.goal, ())
+        return self._occupancy.follow(order.beware, (*order.zones, *self._closed[1]))
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
         """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""
@@ -251,9 +254,11 @@ class Navigator:
             profile=self._profile,
             rules=self._config.local,
             cell_m=around.spec.resolution_m,
-            people=Bodies.of(people, pose),
+            people=Bodies.of(people, pose, self._config.people),
             manners=self._config.people,
             goal_yaw_rad=goal_yaw_rad,
+            retreat_map=self._trail if self._recovery.means is Means.BACK else None,
+            look_round=self._recovery.means is Means.LOOK,
         )
         return self._motion
 
@@ -261,6 +266,24 @@ class Navigator:
         """The same motion, as slow as the operator's speed limits want it."""
         rules = self._config.local
         return slowed(motion, allowed_speed_mps(order.zones, frame.pose, frame.twist.v_mps, self._profile, rules))
+
+    def recover(self, motion: Motion, frame: Frame, route: Route | None, order: Order) -> Motion:
+        """The same motion, or standing while it is waited, or because nothing has helped; see `recovery.py`."""
+        self._trail = trail_with(self._trail, frame.pose)
+        if route is None or len(route.points) == 0:
+            self._recovery, closed = Recovery(), self._closed[1]
+            if closed and order.goal is not None:
+                # Only what was found closed may be in the way: rather give up where the robot is than say that there is none.
+                self._closed = (order.goal, ())
+                self._recovery = Recovery(means=Means.GIVE_UP, tried=Means.CLOSE, at=frame.pose)
+            return motion
+        before = self._recovery
+        self._recovery = before.after(motion, frame.pose, frame.stamp_ns, self._config.recovery)
+        if self._recovery.means is Means.CLOSE and before.means is not Means.CLOSE and before.at is not None:
+            self._closed = (order.goal, (*self._closed[1], closed_way(route.track, before.at, self._profile)))
+        if self._recovery.means is Means.GIVE_UP:
+            return Motion(twist=STANDSTILL, outcome=Outcome.GIVEN_UP)
+        return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN) if self._recovery.means is Means.WAIT else motion
 
     def _tread(self, pose: Pose2) -> None:
         outline = self._profile.footprint()

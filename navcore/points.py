@@ -15,6 +15,7 @@ from navcore.grid import GridSpec
 from navcore.search.bits import ONE, compiled, lowest, ones
 from navcore.segment import Labels
 from navcore.settings import between
+from navcore.terrain import Image, flat
 
 HEIGHT_BINS = 64
 BIN_M = 0.05
@@ -34,6 +35,8 @@ class PointRules:
     """Anything higher than this is above the robot and none of its business."""
     drop_m: float = between(0.05, 2.0, default=0.15)
     """Floor that lies deeper than this is no floor to drive on: a stair down, a kerb, a pit."""
+    max_slope: float = between(0.0, 0.5, default=0.2)
+    """What rises or falls by no more than this per metre is ground; with 0 only the plane on which the robot stands is."""
     max_range_m: float = between(0.5, 20.0, default=5.0)
     """Depth beyond this is too coarse to be put on the map."""
     min_support: int = between(1, 100, default=2)
@@ -77,11 +80,14 @@ def back_project(depth_m: npt.NDArray[np.floating], intrinsics: Intrinsics) -> n
     return np.column_stack([(cols - intrinsics.cx) * z / intrinsics.fx, (rows - intrinsics.cy) * z / intrinsics.fy, z])
 
 
-def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, rules: PointRules) -> Observation:
+def observe(
+    frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, rules: PointRules, ground_m: Image | None = None
+) -> Observation:
     """The frame's points on the map: geometric ones by height, beware ones by label at any height their rule allows.
 
-    A point of a beware class that is also higher than the obstacle height counts twice, as both: it stays an obstacle when
-    its class is switched off.
+    Heights are those above the ground, `ground_m` (H, W) as `terrain.ground_heights` makes it, by default the plane on which
+    the robot stands; what goes onto the map keeps its place in space. A point of a beware class that is also higher than the
+    obstacle height counts twice, as both: it stays an obstacle when its class is switched off.
     """
     if labels.class_ids.shape != frame.depth_m.shape:
         raise ValueError(f"labels must be {frame.depth_m.shape} class ids, got {labels.class_ids.shape}")
@@ -89,7 +95,7 @@ def observe(frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, ru
         raise ValueError("the labels' confidence is not finite, expected 0 to 1 in every pixel")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     box = frustum_box(frame, spec, rules.max_range_m)
-    voxels = locate(frame, spec, box, rules)
+    voxels = locate(frame, spec, box, rules, ground_m)
     geometric, seen = tall_voxels(voxels, box, rules)
     found = [geometric, *_labelled(labels.class_ids, voxels, beware, box, rules.min_support)]
     pixels = np.concatenate(found).astype(np.int64)
@@ -152,7 +158,7 @@ class Voxels:
     keys: npt.NDArray[np.int32]
     """(H · W,) voxel within the box, cell · 64 + height bin; −1 where nothing usable was measured."""
     z_m: npt.NDArray[np.float32]
-    """(H · W,) height above the floor."""
+    """(H · W,) height above the ground."""
 
 
 class _Scratch(threading.local):
@@ -170,8 +176,8 @@ class _Scratch(threading.local):
 _scratch = _Scratch()
 
 
-def locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> Voxels:
-    """Each pixel's voxel within a box of the grid (`frustum_box`)."""
+def locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules, ground_m: Image | None = None) -> Voxels:
+    """Each pixel's voxel within a box of the grid (`frustum_box`), by its height above the ground."""
     lens, t = frame.intrinsics, frame.T_map_camera
     cells = 1.0 / spec.resolution_m
     # From optical coordinates to cells of the box and bins of height, in one affine map.
@@ -184,7 +190,8 @@ def locate(frame: Frame, spec: GridSpec, box: Box, rules: PointRules) -> Voxels:
     if min(shape) <= 0:
         keys[:] = -1
     else:
-        _project(frame.depth_m, affine, across, lens.cy, lens.fy, *shape, np.float32(rules.max_range_m), keys, z_m)
+        ground_m = flat(frame.depth_m.shape) if ground_m is None else ground_m
+        _project(frame.depth_m, ground_m, affine, across, lens.cy, lens.fy, *shape, np.float32(rules.max_range_m), keys, z_m)
     return Voxels(keys=keys.reshape(-1), z_m=z_m.reshape(-1))
 
 
@@ -201,6 +208,7 @@ def _counts(box: Box) -> npt.NDArray[np.uint8]:
 @compiled
 def _project(
     depth_m: npt.NDArray[np.float32],
+    ground_m: npt.NDArray[np.float32],
     t: npt.NDArray[np.float32],
     across: npt.NDArray[np.float32],
     cy: float,
@@ -222,6 +230,7 @@ def _project(
         for j in range(width):
             depth, a = depth_m[i, j], across[j]
             x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
+            z -= ground_m[i, j]
             level = (z - lowest) * bins
             # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would be a branch.
             inside = (depth > zero) & (depth <= max_range_m) & (x >= zero) & (y >= zero) & (level >= zero)

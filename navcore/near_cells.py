@@ -1,0 +1,73 @@
+"""What of the grid stands near the robot, as points of its base frame, and what of it the operator's rules forbid."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid import GridSpec, OccupancyGrid, inflate, inflation_radius
+from navcore.robot import RobotProfile
+from navcore.transform import Pose2
+
+Points = npt.NDArray[np.float64]
+
+
+def hard_cells(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """(rows, cols) masks: geometric cells, and cells of beware classes and zones, grown by their own margins."""
+    ruled, by_margin = grid.zones.copy(), dict[float, npt.NDArray[np.bool_]]()
+    layers = [*((grid.margins_m.get(class_id, 0.0), layer) for class_id, layer in grid.beware.items()), *grid.wide_zones]
+    for margin_m, layer in layers:
+        if layer.any():
+            by_margin[margin_m] = by_margin[margin_m] | layer if margin_m in by_margin else layer
+    for margin_m, layer in by_margin.items():
+        ruled |= _grown(layer, margin_m, grid.spec.resolution_m)
+    return grid.geometric, ruled
+
+
+def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_m: float) -> Points:
+    """(N, 2) centres of marked cells within a square of `reach_m` around the robot, in the base frame."""
+    row, col = grid.spec.cell(pose.x_m, pose.y_m)
+    reach = math.ceil(reach_m / grid.spec.resolution_m)
+    top, left = max(row - reach, 0), max(col - reach, 0)
+    cells = np.argwhere(mask[top : max(row + reach + 1, 0), left : max(col + reach + 1, 0)])
+    centres = grid.spec.centres(cells + np.array([top, left])) - np.array([pose.x_m, pose.y_m])
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return np.ascontiguousarray(centres @ np.array([[cos, -sin], [sin, cos]]))
+
+
+def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
+    """Whether the footprint covers the middle part of any cell that the operator's rules forbid, base frame."""
+    return not bool(outside(ruled, profile, -cell_m / 2).all())
+
+
+def without_area_of(ruled: npt.NDArray[np.bool_], spec: GridSpec, footprint: Points, pose: Pose2) -> npt.NDArray[np.bool_]:
+    """(rows, cols) the ruled cells but for the connected areas that the footprint, (N, 2) in the base frame, stands in."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    corners = footprint @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
+    pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
+    body = np.zeros(ruled.shape, dtype=np.uint8)
+    cv2.fillConvexPoly(body, np.round(pixels * 256).astype(np.int32), 1, shift=8)
+    _, areas = cv2.connectedComponents(ruled.view(np.uint8), connectivity=8)
+    return ruled & ~np.isin(areas, np.unique(areas[body.view(np.bool_) & ruled]))
+
+
+def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """(rows, cols) the unseen cells beside a known one."""
+    beside = cv2.dilate(known.view(np.uint8), np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
+    return np.asarray(beside & ~known)
+
+
+def outside(points: Points, profile: RobotProfile, padding_m: float) -> npt.NDArray[np.bool_]:
+    """(N,) points outside the footprint grown by the padding, or shrunk where it is negative."""
+    return np.asarray(
+        (np.abs(points[:, 0]) > profile.length_m / 2 + padding_m) | (np.abs(points[:, 1]) > profile.width_m / 2 + padding_m)
+    )
+
+
+def _grown(mask: npt.NDArray[np.bool_], margin_m: float, resolution_m: float) -> npt.NDArray[np.bool_]:
+    if margin_m <= 0:
+        return mask
+    return inflate(mask, inflation_radius(vehicle_width_m=0.0, safety_margin_m=margin_m, resolution_m=resolution_m))
