@@ -18,7 +18,7 @@ from navcore.path import NoPath, plan
 from navcore.path import Path as FoundPath
 from navcore.zone_shapes import Circle
 from navcore.zones import Zone, ZoneKind
-from web.port import PathPreview, Preview, ZoneDraft
+from web.port import PathPreview, Preview, ZoneDraft, ZoneHistory
 
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -74,10 +74,10 @@ def test_a_new_edit_forgets_what_could_be_done_again_and_versions_only_grow(desk
     (zone,) = desk.book.add([ROUND], "new")
     changed = desk.book.replace(zone.id, SLOW, expected_version=1)
     desk.book.undo()
-    assert desk.book.history.redo == "change of 'slow'"
+    assert desk.book.history == ZoneHistory(undo="new", redo="change of 'slow'")
     assert desk.bound[0].version > changed.version
     desk.book.add([SLOW], "another")
-    assert (desk.book.history.undo, desk.book.history.redo) == ("another", None)
+    assert desk.book.history == ZoneHistory(undo="another", redo=None)
 
 
 def test_many_zones_are_stored_together_or_not_at_all(desk: Desk) -> None:
