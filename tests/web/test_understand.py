@@ -68,7 +68,7 @@ def test_sightings_are_listed_shown_and_corrected(client: httpx.Client, operatio
     missed = {"snapshot": snapshot, "class_name": "cup", "box": [130, 80, 200, 140]}
     assert client.post("/api/v1/sightings", json=missed).status_code == 201
     assert operations.insight.taught == [("book", None), ("cup", (130, 80, 200, 140))]
-    for wrong in ({"box": [1, 2, 3]}, {"box": [0, 0, -1, 5]}, {"class_name": "\ud800"}, {"snapshot": "x"}):
+    for wrong in ({"box": [1, 2, 3]}, {"box": [0, 0, -1, 5]}, {"class_name": "\n"}, {"snapshot": "x"}):
         refused = client.post("/api/v1/sightings", json={**missed, **wrong})
         assert refused.status_code == 422, wrong
 
