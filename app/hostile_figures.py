@@ -27,20 +27,10 @@ from navcore.robot import HUSKY
 from web.access import Access
 from web.server import create_app
 
-KEYS: tuple[str, ...] = (
-    "x_m",
-    "y_m",
-    "name",
-    "geometry",
-    "type",
-    "coordinates",
-    "properties",
-    "enabled",
-    "margin_m",
-    "classes",
-    "colour",
-)
-KEYS += ("hue_deg", "goal", "polygon", "class_id", "version", "role", "password", "\ud800", "x" * 300)
+KEYS = [
+    *("x_m", "y_m", "name", "geometry", "type", "coordinates", "properties", "enabled", "margin_m", "classes", "colour"),
+    *("hue_deg", "goal", "polygon", "class_id", "version", "role", "password", "\ud800", "x" * 300),
+]
 NUMBERS = ("NaN", "-Infinity", "1e999", "-1e999", "0", "-1", "1e308", "9" * 400, "0.5", "true", "null")
 WORDS = ("", "\ud800", "\x00", "Feature", "Polygon", "é" * 100, "‮", "../../etc/passwd", "<script>", "z1", "red floor")
 BOMBS = ("[" * 100_000, '{"a":' * 50_000, "9" * 100_000, '"' + "\\ud800" * 1000 + '"')
@@ -147,9 +137,9 @@ def _json(chance: random.Random, depth: int) -> str:
 
 def _frame(chance: random.Random) -> bytes | str:
     drive = f'{{"type":"drive","v_mps":{chance.choice(NUMBERS)},"w_radps":{chance.choice(NUMBERS)},"t_ms":0}}'
-    return chance.choice(
-        [chance.randbytes(chance.randint(0, 300)), _json(chance, 3).encode("utf-8", "replace").decode(), drive]
-    )
+    text = _json(chance, 3).encode("utf-8", "replace").decode()
+    frames: list[bytes | str] = [chance.randbytes(chance.randint(0, 300)), text, drive]
+    return chance.choice(frames)
 
 
 def _path(chance: random.Random) -> str:

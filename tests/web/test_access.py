@@ -182,7 +182,7 @@ def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(locked: Console
 def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
     locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
 ) -> None:
-    click = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
+    click: dict[str, Any] = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
     click |= {"ray_origin": [0.0, 0.0, 10.0], "ray_direction": [0.1, 0.2, -1.0]}
     heard: dict[str, dict[str, Any] | None] = {}
     for name in ("operator", "viewer"):

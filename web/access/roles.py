@@ -44,7 +44,8 @@ SCOPE_KEY = "bewarenav.visitor"
 """Where the door leaves the visitor in the ASGI scope."""
 
 
-def _visitor(connection: HTTPConnection) -> Visitor:
+async def _visitor(connection: HTTPConnection) -> Visitor:
+    # A coroutine on purpose: a plain function would wait for a thread of the pool, and the emergency stop with it.
     visitor: Visitor = connection.scope[SCOPE_KEY]
     return visitor
 
