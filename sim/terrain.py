@@ -60,4 +60,4 @@ def _normals(points: Floats, ground: Ground) -> Floats:
 
 def _nodes(side_m: float) -> Floats:
     count = int(np.ceil(side_m / 2 / CELL_M))
-    return np.arange(-count, count + 1) * CELL_M
+    return np.linspace(-count * CELL_M, count * CELL_M, 2 * count + 1)
