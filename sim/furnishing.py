@@ -134,15 +134,15 @@ def _somewhere(room: Room, group: Group, rng: np.random.Generator) -> tuple[floa
 def _fits(
     place: shapely.Geometry,
     wall: int,
-    floor: shapely.Geometry,
+    floor: shapely.Polygon,
     closed: shapely.Geometry,
     standing: Sequence[tuple[shapely.Geometry, int]],
 ) -> bool:
-    if place.intersects(closed) or not floor.contains(place):
+    if shapely.intersects(place, closed) or not shapely.contains(floor, place):
         return False
-    if wall < 0 and floor.exterior.distance(place) < WAY_M:
+    if wall < 0 and shapely.distance(floor.exterior, place) < WAY_M:
         return False
-    return all(other.distance(place) > (BESIDE_M if wall == beside >= 0 else WAY_M) for other, beside in standing)
+    return all(shapely.distance(other, place) > (BESIDE_M if wall == beside >= 0 else WAY_M) for other, beside in standing)
 
 
 def _placed(group: Group, x: float, y: float, yaw_deg: float) -> list[Furniture]:
@@ -171,6 +171,6 @@ def _keep_out(scenario: Scenario) -> shapely.Geometry:
     ways = [person.points if len(person.points) > 1 else person.points * 2 for person in scenario.people]
     shapes += [shapely.LineString(way).buffer(KEEP_OFF_M) for way in ways]
     things = (*items(scenario), *(thing for thing in obstacles(scenario) if thing.name != "wall"))
-    outlines = [*(outline for thing in things for outline in thing.outlines()), *(m.polygon for m in scenario.markings)]
-    shapes += [shapely.Polygon(outline).buffer(WAY_M) for outline in outlines]
+    shapes += [shapely.Polygon(outline).buffer(WAY_M) for thing in things for outline in thing.outlines()]
+    shapes += [shapely.Polygon(marking.polygon).buffer(WAY_M) for marking in scenario.markings]
     return shapely.union_all(shapes)

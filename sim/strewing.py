@@ -58,7 +58,8 @@ def _apart(candidates: npt.NDArray[np.int64], circles: Floats, there: Floats, co
 
     Circles are (N, 4): x, y, radius and the room around; of two neighbours the one that wants more room gets it.
     """
-    found, chosen = np.concatenate([there, np.empty((count, 4))]), []
+    found = np.concatenate([there, np.empty((count, 4))])
+    chosen: list[int] = []
     for i in candidates.tolist():
         others, own = found[: len(there) + len(chosen)], circles[i]
         room = own[2] + others[:, 2] + np.maximum(own[3], others[:, 3])

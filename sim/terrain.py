@@ -46,7 +46,7 @@ def _triangles(area: shapely.Geometry) -> list[Floats]:
     """(3, 2) each, counter-clockwise, of whatever has an area."""
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-9]
     pieces = [piece for part in parts for piece in shapely.constrained_delaunay_triangles(part).geoms]
-    return [shapely.get_coordinates(shapely.orient_polygons(piece))[:3] for piece in pieces]
+    return [shapely.get_coordinates(shapely.orient_polygons(piece)).astype(np.float64)[:3] for piece in pieces]
 
 
 def _on_ground(points: Floats, ground: Ground) -> Mesh:
@@ -60,4 +60,4 @@ def _normals(points: Floats, ground: Ground) -> Floats:
 
 def _nodes(side_m: float) -> Floats:
     count = int(np.ceil(side_m / 2 / CELL_M))
-    return np.arange(-count, count + 1) * CELL_M
+    return np.linspace(-count * CELL_M, count * CELL_M, 2 * count + 1)
