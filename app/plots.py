@@ -28,7 +28,7 @@ from sim.true_things import true_things
 
 Image = npt.NDArray[np.float64]
 RED, VIOLET = (0.84, 0.15, 0.16), (0.58, 0.40, 0.74)
-CLASS_COLOURS = plt.get_cmap("tab10").colors
+CLASS_COLOURS = mpl.color_sequences["tab10"]
 """By class id, around and around."""
 DPI = 110
 
