@@ -106,9 +106,14 @@ def _said(succeeded: int, ended: int) -> str:
 def _end_with_parent() -> None:
     """A worker whose parent was killed ends; one whose parent hears Ctrl-C is ended by it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_wait_for_orphanage, daemon=True).start()
+
+
+def _wait_for_orphanage() -> None:
     parent = parent_process()
     if parent is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+        parent.join()
+        os._exit(1)
 
 
 def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> float:

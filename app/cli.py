@@ -142,11 +142,11 @@ def drive(
     goals = tuple(point(text, "--goal") for text in goal or [])
     for folder in [*(file.parent for file in (report, kept) if file is not None), *([plots] if plots else [])]:
         prepare(folder)
-    task = Task(
+    about = Task(
         scenario=load_scenario(scenario), goals=goals, random=random, zones=zones, ablation=ablation, max_time_s=max_time
     )
     perception, listed = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)), beware_list(beware)
-    episode = episode_of(task, seed, robot=HUSKY, beware=listed, perception=perception)
+    episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception)
     try:
         album = Album(episode)
         recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon
 
 from app.album import Album, Shot
@@ -28,7 +29,7 @@ from sim.true_things import true_things
 
 Image = npt.NDArray[np.float64]
 RED, VIOLET = (0.84, 0.15, 0.16), (0.58, 0.40, 0.74)
-CLASS_COLOURS = plt.get_cmap("tab10").colors
+CLASS_COLOURS = [to_rgb(colour) for colour in mpl.color_sequences["tab10"]]
 """By class id, around and around."""
 DPI = 110
 
@@ -178,8 +179,7 @@ def overlay(shot: Shot) -> Image:
 
 def colour_of(class_id: int) -> tuple[float, float, float]:
     """Red, green, blue of a class, 0 to 1."""
-    red, green, blue = CLASS_COLOURS[(class_id + 2) % len(CLASS_COLOURS)]  # class 1, the red floor, is red
-    return red, green, blue
+    return CLASS_COLOURS[(class_id + 2) % len(CLASS_COLOURS)]  # class 1, the red floor, is red
 
 
 def extent(spec: GridSpec) -> tuple[float, float, float, float]:

@@ -63,10 +63,7 @@ def episode_of(task: Task, seed: int, *, robot: RobotProfile, beware: BewareList
     mission = Mission()
     for x_m, y_m in world.goals:
         mission = mission.add(x_m, y_m, map_of(world))  # refuses what lies outside before anything is built
-    zones = ()
-    if task.zone_count:
-        inflation_m = robot.width_m / 2 + config.safety_margin_m
-        zones = draw_zones(world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m)
+    inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,
         seed=seed,
@@ -76,7 +73,7 @@ def episode_of(task: Task, seed: int, *, robot: RobotProfile, beware: BewareList
         perception=perception,
         robot=robot,
         as_found=True,
-        zones=zones,
+        zones=draw_zones(world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m),
         ablation=task.ablation,
     )
 

@@ -80,15 +80,16 @@ def draw_zones(
     Fewer where none of the tries leaves another. The robot's middle keeps `inflation_m` from everything, and from what is to
     beware of the `margins_m` of its class beside.
     """
+    if not count:
+        return ()
     polygons = _in_the_way(scenario, margins_m)
     rng = np.random.default_rng((seed, SALT, 1))
     spec = GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
     stations = [(scenario.start[0], scenario.start[1]), *scenario.goals]
     zones: list[Polygon] = []
     way = shortest_way(polygons, inflation_m, spec, stations)
-    for _ in range(8 * count if way is not None else 0):
-        assert way is not None
-        if len(zones) == count:
+    for _ in range(8 * count):
+        if way is None or len(zones) == count:
             break
         zone = _zone_on(way, rng)
         if any(_apart_m(zone, spot) < ZONE_GAP_M for spot in stations):
