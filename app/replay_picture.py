@@ -30,7 +30,7 @@ def draw_replay(
     columns = 1 if reference is None else 2
     figure = Figure(figsize=(7 * columns, 10), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    above, below = figure.subfigures(2, 1, height_ratios=(2, 1))
+    above, below = figure.subfigures(2, 1, height_ratios=(2, 1))  # type: ignore[misc]  # the stubs forget that two come
     maps = np.atleast_1d(above.subplots(1, columns))
     _draw_map(maps[0], recording, replayed)
     if reference is not None:
