@@ -28,6 +28,8 @@ BAND_M = 0.04
 """What is measured so little above the lowest of a cell is its ground, too."""
 PIXELS = 2
 """So many of them make a measurement."""
+TALL_M = 0.1
+"""Where more than this is measured one above the other something stands, and its foot need not be the ground."""
 STEP_M = 0.06
 """Where the ground was out of sight for a while it has risen or fallen by no more than this, or it is an obstacle."""
 SLACK_M = 0.02
@@ -82,9 +84,9 @@ def _outward() -> tuple[npt.NDArray[np.int64], Heights]:
 
 @compiled
 def _lowest(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx: float, cy: float) -> Heights:
-    """(AHEAD, 2 · ASIDE) mean height of the lowest that each cell shows; NaN where it shows too little."""
+    """(AHEAD, 2 · ASIDE) mean height of the lowest that each cell shows; NaN where that is too little, or something stands."""
     height, width = depth_m.shape
-    least = np.full((AHEAD, 2 * ASIDE), np.inf)
+    least, most = np.full((AHEAD, 2 * ASIDE), np.inf), np.full((AHEAD, 2 * ASIDE), -np.inf)
     rows, columns = max(height // ROWS, 1), max(width // COLUMNS, 1)
     total, count = np.zeros((AHEAD, 2 * ASIDE)), np.zeros((AHEAD, 2 * ASIDE))
     for turn in range(2):
@@ -101,11 +103,11 @@ def _lowest(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx
                     continue
                 z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
                 if turn == 0:
-                    least[row, col] = min(least[row, col], z)
+                    least[row, col], most[row, col] = min(least[row, col], z), max(most[row, col], z)
                 elif z < least[row, col] + BAND_M:
                     total[row, col] += z
                     count[row, col] += 1
-    return np.where(count >= PIXELS, total / np.maximum(count, 1), np.nan)
+    return np.where((count >= PIXELS) & (most - least < TALL_M), total / np.maximum(count, 1), np.nan)
 
 
 @compiled
@@ -139,7 +141,7 @@ def _followed(measured: Heights, order: npt.NDArray[np.int64], away: Heights, ma
             for c in range(max(col - 1, 0), min(col + 2, cols)):
                 if away[r, c] < away[row, col]:
                     apart = CELL_M * math.hypot(r - row, c - col)
-                    weight = 1.0 / (apart + gap[r, c])
+                    weight = 1.0 / (apart + gap[r, c]) ** 2
                     total, weights = total + weight * ground[r, c], weights + weight
                     least = min(least, gap[r, c] + apart)
         before = total / weights if weights > 0 else 0.0

@@ -88,7 +88,9 @@ class Bodies:
         pace = np.array([max(p.speed_mps, p.pace_mps, SLOWEST_MPS) for p in people])
         unseen_s = np.array([p.unseen_s for p in people])
         left = rows[:, :2] - rows[:, 2:4] * unseen_s.reshape(-1, 1)  # where he was lost from sight, if he stood or walked on
-        restless = np.column_stack([left, pace, rows[:, 4]])[stopped | lost]
+        # Whoever turned back the moment he was lost from sight is as far from there by now as he can have walked.
+        reach = rows[:, 4] + np.where(lost, pace * unseen_s, 0.0)
+        restless = np.column_stack([left, pace, reach])[stopped | lost]
         rows[stopped, 4] += pace[stopped] * rules.reaction_s
         return Bodies(walking=rows[walks | stopped], standing=rows[~walks & ~stopped], restless=restless)
 

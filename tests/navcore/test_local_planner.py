@@ -407,6 +407,30 @@ def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
     assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is Outcome.FOLLOW
 
 
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_who_turned_back_when_he_was_lost_from_sight_does_not_reach_the_robot_before_it_stands(seed: int) -> None:
+    """He was last seen at a place, and has since come towards the robot at his pace, whatever is thought of him."""
+    rng = np.random.default_rng(seed)
+    (x, y), speed, heading, unseen_s = rng.uniform(-3, 3, 2), rng.uniform(0.5, 1.6), rng.uniform(-3, 3), rng.uniform(0.1, 1.9)
+    vx, vy = speed * math.cos(heading), speed * math.sin(heading)
+    lost = Track(
+        id=1,
+        x_m=x + vx * unseen_s,
+        y_m=y + vy * unseen_s,
+        vx_mps=vx,
+        vy_mps=vy,
+        radius_m=0.3,
+        age_s=3.0,
+        last_seen_ns=0,
+        unseen_s=unseen_s,
+    )
+    twist = decide(people=Bodies.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))).twist
+    fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
+    assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+
+
 def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> Bodies:
     """Somebody who walked and then stopped, in the base frame."""
     track = Track(

@@ -139,13 +139,14 @@ ORDER = Order(goal=GOAL, beware=BewareList(classes=()), zones=())
 
 def stuck_for(navigator: Navigator, pose: Pose2, start_s: float, seconds: float) -> tuple[Route, list[Outcome]]:
     """A navigator whose local planner finds no motion at a pose; the last route, and what it reports."""
-    outcomes = []
+    outcomes, route = list[Outcome](), None
     for k in range(round(seconds / PERIOD_S)):
         frame = picture(pose=pose, stamp_ns=round((start_s + k * PERIOD_S) * 1e9))
         route = navigator.route(navigator.occupancy(ORDER), pose, ORDER)
         assert route is not None
         blocked = STUCK if len(route.points) else IDLE
         outcomes.append(navigator.recover(blocked, frame, route, ORDER).outcome)
+    assert route is not None
     return route, outcomes
 
 
