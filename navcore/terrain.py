@@ -4,7 +4,8 @@ The robot stands on the ground, so that is where it is known: height 0, level. F
 What is measured at a height to which a slope can lead that the robot can drive is ground; what is higher or lower is something
 else, and there the ground is taken to go on as it was. So a slope is ground, while a step up or down, a wall, a table or a pit
 is not, however much of the picture it fills. Nothing is remembered: heights are relative to the plane on which the robot
-stands, and that tilts with it.
+stands, and that tilts with it. It errs on the safe side: on a slope, ground beyond the shadow of something wide may be taken
+for an obstacle until it is seen from nearer.
 """
 
 from __future__ import annotations

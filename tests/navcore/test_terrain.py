@@ -82,14 +82,14 @@ def test_a_slope_that_the_robot_can_drive_is_ground_and_no_obstacle(surface: Sur
 def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground(surface: Surface) -> None:
     def with_box(height_m: float) -> Surface:
         def lifted(x: Floats, y: Floats) -> Floats:
-            on = (np.abs(x - 2.6) < 0.25) & (np.abs(y) < 0.25)
+            on = (np.abs(x - 2.6) < 0.15) & (np.abs(y) < 0.15)
             return np.asarray(surface(x, y) + height_m * on)
 
         return lifted
 
     found = obstacles(seen(with_box(0.25)))
     assert len(found) > 5
-    assert np.abs(found - [2.6, 0.0]).max() < 0.35
+    assert np.abs(found - [2.6, 0.0]).max() < 0.25
     assert len(obstacles(seen(with_box(0.06)))) == 0
 
 
