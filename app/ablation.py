@@ -48,7 +48,8 @@ class Oracle:
         class_ids = np.full(frame.depth_m.shape, NOTHING, np.uint8)
         shown = self._simulator.true_labels()
         for entry in beware.classes:
-            if entry.name in shown:
+            # The warm-up shows a picture of its own, of another size.
+            if entry.name in shown and shown[entry.name].shape == class_ids.shape:
                 class_ids[shown[entry.name]] = entry.class_id
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 
