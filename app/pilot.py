@@ -33,6 +33,8 @@ MOVING = (Phase.DRIVING, Phase.LEAVING)
 """Phases of a mission in which the robot may move."""
 STANDS_BELOW_MPS = 0.03
 """A robot slower than this stands, as far as arriving is concerned."""
+MEANWHILE_NS = 100_000_000
+"""A command so little younger than the clock's reading was decided while the command thread waited for its turn."""
 HAND_LIFE_NS = COMMAND_LIFE_NS
 """How long a velocity that somebody gives by hand is good for."""
 
@@ -212,11 +214,14 @@ class Pilot:
         intent, thought, hand = self._intent, self._thought, self.hand(now_ns)
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
         driving = intent.mission.phase in MOVING and thought.order == _order(intent)
+        command = hand or (thought.command if driving else None)
+        if command is not None and now_ns < command.stamp_ns <= now_ns + MEANWHILE_NS:
+            now_ns = command.stamp_ns
         facts = Facts(
             now_ns=now_ns,
             frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
             stopped_by=intent.stopped_by,
-            command=hand or (thought.command if driving else None),
+            command=command,
             senses=self._watched,
             near=self._near,
             pushing_ns=self._pushing_ns,

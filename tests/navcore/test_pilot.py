@@ -129,6 +129,14 @@ def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
     assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
 
 
+def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, -0.05).reasons == ()
+    driver.command(2 * SECOND, 0.05, newest=OPEN)
+    assert Cause.STALE_COMMAND in causes(command(driver, -0.2))
+
+
 def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -> None:
     driver = pilot((0.05, 0.0), (3.0, 0.0))
     think(driver)

@@ -36,7 +36,7 @@ function showState(next) {
   state = next;
   arrivedAt = performance.now();
   const kind = state.stop_latched ? "stopped" : state.by_hand && state.moving ? "hand" : state.reasons.length ? "held" : state.phase;
-  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING", hand: "✋ BY HAND" };
+  const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING", hand: "◉ BY HAND" };
   element("badge").dataset.kind = kind;
   text("badge", words[kind] ?? kind);
   text("summary", state.summary);
