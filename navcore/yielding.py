@@ -34,7 +34,7 @@ class PeopleRules:
     """The robot is past a place so long before somebody comes there, or it waits …"""
     waiting_s: float = between(0.0, 10.0, default=3.0)
     """… where nobody will come for so long."""
-    settled_s: float = between(0.0, 60.0, default=8.0)
+    settled_s: float = between(0.0, 60.0, default=0.0)
     """Who has walked and then stood for less than this may set out again at any moment: he is waited for, or passed widely."""
     near_m: float = between(0.0, 3.0, default=1.0)
     """Nearer to somebody than this …"""
@@ -52,7 +52,7 @@ SHORT_M = 0.05
 """Left between somebody who turns towards the robot and the robot that has stopped."""
 SLOWEST_MPS = 0.5
 """Whoever walks may walk at least this fast the next moment."""
-TURNING_S = 2.0
+TURNING_S = 0.0
 """Whoever is out of sight for no longer may have turned back where he was lost from it."""
 ASIDE_M = 0.2
 """Who waits leaves so much more room, for nobody walks quite straight."""

@@ -114,10 +114,10 @@ def put_texture(client: int, body: int, texture: int) -> None:
     pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=client)
 
 
-def loose_bodies(client: int) -> list[int]:
-    """The bodies with a mass, in the order in which they were made: before the robot is there, the items of a scenario."""
-    bodies = [pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(pybullet.getNumBodies(physicsClientId=client))]
-    return [body for body in bodies if pybullet.getDynamicsInfo(body, -1, physicsClientId=client)[0] > 0]
+def newest_bodies(client: int, count: int) -> list[int]:
+    """The last so many that were made, in their order."""
+    made = pybullet.getNumBodies(physicsClientId=client)
+    return [pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(made - count, made)]
 
 
 def rgba(colour: Colour) -> list[float]:

@@ -17,7 +17,7 @@ from navcore.errors import BadConfiguration
 from navcore.frame import Frame
 from navcore.robot import HUSKY, RobotProfile, Twist
 from navcore.transform import Pose2
-from sim.bodies import loose_bodies
+from sim.bodies import newest_bodies
 from sim.camera import Camera, Renderer
 from sim.chassis import chassis_of
 from sim.faults import Fault, FaultLine
@@ -210,7 +210,7 @@ class Simulator:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
         build_world(self._client, self.scenario)
-        self._loose = loose_bodies(self._client)
+        self._loose = newest_bodies(self._client, len(self.scenario.items))  # the world's last: see `build_world`
         first = pybullet.getNumBodies(physicsClientId=self._client)
         self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile)
         self._class_of = class_of_bodies(self.scenario, loose=self._loose, first_person=first)

@@ -42,7 +42,7 @@ RECORDING_GAP_NS = 5 * 1_000_000_000 // 30
 def write_recording(folder: Path, T_world_map: npt.NDArray[np.float64]) -> Path:
     """A walk of eight pictures, every fifth of 30 a second, past a table before a wall."""
     folder.mkdir()
-    matrix = [[LENS.fx, 0, LENS.cx], [0, LENS.fy, LENS.cy], [0, 0, 1]]
+    matrix = np.array([[LENS.fx, 0, LENS.cx], [0, LENS.fy, LENS.cy], [0, 0, 1]])
     np.savetxt(folder / "camera-intrinsics.txt", matrix)
     lines = ["# number, camera to world"]
     for step, place in enumerate(PLACES):

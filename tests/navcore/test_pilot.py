@@ -340,7 +340,7 @@ def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
     stopped.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
     assert causes(command(stopped)) == [Cause.EMERGENCY_STOP] and stopped.sent == STANDSTILL
     wall = pilot()
-    think(wall, picture(Box(x=(0.75, 1.0), y=(-2, 2), z=(0, 1)), stamp_ns=SECOND))
+    think(wall, picture(Box(x=(0.53, 1.0), y=(-2, 2), z=(0, 1)), stamp_ns=SECOND))
     assert causes(command(pushed(wall))) == [Cause.CONTACT_IMMINENT] and wall.sent == STANDSTILL
     driving = pilot((3.0, 0.0))
     think(driving)

@@ -194,7 +194,7 @@ def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
         ):
             viewer.send(camera())
             assert json.loads(page.recv(timeout=10)) == {"type": "viewer", "connected": True}
-            scene(viewer, {"/floor/grid"})
+            scene(viewer, {"/floor/0_0"})
             page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
             page.send(json.dumps({"type": "show", "cloud_colour": "camera", "hidden": ["cloud"]}))
             time.sleep(0.2)

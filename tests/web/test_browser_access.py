@@ -92,7 +92,7 @@ def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
     page.wait_for_timeout(200)
     page.keyboard.up("ArrowUp")
     assert operations.hands == []  # the pad is shut
-    page.keyboard.press("m")
+    page.keyboard.press("b")
     page.keyboard.down("ArrowUp")
     page.keyboard.down("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
