@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.followed import Track
+from navcore.people import Track
 from navcore.robot import RobotProfile
 from navcore.settings import between
 from navcore.transform import Pose2
@@ -34,8 +34,6 @@ class PeopleRules:
     """The robot is past a place so long before somebody comes there, or it waits …"""
     waiting_s: float = between(0.0, 10.0, default=3.0)
     """… where nobody will come for so long."""
-    settled_s: float = between(0.0, 60.0, default=0.0)
-    """Who has walked and then stood for less than this may set out again at any moment: he is waited for, or passed widely."""
     near_m: float = between(0.0, 3.0, default=1.0)
     """Nearer to somebody than this …"""
     near_mps: float = between(0.1, 1.0, default=0.5)
@@ -52,7 +50,7 @@ SHORT_M = 0.05
 """Left between somebody who turns towards the robot and the robot that has stopped."""
 SLOWEST_MPS = 0.5
 """Whoever walks may walk at least this fast the next moment."""
-TURNING_S = 0.0
+TURNING_S = 2.0
 """Whoever is out of sight for no longer may have turned back where he was lost from it."""
 ASIDE_M = 0.2
 """Who waits leaves so much more room, for nobody walks quite straight."""
@@ -67,38 +65,29 @@ class Bodies:
     """People in the base frame, as they are now."""
 
     walking: Floats
-    """(P, 5) x, y, velocity along both, radius. Who has only stopped on his way is one of them: with no speed, and the
-    radius of where he may be before the robot can answer."""
+    """(P, 5) x, y, velocity along both, radius."""
     standing: Floats
     """(Q, 5) the same; the velocities are 0."""
-    restless: Floats = field(default_factory=lambda: np.empty((0, 4)))
-    """(R, 4) x, y, pace, radius of those who may set out from there, nobody knows whither: who has stopped on his way, and who
-    walks out of sight, where he was lost from it."""
+    turning: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    """(R, 5) those who walk out of sight once more, where they were lost from it: they may have turned back there."""
 
     @staticmethod
-    def of(people: tuple[Track, ...], pose: Pose2, rules: PeopleRules = MANNERS) -> Bodies:
+    def of(people: tuple[Track, ...], pose: Pose2) -> Bodies:
         """As seen from a pose of the robot in the map frame."""
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         turn = np.array([[cos, -sin], [sin, cos]])
-        rows = np.array([[p.x_m, p.y_m, p.vx_mps, p.vy_mps, p.radius_m] for p in people]).reshape(-1, 5)
-        rows[:, :2], rows[:, 2:4] = (rows[:, :2] - [pose.x_m, pose.y_m]) @ turn, rows[:, 2:4] @ turn
+        lost = [(p, p.at(-p.unseen_s)) for p in people if 0 < p.unseen_s < TURNING_S]
+        places = [(p, (p.x_m, p.y_m)) for p in people] + lost
+        rows = np.array([[x - pose.x_m, y - pose.y_m, p.vx_mps, p.vy_mps, p.radius_m] for p, (x, y) in places]).reshape(-1, 5)
+        rows[:, :2], rows[:, 2:4] = rows[:, :2] @ turn, rows[:, 2:4] @ turn
         walks = rows[:, 2:4].any(axis=1)
-        stopped = np.array([p.pace_mps > 0 and p.stood_s < rules.settled_s for p in people], dtype=np.bool_) & ~walks
-        lost = np.array([0 < p.unseen_s < TURNING_S for p in people], dtype=np.bool_) & walks
-        pace = np.array([max(p.speed_mps, p.pace_mps, SLOWEST_MPS) for p in people])
-        unseen_s = np.array([p.unseen_s for p in people])
-        left = rows[:, :2] - rows[:, 2:4] * unseen_s.reshape(-1, 1)  # where he was lost from sight, if he stood or walked on
-        # Whoever turned back the moment he was lost from sight is as far from there by now as he can have walked.
-        reach = rows[:, 4] + np.where(lost, pace * unseen_s, 0.0)
-        restless = np.column_stack([left, pace, reach])[stopped | lost]
-        rows[stopped, 4] += pace[stopped] * rules.reaction_s
-        return Bodies(walking=rows[walks | stopped], standing=rows[~walks & ~stopped], restless=restless)
+        now = np.arange(len(rows)) < len(people)
+        return Bodies(walking=rows[walks & now], standing=rows[~walks & now], turning=rows[walks & ~now])
 
     def turned_about(self) -> Bodies:
         """The same people, seen from a robot that faces the other way."""
         sign = np.array([-1.0, -1.0, -1.0, -1.0, 1.0])
-        restless = self.restless * np.array([-1.0, -1.0, 1.0, 1.0])
-        return Bodies(walking=self.walking * sign, standing=self.standing * sign, restless=restless)
+        return Bodies(walking=self.walking * sign, standing=self.standing * sign, turning=self.turning * sign)
 
     def outlines(self) -> Floats:
         """(N, 2) points around everybody who stands: obstacles like any other."""
@@ -126,13 +115,12 @@ def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: Robot
 def allowed_mps(bodies: Bodies, profile: RobotProfile, rules: PeopleRules) -> float:
     """How fast any point of the body may be, for the people that are near; 0 to stand, infinite with nobody near."""
     most = math.inf
-    for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing]).tolist():
+    for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing, bodies.turning]).tolist():
         gap_m = _gap(x, y, profile) - radius
         most = min(most, rules.near_mps + max(0.0, gap_m - rules.near_m))
         if vx or vy:
-            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), x > 0, rules))
-    for x, y, pace_mps, radius in bodies.restless.tolist():
-        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, x > 0, rules))
+            ahead = x > 0
+            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), ahead, rules))
     return 0.0 if most < LEAST_MPS else most
 
 

@@ -84,6 +84,14 @@ def test_control_is_asked_for_taken_over_and_everybody_is_told(
     expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
 
 
+def eventually(page: Page, holds: Callable[[], bool]) -> None:
+    for _ in range(100):
+        if holds():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("it never came to hold")
+
+
 def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
     open_page: Opener, server: ConsoleServer, operations: FakeOperations
 ) -> None:
@@ -96,8 +104,8 @@ def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
     page.keyboard.down("ArrowUp")
     page.keyboard.down("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
-    page.wait_for_timeout(300)
-    assert operations.hand is not None and operations.hand.v_mps > 0 and operations.hand.w_radps > 0
+    # A browser that draws the 3D view in software may be silent for longer than a velocity lives: some arrive, and are both.
+    eventually(page, lambda: any(hand is not None and hand.v_mps > 0 and hand.w_radps > 0 for hand in operations.hands))
     page.keyboard.up("ArrowUp")
     page.keyboard.up("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")

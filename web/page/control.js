@@ -111,7 +111,8 @@ for (const button of document.querySelectorAll("[data-hand]")) {
   for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) button.addEventListener(end, () => release(button.dataset.hand));
   button.oncontextmenu = (event) => event.preventDefault();
 }
-element("byhand").addEventListener("toggle", letGo);
+// Opening is told of late, when a key may already be held.
+element("byhand").addEventListener("toggle", () => { if (!element("byhand").open) letGo(); });
 window.addEventListener("blur", () => { if (document.activeElement !== element("viewer")) letGo(); });
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });
