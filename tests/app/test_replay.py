@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +27,7 @@ from navcore.robot import HUSKY, Twist, load_profile
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2, camera_mount, invert
 from tests.navcore.scene import LENS, Box, picture
+from tests.shared_data import beside
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "rgbd"
 TABLE = Box(x=(2.0, 2.6), y=(-0.4, 0.4), z=(0.0, 0.6))
@@ -223,13 +223,7 @@ def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
 
 def shared_data(name: str) -> Path:
     """Real data beside this checkout; skips where they are missing, unless continuous integration promises them."""
-    path = DATA / name
-    if not path.exists():
-        reason = f"the recordings are not beside this checkout: {path} is missing"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return path
+    return beside(DATA / name, "the recordings are")
 
 
 def test_a_real_kitchen_becomes_the_map_that_its_reference_says() -> None:

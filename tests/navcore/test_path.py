@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from navcore.grid import BoolGrid, Cell
 from navcore.path import NoPath, Path, Reason, plan
 from tests.navcore.laws import law
+from tests.shared_data import beside
 
 MAPS = FilePath(__file__).parents[2].parent / "shared" / "data" / "maps"
 SQRT2 = 2.0**0.5
@@ -168,13 +168,7 @@ def test_a_budget_that_suffices_changes_nothing() -> None:
 
 def map_data(*parts: str) -> FilePath:
     """A file of the published maps; skips where they are not installed, unless continuous integration promises them."""
-    file = MAPS.joinpath(*parts)
-    if not file.exists():
-        reason = f"the published grid maps are not beside this checkout: {file} is missing"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return file
+    return beside(MAPS.joinpath(*parts), "the published grid maps are")
 
 
 MOVINGAI = [

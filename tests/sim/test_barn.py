@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from sim.referee import Referee
 from sim.scenario import Mover, Scenario
 from sim.simulator import PERIOD_S, Simulator
 from sim.stereo import PERFECT
+from tests.shared_data import beside
 from tests.sim.worlds import drive, open_floor, turned_by, wait
 
 JACKAL = load_profile("jackal")
@@ -48,13 +48,7 @@ def a_file(folder: Path, *worlds: dict[str, Any], **meta: object) -> Path:
 
 
 def published(name: str) -> Path:
-    file = DATA / name
-    if not file.exists():
-        reason = f"the published worlds are not beside this checkout: {file} is missing"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return file
+    return beside(DATA / name, "the published worlds are")
 
 
 def jackal(scenario: Scenario, *, size: tuple[int, int] = (16, 16)) -> Simulator:

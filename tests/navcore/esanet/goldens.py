@@ -10,18 +10,17 @@ import copy
 import functools
 import json
 import math
-import os
 import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 import torch
 from torch import Tensor
 
 from navcore.esanet import EsaNet, build
+from tests.shared_data import beside
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "esanet"
 SEED = 20261120
@@ -31,13 +30,7 @@ Array = npt.NDArray[Any]
 
 
 def data_file(name: str) -> Path:
-    file = DATA / name
-    if not file.exists():
-        reason = f"the official network's numbers are not beside this checkout: {file} is missing"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return file
+    return beside(DATA / name, "the official network's numbers are")
 
 
 def arrays(name: str) -> dict[str, Array]:
