@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
 from navcore.frame import Frame
+from navcore.search.bits import compiled
 
 Heights = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -38,10 +39,20 @@ GROUND_M = 0.05
 def heights_above_floor(frame: Frame) -> Heights:
     """(H, W) z in the map frame, metres; NaN where no depth was measured."""
     lens, up = frame.intrinsics, frame.T_map_camera[2]
-    across = (up[0] / lens.fx) * (np.arange(lens.width) - lens.cx)
-    down = (up[1] / lens.fy) * (np.arange(lens.height) - lens.cy) + up[2]
-    slope = (down[:, None] + across).astype(np.float32)
-    return np.where(frame.depth_m > 0, frame.depth_m * slope + np.float32(up[3]), np.float32(np.nan))
+    across = ((up[0] / lens.fx) * (np.arange(lens.width) - lens.cx)).astype(np.float32)
+    down = ((up[1] / lens.fy) * (np.arange(lens.height) - lens.cy) + up[2]).astype(np.float32)
+    return np.asarray(_along(frame.depth_m, across, down, np.float32(up[3])))
+
+
+@compiled
+def _along(depth_m: Heights, across: Heights, down: Heights, eye_m: np.float32) -> Heights:
+    """How high every ray is at its depth; `across` and `down` are what a column and a row add to its slope."""
+    heights = np.empty_like(depth_m)
+    for i in range(depth_m.shape[0]):
+        for j in range(depth_m.shape[1]):
+            depth = depth_m[i, j]
+            heights[i, j] = depth * (down[i] + across[j]) + eye_m if depth > 0 else np.float32(np.nan)
+    return heights
 
 
 def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
