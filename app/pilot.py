@@ -259,7 +259,7 @@ class Pilot:
         if intent.mission.phase not in MOVING or thought.decision is None:
             return found
         route, outcome = thought.decision.route, thought.decision.motion.outcome
-        if route is not None and isinstance(route.outcome, NoPath):
+        if route is not None and isinstance(route.outcome, NoPath) and thought.decision.motion.twist == STANDSTILL:
             why = _why_no_path(intent, thought.decision, route.outcome)
             found.append(StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}."))
         if outcome is Outcome.IN_ZONE:

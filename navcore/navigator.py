@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TypeVar
@@ -9,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from navcore.approach import towards
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
@@ -64,7 +66,7 @@ class Route:
     outcome: Path | NoPath
     """The shortest path, or why there is none."""
     points: Points
-    """(N, 2) the path in metres of the map frame; (0, 2) without one."""
+    """(N, 2) the path in metres of the map frame; without one the way to go nearer to where it is closed, or (0, 2)."""
     waypoints: Points
     """(M, 2) its corners and its end."""
     track: Points
@@ -163,7 +165,25 @@ class Navigator:
             return _no_route(Reason.START_BLOCKED)
         space = self._occupancy.space
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
+        if outcome == NoPath(reason=Reason.UNREACHABLE):
+            return self._nearer(occupancy, pose, goal) or self._laid(outcome, goal, space.across[FREE])
         return self._laid(outcome, goal, space.across[FREE])
+
+    def _nearer(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route | None:
+        """No path, but a way to where it may look open from nearer; None where there is none, or the robot is there."""
+        spec = self.map.spec
+        path = towards(
+            occupancy,
+            spec.cell(pose.x_m, pose.y_m),
+            spec.cell(*goal),
+            vehicle_width_m=self._profile.width_m,
+            relief_cells=self._config.start_relief_m / spec.resolution_m,
+            max_expansions=self._config.plan_budget,
+        )
+        if path is None:
+            return None
+        way = self._laid(path, spec.centre(*path.cells[-1]), self._occupancy.space.across[FREE])
+        return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
 
     def way_out(self, occupancy: Occupancy, pose: Pose2) -> Route:
         """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own."""
@@ -259,6 +279,8 @@ class Navigator:
             retreat_map=self._trail if self._recovery.means is Means.BACK else None,
             look_round=self._recovery.means is Means.LOOK,
         )
+        if isinstance(route.outcome, NoPath) and self._motion.outcome in (Outcome.ARRIVED, Outcome.ALIGN):
+            self._motion = IDLE  # where the way was closed, not at the goal
         return self._motion
 
     def limit(self, motion: Motion, frame: Frame, order: Order) -> Motion:

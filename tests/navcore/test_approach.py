@@ -1,0 +1,110 @@
+"""Where only the margin closes the way, the robot goes nearer to look; it enters nothing that is closed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navcore.approach import towards
+from navcore.config import NavigatorConfig
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.local_planner import Outcome
+from navcore.navigator import Navigator, Order
+from navcore.occupancy import Occupancy
+from navcore.path import NoPath, Path, Reason
+from navcore.robot import HUSKY
+from navcore.segment import ColourSegmenter
+from navcore.transform import Pose2
+from tests.navcore.scene import RED_LIST, picture
+
+SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.05)
+MARGIN_M = NavigatorConfig().safety_margin_m
+WALL_X_M, GAP_M = 2.0, 0.9
+"""Wider than the Husky, narrower than the Husky with its margin on either side."""
+
+
+def wall(gap_m: float) -> BoolGrid:
+    """From side to side of the map, with a gap in its middle."""
+    cells = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    col = SPEC.cell(WALL_X_M, 0.0)[1]
+    cells[:, col : col + 4] = True
+    half = round(gap_m / 2 / SPEC.resolution_m)
+    cells[SPEC.rows // 2 - half : SPEC.rows // 2 + half] = False
+    return cells
+
+
+def occupancy(geometric: BoolGrid | None = None, zones: BoolGrid | None = None) -> Occupancy:
+    nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    grid = OccupancyGrid(
+        spec=SPEC,
+        geometric=nothing if geometric is None else geometric,
+        beware={},
+        margins_m={},
+        zones=nothing if zones is None else zones,
+        wide_zones=(),
+    )
+    return Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M), version=1)
+
+
+def approach(known: Occupancy, x_m: float, y_m: float = 0.0) -> Path | None:
+    start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
+    return towards(known, start, goal, vehicle_width_m=HUSKY.width_m, relief_cells=12.0, max_expansions=100_000)
+
+
+@pytest.mark.parametrize("y_m", [0.0, 2.5, -3.0])
+def test_the_robot_goes_up_to_the_gap_and_enters_nothing_that_is_closed(y_m: float) -> None:
+    known = occupancy(wall(GAP_M))
+    path = approach(known, -2.0, y_m)
+    assert path is not None
+    assert not known.blocked[path.cells[:, 0], path.cells[:, 1]].any()
+    x, y = SPEC.centre(*(int(at) for at in path.cells[-1]))
+    assert WALL_X_M - 0.7 < x < WALL_X_M and abs(y) < 0.2
+
+
+@pytest.mark.parametrize("gap_m", [0.0, HUSKY.width_m - 0.1])
+def test_a_wall_without_a_gap_for_the_body_is_not_gone_to(gap_m: float) -> None:
+    assert approach(occupancy(wall(gap_m)), -2.0) is None
+
+
+def test_of_two_gaps_the_one_that_less_is_missing_of() -> None:
+    cells = wall(0.8)
+    wider, half = SPEC.cell(WALL_X_M, -2.5), round(0.95 / 2 / SPEC.resolution_m)
+    cells[wider[0] - half : wider[0] + half, wider[1] : wider[1] + 4] = False
+    path = approach(occupancy(cells), -2.0)
+    assert path is not None
+    assert SPEC.centre(*(int(at) for at in path.cells[-1]))[1] == pytest.approx(-2.5, abs=0.3)
+
+
+def test_a_zone_is_no_gap_however_thin() -> None:
+    zone = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    zone[:, SPEC.cell(WALL_X_M, 0.0)[1]] = True
+    assert approach(occupancy(zones=zone), -2.0) is None
+
+
+def test_at_the_gap_there_is_nothing_more_to_be_gained() -> None:
+    known = occupancy(wall(GAP_M))
+    path = approach(known, -2.0)
+    assert path is not None
+    assert approach(known, *SPEC.centre(*(int(at) for at in path.cells[-1]))) is None
+
+
+def test_a_robot_within_the_gap_leaves_it_on_the_side_of_the_goal() -> None:
+    path = approach(occupancy(wall(GAP_M)), WALL_X_M - 0.1)
+    assert path is not None
+    assert SPEC.centre(*(int(at) for at in path.cells[0]))[0] > WALL_X_M
+    assert tuple(path.cells[-1]) == SPEC.cell(4.0, 0.0)
+
+
+def test_the_navigator_drives_there_and_says_that_there_is_no_path() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator.map.load_prior(wall(GAP_M))
+    away = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)  # looks the other way, so that it sees nothing of the wall
+    order = Order(goal=(4.0, 0.0), beware=RED_LIST, zones=())
+    decision = navigator.tick(picture(pose=away), order)
+    assert decision.route is not None and decision.route.outcome == NoPath(reason=Reason.UNREACHABLE)
+    assert np.hypot(*(decision.route.points[-1] - [WALL_X_M, 0.0])) < 0.7
+    assert decision.motion.outcome is Outcome.TURN
+    there = Pose2(x_m=float(decision.route.points[-1, 0]), y_m=float(decision.route.points[-1, 1]), yaw_rad=np.pi)
+    decision = navigator.tick(picture(pose=there, stamp_ns=100_000_000), order)
+    assert decision.route is not None and len(decision.route.points) == 0
+    assert decision.motion.outcome is Outcome.IDLE
