@@ -93,6 +93,7 @@ class LiveOperations:
             config=config,
             now_s=lambda: robot.now_ns() / 1e9,
             tick_ms=self.tick_ms,
+            log_shelf=store.decisions,
         )
         recorder.tick_ms = self.tick_ms
 

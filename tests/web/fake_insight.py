@@ -33,9 +33,9 @@ class FakeInsight:
             self.figures.add(float(second), {**row, "tick_ms": 20.0 + second % 5})
         assert set(self.figures.after(-1.0)) == set(COLUMNS)
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int) -> Page:
+    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
         """As the port says."""
-        return self.log.page(kinds=kinds, since=since, limit=limit)
+        return self.log.page(kinds=kinds, since=since, limit=limit, before=before)
 
     def explain(self) -> Explanation:
         """As the port says."""

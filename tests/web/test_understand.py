@@ -21,11 +21,20 @@ def test_the_journal_is_filtered_and_read_on_from_where_one_was(client: httpx.Cl
     whole = client.get("/api/v1/journal").json()
     assert (whole["newest"], whole["oldest"], len(whole["entries"])) == (5, 1, 5)
     assert whole["entries"][0] == {
-        "id": 1, "stamp_s": 0.0, "unix_s": 1_700_000_000.0, "kind": "stopped", "text": "entry 0", "place": [1.0, 2.0],
+        "id": 1, "start": 1, "stamp_s": 0.0, "unix_s": 1_700_000_000.0,
+        "kind": "stopped", "text": "entry 0", "place": [1.0, 2.0],
     }  # fmt: skip
     part = client.get("/api/v1/journal", params={"kind": ["seen"], "since": 2, "limit": 1}).json()
     assert [entry["id"] for entry in part["entries"]] == [4]
-    refused: tuple[dict[str, str | int], ...] = ({"kind": "nonsense"}, {"limit": 0}, {"limit": 5000}, {"since": -1})
+    back = client.get("/api/v1/journal", params={"before": 4, "limit": 2}).json()
+    assert [entry["id"] for entry in back["entries"]] == [2, 3] and back["start"] == 1
+    refused: tuple[dict[str, str | int], ...] = (
+        {"kind": "nonsense"},
+        {"limit": 0},
+        {"limit": 5000},
+        {"since": -1},
+        {"before": -1},
+    )
     for wrong in refused:
         assert client.get("/api/v1/journal", params=wrong).status_code == 422
 

@@ -20,7 +20,8 @@ class EntryOut(BaseModel):
     """One decision of the robot, or something that led to one."""
 
     id: int
-    stamp_s: float = Field(description="robot's monotonic clock")
+    start: int = Field(description="which start of the console wrote it, counted from 1")
+    stamp_s: float = Field(description="robot's monotonic clock, of that start")
     unix_s: float = Field(description="wall clock")
     kind: Kind
     text: str
@@ -31,7 +32,8 @@ class JournalOut(BaseModel):
     """A part of the log, oldest first."""
 
     newest: int = Field(description="id of the newest entry; ask again with `since` at this")
-    oldest: int = Field(description="id of the oldest entry that is still kept")
+    oldest: int = Field(description="id of the oldest entry that is still kept; ask with `before` to get there")
+    start: int = Field(description="which start of the console this is: entries with a smaller one are from earlier")
     entries: list[EntryOut]
 
 
