@@ -233,6 +233,25 @@ def test_every_change_is_put_down_with_who_made_it_and_how_it_ended(locked: Cons
         assert [entry["id"] for entry in older] == [entries[1]["id"]]
 
 
+def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        for program in (operator, viewer, operator):
+            program.post("/api/v1/stop?by=test")
+
+        def ids(**asked: str) -> list[int]:
+            return [entry["id"] for entry in operator.get("/api/v1/audit", params=asked).json()]
+
+        entries = operator.get("/api/v1/audit").json()
+        hers = [entry for entry in entries if entry["who"] == "viewer"]
+        assert len(hers) == 2 and ids(who="viewer") == [entry["id"] for entry in hers]
+        at = hers[0]["at"]
+        assert ids(since=at, until=at) == [entry["id"] for entry in entries if entry["at"] == at]
+        assert ids(since=at) + ids(until=at) == [*(entry["id"] for entry in entries if entry["at"] >= at), *ids(until=at)]
+        assert ids(since="2020-01-01T02:00:00+02:00") == ids() and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+        for wrong in ({"since": "yesterday"}, {"until": "2020-01-01T00:00:00"}, {"who": "x" * 61}):
+            assert operator.get("/api/v1/audit", params=wrong).status_code == 422
+
+
 def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() -> None:
     drives = [("POST", "/api/v1/goals"), ("PUT", "/api/v1/goals/3"), ("POST", "/api/v1/mission/start")]
     drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
