@@ -132,7 +132,7 @@ class LiveInsight:
         arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=around.spec.resolution_m)
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         on_map = arcs @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free)
+        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free, chosen=decision.motion.arc)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""

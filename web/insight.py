@@ -115,6 +115,8 @@ class Candidates:
     """(A, S, 2) points of each arc in metres of the map frame."""
     free: npt.NDArray[np.int64]
     """(A,) how many points of it the body can be driven along, the first ones."""
+    chosen: int | None = None
+    """Index of the one that is driven; None while the robot does something else, such as turning in place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

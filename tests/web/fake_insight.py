@@ -46,11 +46,11 @@ class FakeInsight:
         return alternative(self._case(), keys)
 
     def candidates(self) -> Candidates | None:
-        """Three short arcs, one of them half blocked."""
+        """Three short arcs, one of them half blocked, another chosen."""
         pose = self._place()
         along = np.linspace(0.1, 1.6, 16)
         arcs = np.stack([np.column_stack([pose.x_m + along, pose.y_m + bend * along**2]) for bend in (-0.3, 0.0, 0.3)])
-        return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]))
+        return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """One cup."""

@@ -89,6 +89,15 @@ def test_the_figures_come_column_by_column_after_a_time(client: httpx.Client) ->
     assert client.get("/api/v1/series", params={"since_s": "nan"}).status_code == 422
 
 
+def test_candidates_end_where_they_would_touch_something_and_one_is_chosen(client: httpx.Client) -> None:
+    answer = client.get("/api/v1/candidates")
+    said = answer.json()
+    assert len(said["arcs"]) == 3 and said["chosen"] == 2 and len(answer.content) < 2000
+    free, blocked, _ = said["arcs"]
+    assert free["touch"] is None and blocked["touch"] is not None
+    assert blocked["points"][-1][0] < blocked["touch"][0] < free["points"][-1][0] and len(free["points"]) == 5
+
+
 def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(client: httpx.Client, operations: FakeOperations) -> None:
     operations.add_zone(WET)
     told = client.get("/api/v1/map/tiles").json()

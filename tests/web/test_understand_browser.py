@@ -84,6 +84,28 @@ def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, opera
     assert operations.zones()[0].enabled
 
 
+def test_candidates_are_asked_for_only_while_their_layer_is_on(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+    await_map(page)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+
+    def after_a_tick() -> bool:
+        asked.clear()
+        with page.expect_response(re.compile("/api/v1/path$")):
+            operations.step()
+        page.wait_for_timeout(500)
+        return any("/candidates" in url for url in asked)
+
+    assert not after_a_tick()
+    page.get_by_test_id("map-layers-menu").click()
+    with page.expect_response(re.compile("/api/v1/candidates$")):
+        page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").check()
+    assert after_a_tick()
+    page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").uncheck()
+    page.wait_for_timeout(500)
+    assert not after_a_tick()
+
+
 def test_a_wrong_sighting_and_a_missed_thing_are_taught(page: Page, operations: FakeOperations) -> None:  # noqa: F811
     await_map(page)
     page.get_by_test_id("tab-seen").click()

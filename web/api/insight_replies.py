@@ -76,6 +76,20 @@ class ExplanationOut(BaseModel):
     lift: LiftOut | None = Field(description="only without a path")
 
 
+class ArcOut(BaseModel):
+    """One motion that the robot can choose."""
+
+    points: list[Place] = Field(description="as far as the body can be driven along it, metres of the map frame")
+    touch: Place | None = Field(description="where it would touch something; null for an arc that is free to its end")
+
+
+class CandidatesOut(BaseModel):
+    """What the robot chooses its next motion from."""
+
+    arcs: list[ArcOut]
+    chosen: int | None = Field(description="index of the arc that is driven; null while it does something else or stands")
+
+
 class WithoutIn(BaseModel):
     """Rules to leave out, in thought only."""
 
