@@ -106,7 +106,7 @@ def console(
             labelling=data / "labelling",
             config=NAVIGATOR,
         )
-        expiry = Clockwork(operations.expire_zones, period_s=EXPIRY_S, name="expiry of zones")
+        expiry = Clockwork(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
         expiry.start()
         stack.callback(expiry.stop)
         operations.insight.start()

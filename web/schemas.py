@@ -10,7 +10,7 @@ from navcore.beware import LARGEST_CLASS_ID, MAX_MARGIN_M
 from navcore.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
 from navcore.zones import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, ZoneKind
 from web.access.users import LONGEST_PASSWORD
-from web.port import PreviewDraft, ZoneDraft
+from web.drafts import PreviewDraft, ZoneDraft
 
 MAX_NAME = 80
 MAX_POSES = 100_000

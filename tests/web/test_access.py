@@ -14,10 +14,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.viser_client import camera
 from navcore.errors import BadConfiguration
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
-from tests.web.test_server import PAGE, camera, scene, viewer_of
+from tests.web.test_server import PAGE, scene, viewer_of
 from web.access.control import LAPSE_S, PROGRAM_LAPSE_S, Control, NotInControl
 from web.access.roles import Role, Visitor
 from web.access.rules import need_of

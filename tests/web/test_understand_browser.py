@@ -12,7 +12,7 @@ from app.journal import Journal
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures
-from web.port import ZoneDraft
+from web.drafts import ZoneDraft
 from web.server import ConsoleServer
 
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
@@ -73,15 +73,15 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
 def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, operations: FakeOperations) -> None:  # noqa: F811
     page.get_by_test_id("tab-why").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
-    zone = operations.add_zone(WET)
-    operations.add_goal(4.4, -0.5)
+    zone = operations.zones.add(WET)
+    operations.goals.add(4.4, -0.5)
     rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
     expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
     rule.get_by_test_id("why-without").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
-    operations.add_zone(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
+    operations.zones.add(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
     expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
-    assert operations.zones()[0].enabled
+    assert operations.zones.stored[0].enabled
 
 
 def test_candidates_are_asked_for_only_while_their_layer_is_on(page: Page, operations: FakeOperations) -> None:  # noqa: F811

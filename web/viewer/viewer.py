@@ -19,7 +19,8 @@ from viser.extras import ViserUrdf
 from navcore.grid import GridSpec
 from web import palette
 from web.insight import Candidates
-from web.port import Operations, Picture
+from web.port import Operations
+from web.snapshots import Picture
 from web.viewer.candidates import CandidateLayer
 from web.viewer.cloud import CloudLayer
 from web.viewer.floor import FloorLayer
@@ -178,8 +179,8 @@ class Viewer:
         snapshot = Snapshot(
             state=self._operations.state(),
             picture=picture,
-            zones=self._operations.zones(),
-            beware=self._operations.beware(),
+            zones=self._operations.zones.stored,
+            beware=self._operations.beware.list,
             candidates=self._candidates,
             strength={str(name): share for name, share in self._show.strength.items()},
         )
