@@ -23,7 +23,7 @@ from web.access.attendance import Attendance
 from web.access.control import LAPSE_S, Control
 from web.access.roles import Role, Visitor
 from web.api.control import LATE_S, Hand
-from web.schemas import Drive
+from web.schemas.hand import Drive
 from web.server import ConsoleServer
 
 AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}

@@ -13,7 +13,8 @@ from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import BewareOut
-from web.schemas import MAX_NAME, BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
+from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
+from web.schemas.fields import MAX_NAME
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (409, 422, 503)}
 

@@ -22,7 +22,9 @@ from web.pictures import bewared
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import PreviewOut, RegionOut, WayOut, ZonesOut
-from web.schemas import MAX_NAME, MaskImportIn, PixelIn, PreviewIn, ZoneImportIn
+from web.schemas.drafts import PixelIn, PreviewIn
+from web.schemas.fields import MAX_NAME
+from web.schemas.zones import MaskImportIn, ZoneImportIn
 from web.snapshots import Picture
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}

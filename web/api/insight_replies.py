@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from web.insight import Kind
 from web.replies import Figure
-from web.schemas import Name
+from web.schemas.fields import Name
 
 MAX_KEYS = 64
 Pixel = Annotated[int, Field(strict=True, ge=0, le=100_000)]

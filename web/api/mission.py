@@ -15,7 +15,8 @@ from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import GoalOut, MissionOut, SavedMissionOut, StateOut
-from web.schemas import MAX_NAME, GoalIn, GoalOrderIn, GoalPatchIn, LoopIn, Name
+from web.schemas.fields import MAX_NAME, Name
+from web.schemas.mission import GoalIn, GoalOrderIn, GoalPatchIn, LoopIn
 
 
 def mission_router(operations: Operations) -> APIRouter:

@@ -13,7 +13,8 @@ from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import ZoneOut, ZoneSetOut, ZonesOut
-from web.schemas import Name, ZoneIn
+from web.schemas.fields import Name
+from web.schemas.zones import ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 SetName = Annotated[Name, Path()]

@@ -186,6 +186,8 @@ class Viewer:
         )
         now = time.monotonic()
         for layer in self._layers:
+            if self._ending.is_set():
+                return
             if now >= self._due.get(layer.name, 0.0):
                 self._due[layer.name] = now + layer.period_s
                 self._guarded(layer.name, partial(layer.push, snapshot))
