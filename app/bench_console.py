@@ -9,18 +9,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, cast
+from types import SimpleNamespace
+from typing import cast
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
-import zstandard
 from rich.table import Table
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
-from websockets.typing import Subprotocol
 
-from navcore.beware import BewareList, default_beware_list
+from app.viser_client import SUBPROTOCOL, camera, names_in
+from navcore.beware import default_beware_list
 from navcore.frame import Intrinsics
 from navcore.grid import GridSpec
 from navcore.mask import Mask
@@ -28,8 +27,9 @@ from navcore.mission import Phase
 from navcore.occupancy import Occupancy
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile
 from navcore.transform import Pose2
-from web.port import Cloud, Operations, Picture, State
+from web.port import Operations
 from web.server import ConsoleServer
+from web.snapshots import Cloud, Picture, State
 
 SIDE_M, CELL_M, POINTS = 150.0, 0.05, 2_000_000
 LOOK_M = 5.0
@@ -46,6 +46,8 @@ class _World:
 
     profile: RobotProfile = HUSKY
     robot_urdf: None = None
+    zones: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(stored=()))
+    beware: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(list=default_beware_list()))
     _generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     _serial: int = 1
     _at: tuple[float, float] = (-60.0, -60.0)
@@ -144,14 +146,6 @@ class _World:
         """The newest points."""
         return self._cloud
 
-    def zones(self) -> tuple[()]:
-        """None."""
-        return ()
-
-    def beware(self) -> BewareList:
-        """The shipped list."""
-        return default_beware_list()
-
 
 def console_table(changes: int = CHANGES) -> Table:
     """Look about so often, and say what it cost."""
@@ -179,8 +173,8 @@ def console_table(changes: int = CHANGES) -> Table:
 def _measured(server: ConsoleServer, world: _World, changes: int) -> tuple[int, list[float], list[int]]:
     """Bytes of the first picture of everything; then for each change milliseconds until its points have come, and bytes."""
     address = server.url.replace("http", "ws") + "/viewer"
-    with connect(address, subprotocols=[Subprotocol("viser-v1.1.1")], proxy=None, max_size=None) as client:
-        client.send(_camera())
+    with connect(address, subprotocols=[SUBPROTOCOL], proxy=None, max_size=None) as client:
+        client.send(camera())
         whole = _read_until_quiet(client)
         latency_ms, sent = [], []
         for _ in range(changes):
@@ -198,7 +192,7 @@ def _read_until(client: Connection, wanted: Callable[[set[str]], bool]) -> int:
     while True:
         frame = cast(bytes, client.recv(timeout=PATIENCE_S))
         total += len(frame)
-        if wanted(_names_in(frame)):
+        if wanted(names_in(frame)):
             return total
 
 
@@ -218,22 +212,3 @@ def _read_until_quiet(client: Connection) -> int:
     while (more := _read_for(client, 2.0)) > 0:
         total += more
     return total
-
-
-def _camera() -> bytes:
-    """The first message of a viser client; with it, it counts as connected."""
-    place = {
-        "wxyz": [0.0, 1.0, 0.0, 0.0],
-        "position": [0.0, 0.0, 10.0],
-        "look_at": [0.0, 0.0, 0.0],
-        "up_direction": [0.0, 0.0, 1.0],
-    }
-    lens = {"fov": 1.3, "near": 0.01, "far": 1000.0, "image_height": 600, "image_width": 800}
-    return bytes(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **place, **lens}))
-
-
-def _names_in(frame: bytes) -> set[str]:
-    """Names of the scene nodes that a frame of viser speaks of."""
-    size = int.from_bytes(frame[8:16], "little")
-    messages: Any = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
-    return {str(message["name"]) for message in messages if "name" in message}

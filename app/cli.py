@@ -92,24 +92,23 @@ def console(
     from app.ports import taken_port
 
     listener = taken_port(host, port)  # before anything that takes a second
-    from app.console import run_console
+    from app.console import ConsoleOptions, run_console
 
     if kept is not None:
         prepare(kept.parent)
-    choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
-    run_console(
+    options = ConsoleOptions(
         scenario=scenario,
         host=host,
         port=port,
         data=data,
         seed=seed,
-        choice=choice,
+        choice=SegmenterChoice(kind=segmenter, weights=weights, engine=backend),
         prior=prior,
         kept=kept,
         login=login,
         unattended=unattended,
-        listener=listener,
     )
+    run_console(options, listener=listener)
 
 
 @cli.command()

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -60,39 +60,52 @@ class RunningConsole:
     """Of the first admin, who has just been made; nobody can look it up later."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsoleOptions:
+    """What a console is started with."""
+
+    scenario: str
+    """Name of a built-in world, or a world file."""
+    data: Path
+    """Folder for all that is kept."""
+    host: str = "127.0.0.1"
+    """Address to listen on; any but loopback asks for a login."""
+    port: int = 8000
+    """0 for a free one."""
+    seed: int = 0
+    """Of the simulator."""
+    choice: SegmenterChoice = field(default_factory=SegmenterChoice)
+    """What labels the pictures."""
+    prior: Path | None = None
+    """A Nav2 map whose obstacles count until they are seen free."""
+    kept: Path | None = None
+    """The map of an earlier session; it is written again at the end."""
+    login: bool = False
+    """Ask for a login on loopback too."""
+    unattended: Unattended = "go on"
+    """What a mission does when whoever was in control has gone silent."""
+
+
 @contextmanager
-def console(
-    *,
-    scenario: str,
-    host: str,
-    port: int,
-    data: Path,
-    seed: int,
-    choice: SegmenterChoice | None = None,
-    prior: Path | None = None,
-    kept: Path | None = None,
-    login: bool = False,
-    unattended: Unattended = "go on",
-    listener: socket.socket | None = None,
-) -> Iterator[RunningConsole]:
+def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> Iterator[RunningConsole]:
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
-    world = load_scenario(scenario)
+    world = load_scenario(options.scenario)
     with ExitStack() as stack:
-        listener = stack.enter_context(listener or taken_port(host, port))
-        store = Store(data)
+        listener = stack.enter_context(listener or taken_port(options.host, options.port))
+        store = Store(options.data)
         stack.callback(store.close)
-        perception = compose(choice or SegmenterChoice())
+        perception = compose(options.choice)
         warm_up(perception.segmenter)
-        robot = SimulatorProcess(scenario, seed=seed, profile=HUSKY)
+        robot = SimulatorProcess(options.scenario, seed=options.seed, profile=HUSKY)
         stack.callback(robot.close)
         pilot, began_ns = _pilot(store, map_of(world), perception), robot.now_ns()
         if world.faults:
             sabotage = Sabotage(pilot.navigator, lambda: world.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
             sabotage.take_time(time.sleep)
-        recall(pilot.navigator.map, pilot.intent.beware, prior=prior, kept=kept)
-        stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, kept))  # when the loop has stopped
+        recall(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
+        stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
         recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
@@ -103,10 +116,10 @@ def console(
             world=world.name,
             robot_urdf=husky_urdf(),
             perception=perception,
-            labelling=data / "labelling",
+            labelling=options.data / "labelling",
             config=NAVIGATOR,
         )
-        expiry = Clockwork(operations.expire_zones, period_s=EXPIRY_S, name="expiry of zones")
+        expiry = Clockwork(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
         expiry.start()
         stack.callback(expiry.stop)
         operations.insight.start()
@@ -114,10 +127,12 @@ def console(
         loop = Loop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
-        locked = login or host not in LOOPBACK
+        locked = options.login or options.host not in LOOPBACK
         password = _first_admin(store) if locked else None
         access = Access.by_login(store.users, store.audit) if locked else Access(ledger=store.audit)
-        server = ConsoleServer(operations, host, port, listener=listener, access=access, unattended=unattended)
+        server = ConsoleServer(
+            operations, options.host, options.port, listener=listener, access=access, unattended=options.unattended
+        )
         server.start()
         stack.callback(server.stop)
         stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
@@ -140,37 +155,12 @@ def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 
 
-def run_console(
-    *,
-    scenario: str,
-    host: str,
-    port: int,
-    data: Path,
-    seed: int,
-    choice: SegmenterChoice,
-    prior: Path | None = None,
-    kept: Path | None = None,
-    login: bool = False,
-    unattended: Unattended = "go on",
-    listener: socket.socket | None = None,
-) -> None:
+def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:
     """Serve until the process is asked to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    with console(
-        scenario=scenario,
-        host=host,
-        port=port,
-        data=data,
-        seed=seed,
-        choice=choice,
-        prior=prior,
-        kept=kept,
-        login=login,
-        unattended=unattended,
-        listener=listener,
-    ) as running:
+    with console(options, listener=listener) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
             print(f"Log in as admin with the password {running.password} - it is shown this once.", flush=True)

@@ -16,12 +16,13 @@ import numpy as np
 
 from app.chronicle import Chronicle
 from app.explaining import Case, alternative, explained
-from app.journal import Journal
+from app.journal import Journal, Shelf
 from app.labelling import LabellingFolder, region_in
 from app.pilot import Pilot
 from app.recorder import Recorder
 from app.series import Series
 from app.sighted import Sighted, packed
+from app.threads import Clockwork
 from navcore.config import NavigatorConfig
 from navcore.errors import NotKnown, Refused
 from navcore.local_planner import candidates
@@ -35,6 +36,8 @@ from web.pictures import camera_jpg
 log = logging.getLogger(__name__)
 PERIOD_S = 0.25
 """So often the thread looks."""
+WRITE_PERIOD_S = 1.0
+"""So often the log goes to the disk: a kill loses no more of it."""
 CANDIDATE_REACH_M = 2.6
 """Nothing that is farther off can be hit along an arc."""
 MAX_SNAPSHOTS = 8
@@ -55,10 +58,13 @@ class LiveInsight:
         config: NavigatorConfig,
         now_s: Callable[[], float],
         tick_ms: Callable[[], float],
+        log_shelf: Shelf,
     ) -> None:
+        """`log_shelf`: where the log of decisions outlives the console."""
         self._pilot, self._recorder, self._labelling, self._config = pilot, recorder, labelling, config
         self._now_s, self._tick_ms = now_s, tick_ms
-        self._journal = Journal()
+        self._journal = Journal(log_shelf)
+        self._writer = Clockwork(self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk")
         self._chronicle = Chronicle(self._journal, pilot.intent)
         self._sighted, self._series = Sighted(), Series()
         self._explaining = threading.Lock()
@@ -74,12 +80,15 @@ class LiveInsight:
     def start(self) -> None:
         """Begin to look."""
         self._thread.start()
+        self._writer.start()
 
     def stop(self) -> None:
         """Look no more; a second call does nothing new."""
         self._ending.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
+            self._writer.stop()
+            self._journal.write()
 
     def note_decision(self, decision: Decision) -> None:
         """Called by the think thread after each tick."""
@@ -94,9 +103,9 @@ class LiveInsight:
 
     # What the console asks
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int) -> Page:
-        """The newest entries after an id."""
-        return self._journal.page(kinds=kinds, since=since, limit=limit)
+    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
+        """The newest entries after an id, and before another."""
+        return self._journal.page(kinds=kinds, since=since, limit=limit, before=before)
 
     def explain(self) -> Explanation:
         """Why the present path, or the one to the first goal that waits; made once for each map, goal and place."""
@@ -123,7 +132,7 @@ class LiveInsight:
         arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=around.spec.resolution_m)
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         on_map = arcs @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free)
+        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free, chosen=decision.motion.arc)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""

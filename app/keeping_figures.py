@@ -122,10 +122,10 @@ def two_editors(trials: int, *, careful: bool = True) -> Figure:
                 thread.start()
             for thread in threads:
                 thread.join()
-            name = {zone.id: zone.name for zone in console.operations.zones()}[zone_id]
+            name = {zone.id: zone.name for zone in console.operations.zones.stored}[zone_id]
             lost += 2 * MARKS - sum(name.count(mark) for mark in "ab")
             collisions += sum(editor.collisions for editor in editors)
-            console.operations.delete_zone(zone_id)
+            console.operations.zones.delete(zone_id)
     return Figure(trials=trials, measured=f"{collisions} edits refused with both versions, {lost} lost", met=lost == 0)
 
 

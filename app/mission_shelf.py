@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.zone_records import goal_of, goal_record
 from navcore.errors import NotKnown, Refused
 from navcore.mission import Mission
-from web.port import SavedMission
+from web.drafts import SavedMission
 
 MAX_MISSIONS = 200
 MISSIONS = "mission"

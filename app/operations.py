@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
+from app.beware_desk import BewareDesk
+from app.goals import Goals
 from app.insight import LiveInsight
 from app.labelling import LabellingFolder
 from app.mission_shelf import MissionShelf
@@ -21,32 +21,21 @@ from app.segmenter import Perception
 from app.storage import Store
 from app.timing import Stopwatch
 from app.zone_book import ZoneBook
-from navcore.beware import BewareClass, BewareList
+from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
-from navcore.errors import BadGeometry, Outdated, Refused
+from navcore.errors import Refused
 from navcore.grid import OccupancyGrid
 from navcore.local_planner import Outcome
-from navcore.mission import Goal, Mission, Phase
+from navcore.mission import Mission, Phase
 from navcore.navigator import Decision
 from navcore.path import NoPath
 from navcore.robot import STANDSTILL, Command, Robot, RobotProfile, Twist
-from navcore.safety import Verdict
-from navcore.segment import Finder
+from navcore.safety import StopReason, Verdict
 from navcore.transform import Pose2
 from navcore.zones import Zone
-from web.port import (
-    Cloud,
-    MissionAction,
-    PathPreview,
-    Picture,
-    Preview,
-    PreviewDraft,
-    SavedMission,
-    State,
-    StopReason,
-    ZoneDraft,
-    ZoneHistory,
-)
+from web.drafts import PathPreview, Preview, PreviewDraft
+from web.port import MissionAction
+from web.snapshots import Cloud, Picture, State
 
 MOVING_MPS = 1e-3
 TRANSITIONS = {
@@ -80,11 +69,21 @@ class LiveOperations:
         self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._stopwatch = Stopwatch(pilot.navigator)
         self._verdict = Verdict(twist=STANDSTILL, reasons=())
-        self._editing = threading.Lock()
         self._zones_version = 0
-        self._missions = MissionShelf(store)
-        self._book = ZoneBook(
-            pilot.intent.zones, spec=pilot.navigator.map.spec, shelf=store, bind=self._bind, calendar_s=calendar_s
+        spec = pilot.navigator.map.spec
+        self.goals = Goals(
+            spec=spec,
+            shelf=MissionShelf(store),
+            present=lambda: pilot.intent.mission,
+            change=pilot.change_mission,
+            check=self._check_goal,
+        )
+        self.zones = ZoneBook(pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s)
+        self.beware = BewareDesk(
+            present=lambda: pilot.intent.beware,
+            save=store.save_beware,
+            put=self._beware_put,
+            finds=perception.segmenter.finds,
         )
         self.insight = LiveInsight(
             pilot=pilot,
@@ -93,6 +92,7 @@ class LiveOperations:
             config=config,
             now_s=lambda: robot.now_ns() / 1e9,
             tick_ms=self.tick_ms,
+            log_shelf=store.decisions,
         )
         recorder.tick_ms = self.tick_ms
 
@@ -128,7 +128,7 @@ class LiveOperations:
         """The newest snapshot."""
         intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
         decision, now_ns = thought.decision, self._robot.now_ns()
-        reasons = tuple(StopReason(code=reason.cause, text=reason.text) for reason in self._pilot.reasons(now_ns))
+        reasons = tuple(self._pilot.reasons(now_ns))
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
             stamp_s=now_ns / 1e9,
@@ -167,62 +167,7 @@ class LiveOperations:
         """The map's points."""
         return self._recorder.cloud
 
-    # Mission and stop
-
-    def add_goal(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """Queue a goal; refused where the robot could not stand as far as the map is known."""
-        self._standable(x_m, y_m)
-        spec = self._pilot.navigator.map.spec
-        return self._pilot.change_mission(lambda mission: mission.add(x_m, y_m, spec, yaw_rad=yaw_rad, name=name)).queue[-1]
-
-    def change_goal(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
-        """Move, turn or rename a waiting goal."""
-        spec = self._pilot.navigator.map.spec
-
-        def changed(mission: Mission) -> Goal:
-            return dataclasses.replace(mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
-
-        if "x_m" in changes or "y_m" in changes:
-            # Looked at before the intent is locked: the command thread must not wait for it.
-            goal = changed(self._pilot.intent.mission)
-            self._standable(goal.x_m, goal.y_m)
-        return self._pilot.change_mission(lambda mission: mission.change(changed(mission), spec)).waiting(goal_id)
-
-    def order_goals(self, ids: Sequence[int]) -> None:
-        """Drive to the waiting goals in this order."""
-        self._pilot.change_mission(lambda mission: mission.reorder(ids))
-
-    def loop_goals(self, loop: bool) -> None:
-        """Whether goals that are reached wait again."""
-        self._pilot.change_mission(lambda mission: mission.repeat(loop))
-
-    def missions(self) -> Mapping[str, SavedMission]:
-        """Goals kept under a name."""
-        return self._missions.all()
-
-    def save_mission(self, name: str) -> None:
-        """Keep the waiting goals."""
-        self._missions.save(name, self._pilot.intent.mission)
-
-    def load_mission(self, name: str) -> None:
-        """Put kept goals in the place of those that wait."""
-        saved, spec = self._missions.named(name), self._pilot.navigator.map.spec
-        self._pilot.change_mission(lambda mission: mission.refill(saved.goals, spec, loop=saved.loop))
-
-    def delete_mission(self, name: str) -> None:
-        """Forget kept goals."""
-        self._missions.delete(name)
-
-    def _standable(self, x_m: float, y_m: float) -> None:
-        if not (math.isfinite(x_m) and math.isfinite(y_m)):
-            raise BadGeometry("the goal is not finite; give metres of the map frame")
-        picture = self._recorder.picture
-        if picture is not None:
-            check_standable(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
-
-    def remove_goal(self, goal_id: int) -> None:
-        """Take a goal out of the queue."""
-        self._pilot.change_mission(lambda mission: mission.remove(goal_id))
+    # Mission, hand and stop
 
     def mission(self, action: MissionAction) -> None:
         """Start, pause, resume or cancel."""
@@ -271,96 +216,20 @@ class LiveOperations:
         self._pilot.change(edit)
         self._pilot.trust_pose()
 
-    # Zones
-
-    def zones(self) -> tuple[Zone, ...]:
-        """All stored zones."""
-        return self._book.zones
-
-    def add_zone(self, draft: ZoneDraft) -> Zone:
-        """Store a zone, then let it bind the robot."""
-        return self._book.add([draft], f"new zone {draft.name!r}")[0]
-
-    def import_zones(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
-        """Store many zones as one edit."""
-        return self._book.add(drafts, f"import of {len(drafts)} zones")
-
-    def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
-        """Change a stored zone."""
-        return self._book.replace(zone_id, draft, expected_version=expected_version)
-
-    def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
-        """Forget a zone."""
-        self._book.delete(zone_id, expected_version=expected_version)
-
-    def zone_history(self) -> ZoneHistory:
-        """What undo and redo would do now."""
-        return self._book.history
-
-    def undo_zones(self) -> str:
-        """Take the newest edit back."""
-        return self._book.undo()
-
-    def redo_zones(self) -> str:
-        """Do it again."""
-        return self._book.redo()
-
-    def zone_sets(self) -> Mapping[str, tuple[Zone, ...]]:
-        """Zones kept under a name."""
-        return self._book.sets()
-
-    def save_zone_set(self, name: str) -> None:
-        """Keep the present zones under a name."""
-        self._book.save_set(name)
-
-    def use_zone_set(self, name: str) -> None:
-        """Switch to kept zones."""
-        self._book.use_set(name)
-
-    def delete_zone_set(self, name: str) -> None:
-        """Forget kept zones."""
-        self._book.delete_set(name)
-
-    def expire_zones(self) -> None:
-        """Switch off the zones whose time is over; called again and again."""
-        self._book.expire()
+    # What the zones, the goals and the beware list are given to work with
 
     def _bind(self, zones: tuple[Zone, ...]) -> None:
         self._pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
         self._zones_version += 1
         self._recorder.watch_zones(zones)
 
-    # The beware list
-
-    def beware(self) -> BewareList:
-        """The list in force."""
-        return self._pilot.intent.beware
-
-    def finder(self, entry: BewareClass) -> Finder:
-        """What finds an entry in the pictures."""
-        return self._perception.segmenter.finds(entry)
-
-    def edit_beware(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
-        """Change fields of one class."""
-        with self._editing:
-            self._expect(expected_version)
-            return self._put(self.beware().edited(name, **changes))
-
-    def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
-        """Put another list in force."""
-        with self._editing:
-            self._expect(expected_version)
-            return self._put(self.beware().replaced(beware.classes))
-
-    def _expect(self, expected_version: int | None) -> None:
-        version = self.beware().version
-        if expected_version is not None and expected_version != version:
-            raise Outdated(f"the beware list is at version {version}, the edit was made on {expected_version}")
-
-    def _put(self, beware: BewareList) -> BewareList:
-        self._store.save_beware(beware)
+    def _beware_put(self, beware: BewareList) -> None:
         self._pilot.change(lambda intent: dataclasses.replace(intent, beware=beware))
-        return beware
+
+    def _check_goal(self, x_m: float, y_m: float) -> None:
+        picture = self._recorder.picture
+        if picture is not None:
+            check_standable(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
 
     # The poses that the map is made from
 
@@ -386,7 +255,7 @@ class LiveOperations:
         grid, spec = decision.occupancy.grid, navigator.map.spec
         goal = place_on(grid, target, "goal")
         pose = decision.frame.pose if draft.start is None else standing_at(place_on(grid, draft.start, "start"))
-        zone = None if draft.zone is None else self._book.checked(draft.zone, zone_id="draft", version=1)
+        zone = None if draft.zone is None else self.zones.checked(draft.zone, zone_id="draft", version=1)
 
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
             route = navigator.preview(navigator.drafted(grid), pose, goal)
@@ -397,7 +266,7 @@ class LiveOperations:
             length_m = route.outcome.length * spec.resolution_m
             return PathPreview(outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s)
 
-        return compared(grid, self.zones(), plan, draft=zone, replaces=draft.replaces)
+        return compared(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Reports of past missions, newest first, without their series."""

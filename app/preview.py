@@ -13,7 +13,7 @@ from navcore.grid import OccupancyGrid
 from navcore.path import NoPath, Path
 from navcore.transform import Pose2
 from navcore.zones import Zone, cells_of
-from web.port import PathPreview, Preview
+from web.drafts import PathPreview, Preview
 
 MOST_SUSPECTS = 8
 """Zones that are lifted one by one to see which of them cuts the goal off."""

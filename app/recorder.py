@@ -19,7 +19,7 @@ from navcore.path import Path
 from navcore.safety import Verdict
 from navcore.transform import Pose2
 from navcore.zones import Zone
-from web.port import Cloud, Picture
+from web.snapshots import Cloud, Picture
 
 log = logging.getLogger(__name__)
 CLOUD_PERIOD_S = 1.0

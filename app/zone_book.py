@@ -6,7 +6,7 @@ import dataclasses
 import logging
 import threading
 import uuid
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,7 +15,7 @@ from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFail
 from navcore.grid import GridSpec
 from navcore.zone_shapes import still_drawn
 from navcore.zones import Zone, check_polygon, check_rules
-from web.port import ZoneDraft, ZoneHistory
+from web.drafts import ZoneDraft, ZoneHistory
 
 MAX_ZONES = 500
 MAX_SETS = 50
@@ -68,7 +68,7 @@ class ZoneBook:
         self._undone: list[_Edit] = []
 
     @property
-    def zones(self) -> tuple[Zone, ...]:
+    def stored(self) -> tuple[Zone, ...]:
         """All zones, in the order they were first stored."""
         return self._zones
 
@@ -97,8 +97,15 @@ class ZoneBook:
         check_rules(zone)
         return zone
 
-    def add(self, drafts: Iterable[ZoneDraft], text: str) -> tuple[Zone, ...]:
-        """Store some zones as one step, then let them bind the robot."""
+    def add(self, draft: ZoneDraft) -> Zone:
+        """Store a zone, then let it bind the robot."""
+        return self._added([draft], f"new zone {draft.name!r}")[0]
+
+    def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
+        """Store many zones as one step."""
+        return self._added(drafts, f"import of {len(drafts)} zones")
+
+    def _added(self, drafts: Sequence[ZoneDraft], text: str) -> tuple[Zone, ...]:
         with self._lock:
             zones = tuple(self.checked(draft, zone_id=self._new_id(), version=1) for draft in drafts)
             if len(self._zones) + len(zones) > MAX_ZONES:
@@ -106,7 +113,7 @@ class ZoneBook:
             self._step(text, {zone.id: zone for zone in zones})
         return zones
 
-    def replace(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None) -> Zone:
+    def replace(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
         """Change a zone."""
         with self._lock:
             old = self._expected(zone_id, expected_version)
@@ -114,7 +121,7 @@ class ZoneBook:
             self._step(f"change of {zone.name!r}", {zone_id: zone})
         return zone
 
-    def delete(self, zone_id: str, *, expected_version: int | None) -> None:
+    def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Forget a zone."""
         with self._lock:
             old = self._expected(zone_id, expected_version)

@@ -84,6 +84,8 @@ class Motion:
     """Why."""
     began: Pose2 | None = None
     """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
+    arc: int | None = None
+    """Which of `candidates` it drives along; None for a motion that is none of them, such as turning in place."""
 
 
 IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
@@ -278,7 +280,7 @@ def _follow(near: _Surroundings, path: Points) -> Motion | None:
         near.profile.max_speed_mps * (0.3 + 2.0 * float(clear[arc, : step + 1].min())),
         rules.turn_rate_radps / max(abs(float(curvatures[arc])), 1e-6),
     )
-    return Motion(twist=Twist(v_mps=speed, w_radps=speed * float(curvatures[arc])), outcome=Outcome.FOLLOW)
+    return Motion(twist=Twist(v_mps=speed, w_radps=speed * float(curvatures[arc])), outcome=Outcome.FOLLOW, arc=int(arc))
 
 
 def _apart_from_people(

@@ -22,9 +22,11 @@ class Entry:
     """One decision, or something that led to one."""
 
     id: int
-    """Grows by one with every entry."""
+    """Grows by one with every entry, and goes on after a restart."""
+    start: int
+    """Which start of the console wrote it, counted from 1."""
     stamp_s: float
-    """Robot's monotonic clock."""
+    """Robot's monotonic clock, of that start."""
     unix_s: float
     """The wall clock."""
     kind: Kind
@@ -43,6 +45,8 @@ class Page:
     """Id of the newest entry of all; 0 before the first."""
     oldest: int
     """Id of the oldest entry that is still kept; 0 before the first."""
+    start: int
+    """Which start of the console this is: entries with a smaller one are from earlier."""
     entries: tuple[Entry, ...]
     """Oldest first."""
 
@@ -111,6 +115,8 @@ class Candidates:
     """(A, S, 2) points of each arc in metres of the map frame."""
     free: npt.NDArray[np.int64]
     """(A,) how many points of it the body can be driven along, the first ones."""
+    chosen: int | None = None
+    """Index of the one that is driven; None while the robot does something else, such as turning in place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,8 +162,10 @@ class LabellingState:
 class Insight(Protocol):
     """The robot's reasons, as seen from the console. Refusals are exceptions of `navcore.errors`."""
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int) -> Page:
-        """The newest entries after the id `since`, at most `limit`; no `kinds` means all."""
+    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
+        """The newest entries after the id `since` and, unless it is None, before `before`, at most `limit`; no `kinds` means
+        all. `StorageFailed` when older ones are asked for that cannot be read.
+        """
 
     def explain(self) -> Explanation:
         """Why the present path, or the one to the first goal that waits. `Refused` without a goal or a map."""

@@ -16,7 +16,7 @@ from navcore.map_image import encode
 from navcore.nav2_map import description_of, drawn, yaml_text
 from navcore.segment import Labels
 from web import palette
-from web.port import Cloud, Picture
+from web.snapshots import Cloud, Picture
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]

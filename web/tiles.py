@@ -11,7 +11,7 @@ import numpy.typing as npt
 from navcore.beware import BewareList
 from navcore.mask import Mask
 from navcore.search.bits import PAD
-from web.port import Picture
+from web.snapshots import Picture
 
 TILE = 256
 """Cells to a side; a multiple of the 64 cells of a word."""

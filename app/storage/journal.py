@@ -21,7 +21,7 @@ class Journal:
 
     def add(self, entry: Mapping[str, Any]) -> int:
         """Put down what happened just now; the new entry's id."""
-        at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        at = _stamp(datetime.now(UTC))
         with self._database.writing() as connection:
             values = (self._kind, at, json.dumps(dict(entry)))
             number = int(connection.execute("INSERT INTO journal (kind, at, entry) VALUES (?, ?, ?)", values).lastrowid or 0)
@@ -30,8 +30,29 @@ class Journal:
                 connection.execute(f"DELETE FROM journal WHERE id IN ({kept})", (self._kind, MAX_ENTRIES))
         return number
 
-    def newest(self, count: int = 100, *, before: int | None = None) -> tuple[dict[str, Any], ...]:
-        """At most `count` entries, newest first, each with `id` and `at` (UTC); `before` goes on from an id."""
-        query = "SELECT id, at, entry FROM journal WHERE kind = ? AND id < ? ORDER BY id DESC LIMIT ?"
-        rows = self._database.rows(query, (self._kind, before if before is not None else 2**62, count))
+    def newest(
+        self,
+        count: int = 100,
+        *,
+        before: int | None = None,
+        who: str | None = None,
+        since: datetime | None = None,
+        until: datetime | None = None,
+    ) -> tuple[dict[str, Any], ...]:
+        """At most `count` entries, newest first, each with `id` and `at` (UTC); `before` goes on from an id.
+
+        `who` keeps those whose `who` it is; `since` and `until`, which know their time zone, those put down between the two.
+        """
+        wanted: list[tuple[str, object]] = [("kind = ?", self._kind)]
+        wanted += [("id < ?", before)] if before is not None else []
+        wanted += [("json_extract(entry, '$.who') = ?", who)] if who is not None else []
+        wanted += [("at >= ?", _stamp(since))] if since is not None else []
+        wanted += [("at <= ?", _stamp(until))] if until is not None else []
+        query = f"SELECT id, at, entry FROM journal WHERE {' AND '.join(test for test, _ in wanted)} ORDER BY id DESC LIMIT ?"
+        rows = self._database.rows(query, (*(value for _, value in wanted), count))
         return tuple({"id": row[0], "at": row[1], **json.loads(row[2])} for row in rows)
+
+
+def _stamp(at: datetime) -> str:
+    """As entries are dated: texts that sort like times."""
+    return at.astimezone(UTC).isoformat(timespec="milliseconds")

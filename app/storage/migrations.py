@@ -63,7 +63,16 @@ def _people(database: sqlite3.Connection) -> None:
     database.execute("CREATE INDEX journal_by_kind ON journal (kind, id)")
 
 
-STEPS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_layout, _documents, _named_things, _people)
+def _decisions(database: sqlite3.Connection) -> None:
+    """The log of decisions, numbered by who writes it; `start` counts the console's starts."""
+    database.execute(
+        "CREATE TABLE decisions (id INTEGER PRIMARY KEY, start INTEGER NOT NULL, stamp_s REAL NOT NULL, unix_s REAL NOT NULL, "
+        "kind TEXT NOT NULL, text TEXT NOT NULL, x_m REAL, y_m REAL) STRICT"
+    )
+    database.execute("CREATE INDEX decisions_by_kind ON decisions (kind, id)")
+
+
+STEPS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_layout, _documents, _named_things, _people, _decisions)
 
 
 def migrate(database: sqlite3.Connection) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from app.storage.accounts import UserTable
 from app.storage.database import Database
+from app.storage.decisions import DecisionTable
 from app.storage.journal import Journal
 from app.zone_records import zone_of, zone_record
 from navcore.beware import BewareClass, BewareList, as_table
@@ -41,7 +42,7 @@ class Store:
         """Who may log in."""
         self.audit = Journal(self._database, "audit")
         """Who did what, when."""
-        self.decisions = Journal(self._database, "decision")
+        self.decisions = DecisionTable(self._database)
         """What the navigation decided, when and why."""
 
     def close(self) -> None:

@@ -18,7 +18,7 @@ from navcore.path import NoPath, plan
 from navcore.path import Path as FoundPath
 from navcore.zone_shapes import Circle
 from navcore.zones import Zone, ZoneKind
-from web.port import PathPreview, Preview, ZoneDraft, ZoneHistory
+from web.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
 
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -48,7 +48,7 @@ def desk(tmp_path: Path) -> Iterator[Desk]:
 
 
 def test_every_field_of_a_zone_survives_a_restart(desk: Desk, tmp_path: Path) -> None:
-    slow, ring = desk.book.add([SLOW, ROUND], "two")
+    slow, ring = desk.book.add_all([SLOW, ROUND])
     assert (slow.kind, slow.max_speed_mps, slow.colour, ring.drawn) == (ZoneKind.SPEED_LIMIT, 0.3, "#00ff00", CIRCLE)
     desk.store.close()
     again = Desk(tmp_path)
@@ -57,13 +57,13 @@ def test_every_field_of_a_zone_survives_a_restart(desk: Desk, tmp_path: Path) ->
 
 
 def test_edits_are_taken_back_and_done_again_one_by_one_in_the_store_too(desk: Desk) -> None:
-    (zone,) = desk.book.add([ROUND], "new")
+    (zone,) = desk.book.add_all([ROUND])
     desk.book.replace(zone.id, SLOW, expected_version=1)
     desk.book.delete(zone.id, expected_version=2)
     seen = []
     for way in (desk.book.undo, desk.book.undo, desk.book.undo, desk.book.redo, desk.book.redo, desk.book.redo):
         way()
-        assert desk.bound == desk.book.zones == desk.store.zones()
+        assert desk.bound == desk.book.stored == desk.store.zones()
         seen.append([one.name for one in desk.bound])
     assert seen == [["slow"], ["round"], [], ["round"], ["slow"], []]
     with pytest.raises(Refused, match="redo"):
@@ -71,32 +71,32 @@ def test_edits_are_taken_back_and_done_again_one_by_one_in_the_store_too(desk: D
 
 
 def test_a_new_edit_forgets_what_could_be_done_again_and_versions_only_grow(desk: Desk) -> None:
-    (zone,) = desk.book.add([ROUND], "new")
+    (zone,) = desk.book.add_all([ROUND])
     changed = desk.book.replace(zone.id, SLOW, expected_version=1)
     desk.book.undo()
-    assert desk.book.history == ZoneHistory(undo="new", redo="change of 'slow'")
+    assert desk.book.history == ZoneHistory(undo="import of 1 zones", redo="change of 'slow'")
     assert desk.bound[0].version > changed.version
-    desk.book.add([SLOW], "another")
-    assert desk.book.history == ZoneHistory(undo="another", redo=None)
+    desk.book.add_all([SLOW])
+    assert desk.book.history == ZoneHistory(undo="import of 1 zones", redo=None)
 
 
 def test_many_zones_are_stored_together_or_not_at_all(desk: Desk) -> None:
     crossed = ZoneDraft(name="bad", polygon=((0, 0), (1, 1), (1, 0), (0, 1)))
     with pytest.raises(BadGeometry, match="not simple"):
-        desk.book.add([SLOW, crossed], "import")
+        desk.book.add_all([SLOW, crossed])
     assert desk.bound == desk.store.zones() == ()
     desk.store.close()
     with pytest.raises(StorageFailed):
-        desk.book.add([SLOW], "after the disk is gone")
+        desk.book.add_all([SLOW])
     assert desk.bound == () and desk.book.history.undo is None
 
 
 def test_a_set_is_kept_by_name_used_as_one_edit_and_forgotten(desk: Desk) -> None:
-    desk.book.add([SLOW, ROUND], "two")
+    desk.book.add_all([SLOW, ROUND])
     before = desk.bound
     desk.book.save_set("night")
     desk.book.delete(before[0].id, expected_version=None)
-    desk.book.add([SLOW], "third")
+    desk.book.add_all([SLOW])
     desk.book.use_set("night")
     assert {one.id for one in desk.bound} == {one.id for one in before}
     assert {one.id for one in desk.store.zones()} == {one.id for one in before}
@@ -109,7 +109,7 @@ def test_a_set_is_kept_by_name_used_as_one_edit_and_forgotten(desk: Desk) -> Non
 
 
 def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(desk: Desk, caplog: pytest.LogCaptureFixture) -> None:
-    desk.book.add([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0), ROUND], "two")
+    desk.book.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0), ROUND])
     desk.now_s += 59.0
     desk.book.expire()
     assert all(one.enabled for one in desk.bound)
@@ -122,11 +122,11 @@ def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(desk: Desk, c
     ]
     assert "'wet' has expired" in caplog.text
     with pytest.raises(BadGeometry, match="expiry"):
-        desk.book.add([ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)], "past")
+        desk.book.add_all([ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)])
 
 
 def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) -> None:
-    desk.book.add([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=1.0)], "wet")
+    desk.book.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=1.0)])
     desk.store.close()
     desk.now_s += 5.0
     desk.book.expire()
@@ -145,7 +145,7 @@ def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) ->
 )
 def test_rules_that_make_no_sense_are_refused(desk: Desk, changes: dict[str, object], word: str) -> None:
     with pytest.raises(BadGeometry, match=word):
-        desk.book.add([ZoneDraft(name="n", polygon=SQUARE, **changes)], "bad")  # type: ignore[arg-type]
+        desk.book.add_all([ZoneDraft(name="n", polygon=SQUARE, **changes)])  # type: ignore[arg-type]
 
 
 # Previews, on an open floor from (-4, 0) to (4, 0)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.local_planner import IDLE, LocalRules, Motion, Outcome, Points, path_from, plan_motion
+from navcore.local_planner import IDLE, LocalRules, Motion, Outcome, Points, candidates, path_from, plan_motion
 from navcore.near_cells import hard_cells, nearby
 from navcore.people import Track
 from navcore.robot import HUSKY, STANDSTILL, Twist
@@ -145,6 +145,24 @@ def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int)
         if count:
             touched[seed] = (count, motion.outcome.name, motion.twist)
     assert not touched
+
+
+def test_the_arc_that_is_driven_is_one_of_the_candidates_and_free_where_it_begins() -> None:
+    driven = 0
+    for seed in range(120):
+        motion, pose, _ = decision_in(seed)
+        if motion.outcome is not Outcome.FOLLOW:
+            assert motion.arc is None
+            continue
+        _, geometric, ruled, _, _ = world(seed)
+        grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
+        near = [nearby(mask, grid, pose, 2.6) for mask in (geometric, ruled)]
+        points, free = candidates(geometric=near[0], ruled=near[1], profile=HUSKY, rules=LocalRules(), cell_m=0.1)
+        assert motion.arc is not None and free[motion.arc] > 0
+        # An arc's first point lies so little ahead that its last one tells the side it bends to.
+        assert np.sign(motion.twist.w_radps) == np.sign(points[motion.arc, -1, 1].round(9))
+        driven += 1
+    assert driven > 20
 
 
 def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:

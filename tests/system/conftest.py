@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.console import RunningConsole, console
+from app.console import ConsoleOptions, RunningConsole, console
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[RunningConsole]:
     """A console in the small room."""
-    with console(scenario="empty_room", host="127.0.0.1", port=0, data=data, seed=0) as started:
+    with console(ConsoleOptions(scenario="empty_room", port=0, data=data)) as started:
         yield started
 
 

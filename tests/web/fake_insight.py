@@ -33,9 +33,9 @@ class FakeInsight:
             self.figures.add(float(second), {**row, "tick_ms": 20.0 + second % 5})
         assert set(self.figures.after(-1.0)) == set(COLUMNS)
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int) -> Page:
+    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
         """As the port says."""
-        return self.log.page(kinds=kinds, since=since, limit=limit)
+        return self.log.page(kinds=kinds, since=since, limit=limit, before=before)
 
     def explain(self) -> Explanation:
         """As the port says."""
@@ -46,11 +46,11 @@ class FakeInsight:
         return alternative(self._case(), keys)
 
     def candidates(self) -> Candidates | None:
-        """Three short arcs, one of them half blocked."""
+        """Three short arcs, one of them half blocked, another chosen."""
         pose = self._place()
         along = np.linspace(0.1, 1.6, 16)
         arcs = np.stack([np.column_stack([pose.x_m + along, pose.y_m + bend * along**2]) for bend in (-0.3, 0.0, 0.3)])
-        return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]))
+        return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """One cup."""

@@ -2,52 +2,44 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import json
 import math
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from app.beware_desk import BewareDesk
 from app.explaining import Case
+from app.goals import Goals
 from app.mission_shelf import MissionShelf
 from app.occupant import check_standable
 from app.preview import compared, place_on, standing_at, under
 from app.zone_book import ZoneBook
-from navcore.beware import BewareClass, BewareList, default_beware_list
-from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused
+from navcore.beware import BewareList, default_beware_list
+from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.local_planner import LocalRules
 from navcore.mask import Mask
-from navcore.mission import Goal, Mission, Phase
+from navcore.mission import Mission, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, plan
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
-from navcore.segment import ColourSegmenter, Finder
+from navcore.safety import Cause, StopReason
+from navcore.segment import ColourSegmenter
 from navcore.speed_limits import travel_time_s
 from navcore.transform import Pose2, camera_mount
 from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.zones import Zone, rasterise
 from tests.web.fake_insight import FakeInsight
-from web.port import (
-    Cloud,
-    MissionAction,
-    PathPreview,
-    Picture,
-    Preview,
-    PreviewDraft,
-    SavedMission,
-    State,
-    StopReason,
-    ZoneDraft,
-    ZoneHistory,
-)
+from web.drafts import PathPreview, Preview, PreviewDraft
+from web.port import MissionAction
+from web.snapshots import Cloud, Picture, State
 
 SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
 INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
@@ -66,11 +58,20 @@ class FakeOperations:
         self._lock = threading.RLock()
         self._mission = Mission()
         shelf, self.calendar_s = MemoryShelf(), 1e9
-        self._missions = MissionShelf(shelf)
-        self.book = ZoneBook(
+        self.goals = Goals(
+            spec=SPEC,
+            shelf=MissionShelf(shelf),
+            present=lambda: self._mission,
+            change=self._change,
+            check=lambda x, y: check_standable(self._picture.grid, self._picture.blocked, (x, y), robot=self._pose),
+        )
+        self.zones = ZoneBook(
             (), spec=SPEC, shelf=shelf, bind=self._bound, calendar_s=lambda: self.calendar_s, new_id=_ids().__next__
         )
         self._beware = default_beware_list()
+        self.beware = BewareDesk(
+            present=lambda: self._beware, save=lambda _: None, put=self._put, finds=ColourSegmenter().finds
+        )
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
         self._poses = [self._pose, Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0)]
@@ -155,64 +156,9 @@ class FakeOperations:
 
     # -------------------------------------------------------------------------------------------------------- mission
 
-    def add_goal(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """As the port says."""
-        with self._lock:
-            mission = self._mission.add(x_m, y_m, SPEC, yaw_rad=yaw_rad, name=name)
-            check_standable(self._picture.grid, self._picture.blocked, (x_m, y_m), robot=self._pose)
-            self._mission = mission
-            self._see()
-            return mission.queue[-1]
-
-    def change_goal(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
-        """As the port says."""
-        with self._lock:
-            goal = dataclasses.replace(self._mission.waiting(goal_id), **changes)  # type: ignore[arg-type]
-            self._mission = self._mission.change(goal, SPEC)
-            self._see()
-            return self._mission.waiting(goal_id)
-
-    def order_goals(self, ids: Sequence[int]) -> None:
-        """As the port says."""
-        with self._lock:
-            self._mission = self._mission.reorder(ids)
-            self._see()
-
-    def loop_goals(self, loop: bool) -> None:
-        """As the port says."""
-        with self._lock:
-            self._mission = self._mission.repeat(loop)
-
-    def missions(self) -> Mapping[str, SavedMission]:
-        """As the port says."""
-        return self._missions.all()
-
-    def save_mission(self, name: str) -> None:
-        """As the port says."""
-        self._missions.save(name, self._mission)
-
-    def load_mission(self, name: str) -> None:
-        """As the port says."""
-        saved = self._missions.named(name)
-        with self._lock:
-            self._mission = self._mission.refill(saved.goals, SPEC, loop=saved.loop)
-            self._see()
-
-    def delete_mission(self, name: str) -> None:
-        """As the port says."""
-        self._missions.delete(name)
-
-    def remove_goal(self, goal_id: int) -> None:
-        """As the port says."""
-        with self._lock:
-            self._mission = self._mission.remove(goal_id)
-            self._see()
-
     def mission(self, action: MissionAction) -> None:
         """As the port says."""
-        with self._lock:
-            self._mission = getattr(self._mission, action)()
-            self._see()
+        self._change(getattr(Mission, action))
 
     def stop(self, source: str) -> None:
         """As the port says."""
@@ -250,86 +196,6 @@ class FakeOperations:
                     self._mission = self._mission.arrive()
             self._see()
 
-    # ---------------------------------------------------------------------------------------------------------- zones
-
-    def zones(self) -> tuple[Zone, ...]:
-        """As the port says."""
-        return self.book.zones
-
-    def add_zone(self, draft: ZoneDraft) -> Zone:
-        """As the port says."""
-        return self.book.add([draft], f"new zone {draft.name!r}")[0]
-
-    def import_zones(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
-        """As the port says."""
-        return self.book.add(drafts, "import")
-
-    def replace_zone(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
-        """As the port says."""
-        return self.book.replace(zone_id, draft, expected_version=expected_version)
-
-    def delete_zone(self, zone_id: str, *, expected_version: int | None = None) -> None:
-        """As the port says."""
-        self.book.delete(zone_id, expected_version=expected_version)
-
-    def zone_history(self) -> ZoneHistory:
-        """As the port says."""
-        return self.book.history
-
-    def undo_zones(self) -> str:
-        """As the port says."""
-        return self.book.undo()
-
-    def redo_zones(self) -> str:
-        """As the port says."""
-        return self.book.redo()
-
-    def zone_sets(self) -> Mapping[str, tuple[Zone, ...]]:
-        """As the port says."""
-        return self.book.sets()
-
-    def save_zone_set(self, name: str) -> None:
-        """As the port says."""
-        self.book.save_set(name)
-
-    def use_zone_set(self, name: str) -> None:
-        """As the port says."""
-        self.book.use_set(name)
-
-    def delete_zone_set(self, name: str) -> None:
-        """As the port says."""
-        self.book.delete_set(name)
-
-    # --------------------------------------------------------------------------------------------------------- beware
-
-    def beware(self) -> BewareList:
-        """As the port says."""
-        return self._beware
-
-    def finder(self, entry: BewareClass) -> Finder:
-        """As the colour rules say."""
-        return ColourSegmenter().finds(entry)
-
-    def edit_beware(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
-        """As the port says."""
-        with self._lock:
-            if expected_version not in (None, self._beware.version):
-                raise Outdated(f"beware list is at version {self._beware.version}")
-            self._beware = self._beware.edited(name, **changes)
-            self._see()
-            return self._beware
-
-    def replace_beware(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
-        """As the port says."""
-        with self._lock:
-            if expected_version not in (None, self._beware.version):
-                raise Outdated(f"beware list is at version {self._beware.version}")
-            if not beware.classes:
-                raise BadConfiguration("beware list: at least one class is needed")
-            self._beware = self._beware.replaced(beware.classes)
-            self._see()
-            return self._beware
-
     def preview(self, draft: PreviewDraft) -> Preview:
         """As the port says."""
         with self._lock:
@@ -338,7 +204,7 @@ class FakeOperations:
                 raise Refused("there is no goal to preview a path to; give one")
             goal = place_on(self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal")
             pose = self._pose if draft.start is None else standing_at(place_on(self._picture.grid, draft.start, "start"))
-            zone = None if draft.zone is None else self.book.checked(draft.zone, zone_id="draft", version=1)
+            zone = None if draft.zone is None else self.zones.checked(draft.zone, zone_id="draft", version=1)
 
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
                 outcome, points = _planned(_inflated(grid), pose, goal)
@@ -346,14 +212,16 @@ class FakeOperations:
                 time_s = None if length is None else travel_time_s(points, zones, HUSKY, LocalRules())
                 return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
 
-            return compared(self._picture.grid, self.zones(), plan, draft=zone, replaces=draft.replaces)
+            return compared(self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
 
     # ----------------------------------------------------------------------------------------------------------- runs
 
     def poses(self) -> tuple[Pose2, ...]:
+        """As the port says."""
         return tuple(self._poses)
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """As the port says."""
         for pose_id in poses:
             if pose_id >= len(self._poses):
                 raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {len(self._poses)}")
@@ -380,7 +248,7 @@ class FakeOperations:
             return Case(
                 occupancy=self._picture.occupancy,
                 beware=self._beware,
-                zones=self.zones(),
+                zones=self.zones.stored,
                 pose=self._pose,
                 goal=(goal.x_m, goal.y_m),
                 path=None,
@@ -389,6 +257,17 @@ class FakeOperations:
                 start_relief_m=0.5,
             )
 
+    def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
+        with self._lock:
+            self._mission = edit(self._mission)
+            self._see()
+            return self._mission
+
+    def _put(self, beware: BewareList) -> None:
+        with self._lock:
+            self._beware = beware
+            self._see()
+
     def _bound(self, _: tuple[Zone, ...]) -> None:
         self._counts["zones"] += 1
         self._see()
@@ -396,9 +275,11 @@ class FakeOperations:
     def _reasons(self) -> tuple[StopReason, ...]:
         found = []
         if self._stopped_by is not None:
-            found.append(StopReason(code="emergency_stop", text=f"emergency stop by {self._stopped_by}; reset it to go on"))
+            found.append(
+                StopReason(cause=Cause.EMERGENCY_STOP, text=f"emergency stop by {self._stopped_by}; reset it to go on")
+            )
         if self._mission.goal is not None and not len(self._path):
-            found.append(StopReason(code="no_path", text="there is no path to the goal: every way to it is closed"))
+            found.append(StopReason(cause=Cause.NO_PATH, text="there is no path to the goal: every way to it is closed"))
         return tuple(found)
 
     def _summary(self, reasons: tuple[StopReason, ...], moving: bool) -> str:
@@ -411,7 +292,7 @@ class FakeOperations:
     def _see(self) -> None:
         counts = self._counts
         counts["serial"] += 1
-        grid = _grid(self._world, self._beware, self.zones())
+        grid = _grid(self._world, self._beware, self.zones.stored)
         blocked = _inflated(grid)
         old: Picture | None = getattr(self, "_picture", None)
         if old is None or not np.array_equal(old.blocked, blocked) or grid.beware.keys() != old.grid.beware.keys():

@@ -14,10 +14,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.viser_client import camera
 from navcore.errors import BadConfiguration
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
-from tests.web.test_server import PAGE, camera, scene, viewer_of
+from tests.web.test_server import PAGE, scene, viewer_of
 from web.access.control import LAPSE_S, PROGRAM_LAPSE_S, Control, NotInControl
 from web.access.roles import Role, Visitor
 from web.access.rules import need_of
@@ -231,6 +232,25 @@ def test_every_change_is_put_down_with_who_made_it_and_how_it_ended(locked: Cons
         assert next(entry for entry in entries if entry["status"] == 201)["detail"] == zone
         older = operator.get(f"/api/v1/audit?count=1&before={entries[0]['id']}").json()
         assert [entry["id"] for entry in older] == [entries[1]["id"]]
+
+
+def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        for program in (operator, viewer, operator):
+            program.post("/api/v1/stop?by=test")
+
+        def ids(**asked: str) -> list[int]:
+            return [entry["id"] for entry in operator.get("/api/v1/audit", params=asked).json()]
+
+        entries = operator.get("/api/v1/audit").json()
+        hers = [entry for entry in entries if entry["who"] == "viewer"]
+        assert len(hers) == 2 and ids(who="viewer") == [entry["id"] for entry in hers]
+        at = hers[0]["at"]
+        assert ids(since=at, until=at) == [entry["id"] for entry in entries if entry["at"] == at]
+        assert ids(since=at) + ids(until=at) == [*(entry["id"] for entry in entries if entry["at"] >= at), *ids(until=at)]
+        assert ids(since="2020-01-01T02:00:00+02:00") == ids() and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+        for wrong in ({"since": "yesterday"}, {"until": "2020-01-01T00:00:00"}, {"who": "x" * 61}):
+            assert operator.get("/api/v1/audit", params=wrong).status_code == 422
 
 
 def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() -> None:

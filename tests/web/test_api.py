@@ -168,7 +168,7 @@ def test_a_store_that_fails_is_a_503_with_its_reason(client: httpx.Client, opera
     def fail(*_: Any, **__: Any) -> Any:
         raise StorageFailed("the disk is full; nothing was changed")
 
-    operations.add_zone = fail  # type: ignore[method-assign]
+    operations.zones.add = fail  # type: ignore[method-assign]
     assert "disk is full" in wrong(client.post("/api/v1/zones", json=zone()), 503)["message"]
 
 
@@ -222,7 +222,7 @@ def test_the_list_as_a_file_is_the_list(client: httpx.Client, operations: FakeOp
         assert client.patch("/api/v1/beware/cup", json={"label": label}).status_code == 200
         answer = client.get("/api/v1/beware.toml")
         (tmp_path / "list.toml").write_bytes(answer.content)
-        assert load_beware_list(tmp_path / "list.toml").classes == operations.beware().classes
+        assert load_beware_list(tmp_path / "list.toml").classes == operations.beware.list.classes
 
 
 def test_the_state_says_what_labels_the_pictures_and_when_it_is_not_what_it_should_be(
@@ -239,7 +239,7 @@ def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_i
 ) -> None:
     picture = operations.picture()
     assert picture is not None
-    beware, labelled = operations.beware(), picture.labels == 1
+    beware, labelled = operations.beware.list, picture.labels == 1
 
     def tint(confidence: float, listed: BewareList) -> float:
         sure = np.full(picture.labels.shape, confidence, dtype=np.float32)

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from navcore.mission import Phase
 from tests.web.fake_operations import FakeOperations
-from web.port import ZoneDraft
+from web.drafts import ZoneDraft
 from web.server import ConsoleServer
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -116,14 +116,14 @@ def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperation
     # Keys pressed while the 3D view has the focus are the console's own.
     page.keyboard.press("Enter")
     expect(page.get_by_test_id("zone")).to_have_count(1)
-    assert len(operations.zones()[0].polygon) == 3
+    assert len(operations.zones.stored[0].polygon) == 3
     page.keyboard.press("Space")
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
     assert operations.stops == ["console key"]
 
 
 def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: Page, operations: FakeOperations) -> None:
-    operations.add_goal(3, 0)
+    operations.goals.add(3, 0)
     operations.mission("start")
     expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
     # The space key stops even while another button has the focus, and does not press that button.
@@ -162,7 +162,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Pa
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Carpet")
     page.get_by_test_id("zone-enabled").uncheck()
     expect(page.get_by_test_id("zone")).to_have_class(re.compile("off"))
-    assert [(zone.name, zone.enabled) for zone in operations.zones()] == [("Carpet", False)]
+    assert [(zone.name, zone.enabled) for zone in operations.zones.stored] == [("Carpet", False)]
     page.get_by_test_id("zone-delete").click()
     expect(page.get_by_test_id("zone")).to_have_count(0)
 
@@ -174,15 +174,15 @@ def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, op
     page.get_by_test_id("zone-finish").click()
     page.get_by_test_id("zone-edit").click()
     page.get_by_test_id("zone-name").fill("Mine")
-    stored = operations.zones()[0]
-    operations.replace_zone(stored.id, ZoneDraft(name="Theirs", polygon=stored.polygon))
+    stored = operations.zones.stored[0]
+    operations.zones.replace(stored.id, ZoneDraft(name="Theirs", polygon=stored.polygon))
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Theirs")
     for _ in range(3):
         operations.step()
     expect(page.get_by_test_id("zone-name")).to_have_value("Mine")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("draft-note")).to_contain_text("Somebody else changed this zone")
-    assert operations.zones()[0].name == "Theirs"
+    assert operations.zones.stored[0].name == "Theirs"
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Mine")
 
@@ -206,7 +206,7 @@ def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(page: Pa
     cup.get_by_label("Least confidence for cup in percent").fill("80")
     cup.get_by_label("Least confidence for cup in percent").press("Enter")
     expect(cup).to_have_attribute("data-version", "1")
-    assert operations.beware().named("cup").min_confidence == 0.8
+    assert operations.beware.list.named("cup").min_confidence == 0.8
 
 
 def test_a_network_that_does_not_run_is_said_on_the_page(page: Page, operations: FakeOperations) -> None:

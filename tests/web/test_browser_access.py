@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Error, Page, expect
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from web.access.users import is_password
 from web.server import ConsoleServer
 
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
@@ -82,6 +83,70 @@ def test_control_is_asked_for_taken_over_and_everybody_is_told(
     expect(second.get_by_test_id("control-text")).to_have_text("● You drive")
     second.get_by_test_id("start").click()
     expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+
+
+def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
+    for name in ("viewer", "operator"):
+        other = open_page(locked, name)
+        expect(other.get_by_test_id("who-am-i")).to_have_text(name)
+        other.keyboard.press("u")
+        expect(other.get_by_test_id("house-button")).to_be_hidden()
+        expect(other.get_by_test_id("house")).to_be_hidden()
+    page = open_page(locked, "admin")
+    expect(page.get_by_test_id("house-button")).to_be_visible()
+    page.keyboard.press("u")
+    expect(page.get_by_test_id("user")).to_have_count(3)
+    page.get_by_test_id("new-user-name").focus()
+    page.keyboard.type("anna")
+    page.keyboard.press("Tab")
+    page.keyboard.type("with a space")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("user")).to_have_count(4)
+    anna = page.locator('[data-testid="user"][data-name="anna"]')
+    expect(anna.get_by_test_id("user-role")).to_have_value("operator")
+    anna.get_by_test_id("user-role").select_option("viewer")
+    eventually(page, lambda: any(user.name == "anna" and user.role == "viewer" for user in accounts.store.users.all()))
+    anna.get_by_test_id("user-password-open").press("Enter")
+    page.keyboard.type("another secret")
+    page.keyboard.press("Enter")
+    expect(anna.get_by_test_id("user-password")).to_be_hidden()
+    known = {user.name: user for user in accounts.store.users.all()}
+    assert is_password("another secret", known["anna"].password_hash)
+    anna.get_by_test_id("user-remove").press("Enter")
+    expect(anna.get_by_test_id("user-remove")).to_have_text("Really remove?")
+    assert "anna" in {user.name for user in accounts.store.users.all()}
+    anna.get_by_test_id("user-remove").press("Enter")
+    expect(page.get_by_test_id("user")).to_have_count(3)
+    page.locator('[data-name="admin"]').get_by_test_id("user-role").select_option("viewer")
+    expect(page.get_by_test_id("toasts")).to_contain_text("last admin")
+    expect(page.locator('[data-name="admin"]').get_by_test_id("user-role")).to_have_value("admin")
+    page.keyboard.press("Escape")
+    expect(page.get_by_test_id("house")).to_be_hidden()
+
+
+def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
+    for number in range(130):
+        accounts.store.audit.add({"who": "operator", "role": "operator", "method": "POST", "path": f"/api/v1/x{number}"})
+    page = open_page(locked, "admin")
+    page.get_by_test_id("house-button").click()
+    page.get_by_test_id("house-audit-tab").click()
+    entries = page.get_by_test_id("audit-entry")
+    expect(entries).to_have_count(100)
+    page.get_by_test_id("audit-who").fill("operator")
+    page.get_by_test_id("audit-show").click()
+    expect(entries.first).to_contain_text("POST /x129")
+    page.get_by_test_id("audit-older").click()
+    expect(entries).to_have_count(130)
+    expect(page.get_by_test_id("audit-older")).to_be_hidden()
+    page.get_by_test_id("audit-until").fill("2020-01-01T00:00")
+    page.get_by_test_id("audit-show").click()
+    expect(entries).to_have_count(0)
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
 def eventually(page: Page, holds: Callable[[], bool]) -> None:

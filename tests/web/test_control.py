@@ -23,7 +23,7 @@ from web.access.attendance import Attendance
 from web.access.control import LAPSE_S, Control
 from web.access.roles import Role, Visitor
 from web.api.control import LATE_S, Hand
-from web.schemas import Drive
+from web.schemas.hand import Drive
 from web.server import ConsoleServer
 
 AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}
@@ -162,7 +162,7 @@ def test_when_the_operator_goes_silent_the_mission_does_as_configured(unattended
     operations, control = FakeOperations(), Control(clock=lambda: now_s[0])
     attendance = Attendance(operations, Access(control=control), unattended)
     control.claim(Visitor(name="anna", role=Role.OPERATOR, seat="page anna"))
-    operations.add_goal(3, 0)
+    operations.goals.add(3, 0)
     operations.mission("start")
     attendance.look()
     now_s[0] += LAPSE_S - 0.1

@@ -66,7 +66,7 @@ def test_a_speed_limit_closes_nothing_and_an_expired_zone_is_switched_off(
     assert wet["properties"]["expires_at_s"] == operations.calendar_s + 60
     assert operations.picture().blocked.sum() > blocked  # type: ignore[union-attr]
     operations.calendar_s += 61
-    operations.book.expire()
+    operations.zones.expire()
     assert client.get(f"/api/v1/zones/{wet['id']}").json()["properties"]["enabled"] is False
     assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
 
@@ -116,13 +116,13 @@ def test_a_mask_goes_out_and_comes_in_with_the_same_cells(client: httpx.Client, 
     client.post("/api/v1/zones", json=zone("bent", corners=[[4, -1], [5, -1], [5, 1], [4.6, 0]]))
     yaml, pgm = client.get("/api/v1/zones.yaml").text, client.get("/api/v1/zones.pgm").content
     assert "image: zones.pgm" in yaml and "resolution: 0.1" in yaml
-    cells = closed_cells(operations.zones(), SPEC)
+    cells = closed_cells(operations.zones.stored, SPEC)
     image = np.asarray(cv2.imdecode(np.frombuffer(pgm, np.uint8), cv2.IMREAD_UNCHANGED))
     np.testing.assert_array_equal(image[::-1] == 0, cells)
     client.delete("/api/v1/zones/z1")
     mask = {"yaml": yaml, "picture": base64.b64encode(pgm).decode(), "name": "from file"}
     assert names(client.post("/api/v1/zones/import-mask", json=mask)) == ["from file"]
-    np.testing.assert_array_equal(closed_cells(operations.zones(), SPEC), cells)
+    np.testing.assert_array_equal(closed_cells(operations.zones.stored, SPEC), cells)
     for wrongly, says in (
         ({"picture": "%"}, "base64"),
         ({"yaml": "a: b"}, "unknown key"),

@@ -13,7 +13,7 @@ from navcore.zone_shapes import Circle, Corridor
 from navcore.zones import ZoneKind
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, await_map, browser, click_map, page
-from web.port import ZoneDraft
+from web.drafts import ZoneDraft
 
 __all__ = ["browser", "page"]
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
@@ -58,7 +58,7 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     drag(page, (-5.0, -4.0), (-4.0, -4.0), (-4.0, -5.0), (-5.0, -5.0), (-5.0, -4.1))
     page.keyboard.press("Enter")
     expect(page.get_by_test_id("zone")).to_have_count(3)
-    ring, strip, hand = operations.zones()
+    ring, strip, hand = operations.zones.stored
     assert isinstance(ring.drawn, Circle) and ring.drawn.radius_m == pytest.approx(1.0, abs=0.1)
     assert isinstance(strip.drawn, Corridor) and strip.drawn.width_m == 0.5
     assert (strip.kind, strip.max_speed_mps) == (ZoneKind.SPEED_LIMIT, 0.25)
@@ -67,7 +67,7 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
 
 def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(page: Page, operations: FakeOperations) -> None:
     await_map(page)
-    operations.add_zone(ZoneDraft(name="box", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0), (-5.0, -3.0))))
+    operations.zones.add(ZoneDraft(name="box", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0), (-5.0, -3.0))))
     page.get_by_test_id("zone-edit").click()
     corners = page.get_by_test_id("zone-corners")
     stored = corners.input_value()
@@ -86,14 +86,14 @@ def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(page: 
         page.keyboard.press("Control+Shift+z")
     page.keyboard.press("Enter")
     expect(page.get_by_test_id("draft")).to_be_hidden()
-    assert operations.zones()[0].version == 2
+    assert operations.zones.stored[0].version == 2
     page.keyboard.press("Control+z")
     expect(page.get_by_test_id("zones-redo")).to_be_enabled()
-    assert operations.zones()[0].polygon[0] == (-5.0, -4.0)
+    assert operations.zones.stored[0].polygon[0] == (-5.0, -4.0)
 
 
 def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(page: Page, operations: FakeOperations) -> None:
-    operations.add_goal(6.0, 0.5)
+    operations.goals.add(6.0, 0.5)
     page.keyboard.press("z")
     page.get_by_test_id("zone-name").fill("Fence")
     page.get_by_test_id("zone-corners").fill("-4, -5.9; -3, -5.9; -3, 5.9; -4, 5.9")
@@ -102,7 +102,7 @@ def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(page: Page, 
     page.get_by_test_id("zone-corners").fill("3, -2; 3.5, -2; 3.5, 2.2; 3, 2.2")
     page.get_by_test_id("zone-margin").focus()
     expect(page.get_by_test_id("draft-note")).to_contain_text(re.compile(r"the path would be .* m, about .* s \(\+\d"))
-    assert operations.zones() == ()
+    assert operations.zones.stored == ()
 
 
 def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refused(
@@ -125,11 +125,11 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refus
     page.get_by_test_id("missions-name").fill("rounds")
     page.get_by_test_id("missions-save").click()
     expect(page.get_by_test_id("missions-entry")).to_contain_text("2 goals, again and again")
-    assert operations.missions()["rounds"].loop and operations.state().loop
+    assert operations.goals.missions()["rounds"].loop and operations.state().loop
 
 
 def test_sets_and_files_bring_zones_and_one_key_takes_them_back(page: Page, operations: FakeOperations, tmp_path: Path) -> None:
-    operations.add_zone(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
+    operations.zones.add(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
     expect(page.get_by_test_id("zone")).to_have_count(1)
     page.get_by_test_id("zone-sets").click()
     page.get_by_test_id("zone-sets-name").fill("night")
@@ -160,7 +160,7 @@ def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(page: Pag
     expect(page.get_by_test_id("zone-name")).to_have_value("Red floor")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
-    assert operations.zones()[0].name == "Red floor"
+    assert operations.zones.stored[0].name == "Red floor"
 
 
 def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page: Page) -> None:

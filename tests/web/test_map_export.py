@@ -14,7 +14,7 @@ from navcore.occupancy import Occupancy
 from navcore.zones import rasterise
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.pictures import map_pgm, map_yaml
-from web.port import Picture
+from web.snapshots import Picture
 
 CORNERS = ((-6.0, -5.0), (-5.0, -5.0), (-5.0, -3.5))
 

@@ -12,43 +12,23 @@ import httpx
 import msgspec
 import numpy as np
 import pytest
-import zstandard
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
+from app.viser_client import SUBPROTOCOL, camera, names_in
 from tests.web.fake_operations import FakeOperations
 from web.listening import PortInUse, reserve
 from web.server import ConsoleServer
 from web.viewer.viewer import Viewer
 
-VISER = Subprotocol("viser-v1.1.1")
 PAGE = "0123456789abcdef"
 
 
 def viewer_of(server: ConsoleServer, path: str = "/viewer", **options: Any) -> Connection:
     """A viser client at the console's door."""
-    return connect(server.url.replace("http", "ws") + path, subprotocols=[VISER], proxy=None, max_size=None, **options)
-
-
-def camera() -> bytes:
-    """The first message of a viser client; with it, it counts as connected."""
-    place = {
-        "wxyz": [0.0, 1.0, 0.0, 0.0],
-        "position": [0.0, 0.0, 10.0],
-        "look_at": [0.0, 0.0, 0.0],
-        "up_direction": [0.0, 0.0, 1.0],
-    }
-    lens = {"fov": 1.3, "near": 0.01, "far": 1000.0, "image_height": 600, "image_width": 800}
-    return bytes(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **place, **lens}))
-
-
-def names_in(frame: bytes) -> set[str]:
-    """Names of the scene nodes that a frame of viser speaks of."""
-    size = int.from_bytes(frame[8:16], "little")
-    messages = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
-    return {str(message["name"]) for message in messages if "name" in message}
+    return connect(server.url.replace("http", "ws") + path, subprotocols=[SUBPROTOCOL], proxy=None, max_size=None, **options)
 
 
 def scene(connection: Connection, wanted: set[str]) -> set[str]:
@@ -106,7 +86,7 @@ def test_the_page_of_the_viewer_comes_through_the_door(client: httpx.Client) -> 
 
 def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scene(server: ConsoleServer) -> None:
     with viewer_of(server) as viewer:
-        assert viewer.subprotocol == VISER
+        assert viewer.subprotocol == SUBPROTOCOL
         viewer.send(camera())
         expected = {"/floor/0_0", "/robot/base", "/robot/base/body", "/camera/frustum", "/cloud/-1_-1"}
         assert expected <= scene(viewer, expected)
@@ -211,7 +191,7 @@ def test_a_client_that_does_not_read_gets_the_newest_state_when_it_wakes(
 ) -> None:
     with connect(server.url.replace("http", "ws") + "/api/v1/events", proxy=None, max_queue=1) as lazy:
         lazy.recv(timeout=5)
-        operations.add_goal(3, 0)
+        operations.goals.add(3, 0)
         operations.stop("test")
         latest = json.loads(lazy.recv(timeout=5))
         while not latest["stop_latched"]:

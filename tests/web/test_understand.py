@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.web.fake_operations import FakeOperations
+from web.drafts import ZoneDraft
 from web.pictures import SCALE, paint_map
-from web.port import ZoneDraft
 from web.tiles import TILE, TileVersions, newer, part_of
 
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
@@ -21,19 +21,28 @@ def test_the_journal_is_filtered_and_read_on_from_where_one_was(client: httpx.Cl
     whole = client.get("/api/v1/journal").json()
     assert (whole["newest"], whole["oldest"], len(whole["entries"])) == (5, 1, 5)
     assert whole["entries"][0] == {
-        "id": 1, "stamp_s": 0.0, "unix_s": 1_700_000_000.0, "kind": "stopped", "text": "entry 0", "place": [1.0, 2.0],
+        "id": 1, "start": 1, "stamp_s": 0.0, "unix_s": 1_700_000_000.0,
+        "kind": "stopped", "text": "entry 0", "place": [1.0, 2.0],
     }  # fmt: skip
     part = client.get("/api/v1/journal", params={"kind": ["seen"], "since": 2, "limit": 1}).json()
     assert [entry["id"] for entry in part["entries"]] == [4]
-    refused: tuple[dict[str, str | int], ...] = ({"kind": "nonsense"}, {"limit": 0}, {"limit": 5000}, {"since": -1})
+    back = client.get("/api/v1/journal", params={"before": 4, "limit": 2}).json()
+    assert [entry["id"] for entry in back["entries"]] == [2, 3] and back["start"] == 1
+    refused: tuple[dict[str, str | int], ...] = (
+        {"kind": "nonsense"},
+        {"limit": 0},
+        {"limit": 5000},
+        {"since": -1},
+        {"before": -1},
+    )
     for wrong in refused:
         assert client.get("/api/v1/journal", params=wrong).status_code == 422
 
 
 def test_why_names_the_zone_that_bends_the_path_and_what_it_costs(client: httpx.Client, operations: FakeOperations) -> None:
     assert client.get("/api/v1/explain").status_code == 409
-    zone = operations.add_zone(WET)
-    operations.add_goal(4.4, -0.5)
+    zone = operations.zones.add(WET)
+    operations.goals.add(4.4, -0.5)
     said = client.get("/api/v1/explain").json()
     assert said["found"] and said["lift"] is None and said["stretches"][-1]["last"] == len(said["path"]) - 1
     rule = next(rule for rule in said["rules"] if rule["key"] == f"zone:{zone.id}")
@@ -46,9 +55,9 @@ def test_why_names_the_zone_that_bends_the_path_and_what_it_costs(client: httpx.
 
 
 def test_without_a_path_the_fewest_rules_to_lift_are_named(client: httpx.Client, operations: FakeOperations) -> None:
-    operations.add_goal(6.0, 0.5)
+    operations.goals.add(6.0, 0.5)
     fence = ((2.6, -5.7), (3.0, -5.7), (3.0, 5.7), (2.6, 5.7))
-    fences = [operations.add_zone(ZoneDraft(name=f"Fence {i}", polygon=fence)) for i in range(2)]
+    fences = [operations.zones.add(ZoneDraft(name=f"Fence {i}", polygon=fence)) for i in range(2)]
     said = client.get("/api/v1/explain").json()
     assert not said["found"] and said["reason"]
     assert said["lift"] == {"keys": [f"zone:{fence.id}" for fence in fences], "exact": True, "at_least": 2}
@@ -80,8 +89,17 @@ def test_the_figures_come_column_by_column_after_a_time(client: httpx.Client) ->
     assert client.get("/api/v1/series", params={"since_s": "nan"}).status_code == 422
 
 
+def test_candidates_end_where_they_would_touch_something_and_one_is_chosen(client: httpx.Client) -> None:
+    answer = client.get("/api/v1/candidates")
+    said = answer.json()
+    assert len(said["arcs"]) == 3 and said["chosen"] == 2 and len(answer.content) < 2000
+    free, blocked, _ = said["arcs"]
+    assert free["touch"] is None and blocked["touch"] is not None
+    assert blocked["points"][-1][0] < blocked["touch"][0] < free["points"][-1][0] and len(free["points"]) == 5
+
+
 def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(client: httpx.Client, operations: FakeOperations) -> None:
-    operations.add_zone(WET)
+    operations.zones.add(WET)
     told = client.get("/api/v1/map/tiles").json()
     picture = operations.picture()
     assert picture is not None
@@ -103,18 +121,20 @@ def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(client: httpx
 def test_only_tiles_whose_cells_changed_are_new(operations: FakeOperations) -> None:
     tiles, before = TileVersions(), operations.picture()
     assert before is not None
-    version, versions = tiles.follow(before, operations.beware())
+    version, versions = tiles.follow(before, operations.beware.list)
     assert (versions == version).all()
     operations.step()
     after = operations.picture()
     assert after is not None
-    assert tiles.follow(after, operations.beware())[0] == version
-    operations.add_zone(WET)
+    assert tiles.follow(after, operations.beware.list)[0] == version
+    operations.zones.add(WET)
     zoned = operations.picture()
     assert zoned is not None
-    newest, versions = tiles.follow(zoned, operations.beware())
+    newest, versions = tiles.follow(zoned, operations.beware.list)
     changed = {tile for tile, _ in newer(versions, version)}
-    differing = np.argwhere((paint_map(after, operations.beware()) != paint_map(zoned, operations.beware())).any(axis=2)[::-1])
+    differing = np.argwhere(
+        (paint_map(after, operations.beware.list) != paint_map(zoned, operations.beware.list)).any(axis=2)[::-1]
+    )
     assert newest == version + 1 and changed == {(int(i) // (TILE * SCALE), int(j) // (TILE * SCALE)) for i, j in differing}
     assert all(part_of(tile, zoned)[3] <= zoned.grid_spec.cols for tile in changed)
 

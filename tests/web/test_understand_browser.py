@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.journal import Journal
+from app.storage import Store
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures
-from web.port import ZoneDraft
+from web.drafts import ZoneDraft
 from web.server import ConsoleServer
 
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+HERE = (-3.0, 1.0)
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
 
 
@@ -38,18 +42,68 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(page: Page, operation
     expect(page.get_by_test_id("log-entry")).to_have_count(2)
 
 
+def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
+    page: Page,  # noqa: F811
+    operations: FakeOperations,
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path)
+    past = Journal(store.decisions)
+    for number in range(320):
+        past.note(float(number), "seen", f"earlier {number}")
+    past.write()
+    operations.insight.log = Journal(store.decisions)
+    operations.insight.log.note(0.0, "stopped", "Somebody is in the way.", HERE)
+    page.reload()
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
+    page.get_by_test_id("tab-log").click()
+    entries = page.get_by_test_id("log-entry")
+    expect(entries).to_have_count(300)
+    expect(entries.nth(0)).not_to_have_class("earlier")
+    expect(entries.nth(1)).to_have_class("earlier")
+    expect(entries.nth(1)).to_have_attribute("data-before", re.compile("before the console was started anew"))
+    expect(page.locator("[data-before]")).to_have_count(1)
+    page.get_by_test_id("log-older").click()
+    expect(entries).to_have_count(321)
+    expect(entries.last).to_contain_text("earlier 0")
+    expect(page.get_by_test_id("log-older")).to_be_hidden()
+    store.close()
+
+
 def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, operations: FakeOperations) -> None:  # noqa: F811
     page.get_by_test_id("tab-why").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
-    zone = operations.add_zone(WET)
-    operations.add_goal(4.4, -0.5)
+    zone = operations.zones.add(WET)
+    operations.goals.add(4.4, -0.5)
     rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
     expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
     rule.get_by_test_id("why-without").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
-    operations.add_zone(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
+    operations.zones.add(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
     expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
-    assert operations.zones()[0].enabled
+    assert operations.zones.stored[0].enabled
+
+
+def test_candidates_are_asked_for_only_while_their_layer_is_on(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+    await_map(page)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+
+    def after_a_tick() -> bool:
+        asked.clear()
+        with page.expect_response(re.compile("/api/v1/path$")):
+            operations.step()
+        page.wait_for_timeout(500)
+        return any("/candidates" in url for url in asked)
+
+    assert not after_a_tick()
+    page.get_by_test_id("map-layers-menu").click()
+    with page.expect_response(re.compile("/api/v1/candidates$")):
+        page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").check()
+    assert after_a_tick()
+    page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").uncheck()
+    page.wait_for_timeout(500)
+    assert not after_a_tick()
 
 
 def test_a_wrong_sighting_and_a_missed_thing_are_taught(page: Page, operations: FakeOperations) -> None:  # noqa: F811

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from tests.web.fake_operations import SPEC
 from web.insight import Candidates
-from web.port import Cloud
+from web.snapshots import Cloud
 from web.viewer.candidates import drawn
 from web.viewer.cloud import TILE_M, CloudLayer, coloured, halvings, is_shown, surveyed
 from web.viewer.picking import clamped, floor_point

@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any, Protocol
 
 from starlette.types import Message, Scope, Send
@@ -26,8 +27,16 @@ class Ledger(Protocol):
     def add(self, entry: Mapping[str, Any]) -> int:
         """Keep an entry, dated; raises `StorageFailed`."""
 
-    def newest(self, count: int = 100, *, before: int | None = None) -> tuple[dict[str, Any], ...]:
-        """Entries, newest first, each with `id` and `at`."""
+    def newest(
+        self,
+        count: int = 100,
+        *,
+        before: int | None = None,
+        who: str | None = None,
+        since: datetime | None = None,
+        until: datetime | None = None,
+    ) -> tuple[dict[str, Any], ...]:
+        """Entries, newest first, each with `id` and `at`; older than the id `before`, by `who`, put down between two times."""
 
 
 class Auditor:

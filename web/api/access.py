@@ -13,7 +13,7 @@ from web.access.roles import CurrentVisitor, Role
 from web.access.users import User, hash_password, is_password, new_token, new_user
 from web.problems import RESPONSES, JsonResponse
 from web.replies import TokenOut, UserOut, VisitorOut
-from web.schemas import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
+from web.schemas.access import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (404, 409, 422, 503)}
 UserName = Annotated[str, Path(max_length=40)]

@@ -15,7 +15,7 @@ from navcore.mission import Goal
 from navcore.zone_shapes import Circle, Shape
 from navcore.zones import Zone
 from web import palette
-from web.port import Operations, State
+from web.port import Operations
 from web.replies import (
     BewareClassOut,
     BewareOut,
@@ -33,6 +33,7 @@ from web.replies import (
     ZonePropertiesOut,
     ZonesOut,
 )
+from web.snapshots import State
 
 MAX_TRACK = 2000
 """Points of a polyline in an answer; a longer one is thinned, its ends kept."""
@@ -49,7 +50,7 @@ def state_of(operations: Operations) -> StateOut:
     return StateOut(
         **small,
         phase=str(state.phase),
-        reasons=[ReasonOut(code=reason.code, text=reason.text) for reason in state.reasons],
+        reasons=[ReasonOut(code=reason.cause, text=reason.text) for reason in state.reasons],
         pose=PoseOut(x_m=state.pose.x_m, y_m=state.pose.y_m, yaw_rad=state.pose.yaw_rad),
         twist=TwistOut(v_mps=state.twist.v_mps, w_radps=state.twist.w_radps),
         command=TwistOut(v_mps=state.command.v_mps, w_radps=state.command.w_radps),
@@ -91,8 +92,8 @@ def zone_of(zone: Zone) -> ZoneOut:
 
 def zones_of(operations: Operations) -> ZonesOut:
     """All zones as a FeatureCollection, and what can be taken back."""
-    history = operations.zone_history()
-    return ZonesOut(features=[zone_of(zone) for zone in operations.zones()], undo=history.undo, redo=history.redo)
+    history = operations.zones.history
+    return ZonesOut(features=[zone_of(zone) for zone in operations.zones.stored], undo=history.undo, redo=history.redo)
 
 
 def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
@@ -103,7 +104,7 @@ def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
 
 def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
     """The list with the console's colours, and what finds each class."""
-    classes = [_class_of(entry, str(operations.finder(entry))) for entry in beware.classes]
+    classes = [_class_of(entry, str(operations.beware.finder(entry))) for entry in beware.classes]
     return BewareOut(version=beware.version, classes=classes)
 
 

@@ -13,7 +13,8 @@ from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import BewareOut
-from web.schemas import MAX_NAME, BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
+from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
+from web.schemas.fields import MAX_NAME
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (409, 422, 503)}
 
@@ -27,20 +28,20 @@ def beware_router(operations: Operations) -> APIRouter:
         return beware_of(beware, operations)
 
     def conflict(given: int | None) -> Response:
-        stored = operations.beware()
+        stored = operations.beware.list
         return outdated("the beware list", given, beware_of(stored, operations).model_dump(), stored.version)
 
     @router.get("/beware", response_model=BewareOut)
     async def get_beware(response: Response) -> BewareOut:
         """What the robot must not touch, with the console's colour of each class."""
-        return answer(operations.beware(), response)
+        return answer(operations.beware.list, response)
 
     @router.put("/beware", response_model=BewareOut, responses=_REFUSALS)
     def replace_beware(body: BewareListIn, response: Response, expected: ExpectedVersion) -> BewareOut | Response:
         """Put another list in force; it acts at once on everything the robot has seen."""
         entries = tuple(_entry(entry) for entry in body.classes)
         try:
-            return answer(operations.replace_beware(BewareList(classes=entries), expected_version=expected), response)
+            return answer(operations.beware.replace(BewareList(classes=entries), expected_version=expected), response)
         except Outdated:
             return conflict(expected)
 
@@ -55,17 +56,17 @@ def beware_router(operations: Operations) -> APIRouter:
 
         With `If-Match` (the list's ETag), an edit of a list that somebody else has changed is refused.
         """
-        if class_name not in {entry.name for entry in operations.beware().classes}:
+        if class_name not in {entry.name for entry in operations.beware.list.classes}:
             raise HTTPException(404, "no class of the beware list has this name")
         try:
-            return answer(operations.edit_beware(class_name, _changes(changes), expected_version=expected), response)
+            return answer(operations.beware.edit(class_name, _changes(changes), expected_version=expected), response)
         except Outdated:
             return conflict(expected)
 
     @router.get("/beware.toml", response_class=Response)
     def get_beware_toml() -> Response:
         """The list as a file for `bewarenav drive --beware`."""
-        return Response(as_toml(operations.beware()), media_type="application/toml; charset=utf-8")
+        return Response(as_toml(operations.beware.list), media_type="application/toml; charset=utf-8")
 
     return router
 

@@ -22,7 +22,7 @@ from web.access.roles import CurrentVisitor, Role, Visitor
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import ControlOut, VisitorOut
-from web.schemas import Drive, Here
+from web.schemas.hand import Drive, Here
 from web.sockets import until_one_ends
 
 Action = Literal["take", "ask", "give"]

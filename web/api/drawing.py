@@ -17,11 +17,15 @@ from navcore.prior_map import prior_layer
 from navcore.regions import region_at
 from navcore.zone_masks import closed_cells, polygons_of
 from web.api.answers import track, zones_of
+from web.drafts import PathPreview, Preview, ZoneDraft
 from web.pictures import bewared
-from web.port import Operations, PathPreview, Picture, Preview, ZoneDraft
+from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import PreviewOut, RegionOut, WayOut, ZonesOut
-from web.schemas import MAX_NAME, MaskImportIn, PixelIn, PreviewIn, ZoneImportIn
+from web.schemas.drafts import PixelIn, PreviewIn
+from web.schemas.fields import MAX_NAME
+from web.schemas.zones import MaskImportIn, ZoneImportIn
+from web.snapshots import Picture
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 _IMPORTS = {**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]}
@@ -49,7 +53,7 @@ def drawing_router(operations: Operations) -> APIRouter:
     @router.post("/zones/import", status_code=201, response_model=ZonesOut, responses=_IMPORTS)
     def import_zones(collection: ZoneImportIn) -> ZonesOut:
         """Add the zones of a GeoJSON FeatureCollection in metres of the map frame, all or none, as one edit."""
-        operations.import_zones([feature.draft() for feature in collection.features])
+        operations.zones.add_all([feature.draft() for feature in collection.features])
         return zones_of(operations)
 
     @router.post("/zones/import-mask", status_code=201, response_model=ZonesOut, responses={**_BY_STATUS[404], **_IMPORTS})
@@ -66,14 +70,14 @@ def drawing_router(operations: Operations) -> APIRouter:
         polygons = polygons_of(cells, spec)
         short = mask.name[: MAX_NAME - 5]
         names = [mask.name] if len(polygons) == 1 else [f"{short} {number}" for number in range(1, len(polygons) + 1)]
-        operations.import_zones([ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)])
+        operations.zones.add_all([ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)])
         return zones_of(operations)
 
     @router.get("/zones.pgm", response_class=Response, responses=_BY_STATUS[404])
     def get_mask() -> Response:
         """The keep-outs that are switched on as a Nav2 keep-out mask: 0 kept out, 254 free, row 0 at the top."""
         spec = newest().grid.spec
-        cells = closed_cells(operations.zones(), spec)
+        cells = closed_cells(operations.zones.stored, spec)
         image = drawn(occupied=cells, known=np.ones_like(cells), spec=spec).image
         return Response(encode(image), media_type="image/x-portable-graymap")
 
@@ -88,7 +92,7 @@ def drawing_router(operations: Operations) -> APIRouter:
 
         A thing that is recognised is taken by its pixels, any other by what stands connected with it in depth.
         """
-        picture, beware = newest(), operations.beware()
+        picture, beware = newest(), operations.beware.list
         if picture.depth_m is None:
             raise HTTPException(404, "this picture has no distances")
         height, width = picture.labels.shape

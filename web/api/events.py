@@ -8,7 +8,8 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 
 from web.api.answers import state_of
-from web.port import Operations, State
+from web.port import Operations
+from web.snapshots import State
 from web.sockets import until_gone, until_one_ends
 
 LOOK_S = 0.025
@@ -48,7 +49,7 @@ def _notable(state: State) -> tuple[Any, ...]:
         state.phase,
         state.moving,
         state.stop_latched,
-        tuple(reason.code for reason in state.reasons),
+        tuple(reason.cause for reason in state.reasons),
         state.queue,
         state.reached,
         state.zones_version,

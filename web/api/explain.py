@@ -1,14 +1,29 @@
-"""Why this way, and why none: which rule each stretch of the path keeps clear of, and what lifting one would bring."""
+"""Why this way, and why none: which rule each stretch of the path keeps clear of, what lifting one would bring, and which
+motions there are to choose from.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
 from fastapi import APIRouter
 
 from web.api.answers import track
-from web.api.insight_replies import AlternativeOut, ExplanationOut, LiftOut, RuleOut, StretchOut, WithoutIn
+from web.api.insight_replies import (
+    AlternativeOut,
+    ArcOut,
+    CandidatesOut,
+    ExplanationOut,
+    LiftOut,
+    RuleOut,
+    StretchOut,
+    WithoutIn,
+)
 from web.insight import Explanation
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
+
+THINNED = 4
 
 
 def explain_router(operations: Operations) -> APIRouter:
@@ -32,7 +47,26 @@ def explain_router(operations: Operations) -> APIRouter:
             path=track(other.points),
         )
 
+    @router.get("/candidates", response_model=CandidatesOut)
+    def candidates() -> CandidatesOut:
+        """The motions that the robot chooses from now, and which it has chosen. Made anew for whoever asks."""
+        found = operations.insight.candidates()
+        if found is None or not np.isfinite(found.arcs).all():
+            return CandidatesOut(arcs=[], chosen=None)
+        pairs = zip(found.arcs, found.free, strict=True)
+        return CandidatesOut(arcs=[_arc(arc, int(free)) for arc, free in pairs], chosen=found.chosen)
+
     return router
+
+
+def _arc(points: npt.NDArray[np.float64], free: int) -> ArcOut:
+    """Every few points are enough for a line: an arc bends evenly, and all of them are sent several times a second."""
+    clear = points[:free]
+    thin = np.vstack([clear[:-1:THINNED], clear[-1:]]).round(3)
+    return ArcOut(
+        points=[(x, y) for x, y in thin.tolist()],
+        touch=None if free >= len(points) else (round(float(points[free, 0]), 3), round(float(points[free, 1]), 3)),
+    )
 
 
 def _out(explanation: Explanation) -> ExplanationOut:

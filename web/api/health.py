@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from fastapi import APIRouter, Response
 
 from navcore.mission import Phase
-from web.port import Operations, State
+from web.port import Operations
 from web.problems import JsonResponse
 from web.replies import HealthOut
+from web.snapshots import State
 
 
 def health_router(operations: Operations) -> APIRouter:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from web.insight import Kind
 from web.replies import Figure
-from web.schemas import Name
+from web.schemas.fields import Name
 
 MAX_KEYS = 64
 Pixel = Annotated[int, Field(strict=True, ge=0, le=100_000)]
@@ -20,7 +20,8 @@ class EntryOut(BaseModel):
     """One decision of the robot, or something that led to one."""
 
     id: int
-    stamp_s: float = Field(description="robot's monotonic clock")
+    start: int = Field(description="which start of the console wrote it, counted from 1")
+    stamp_s: float = Field(description="robot's monotonic clock, of that start")
     unix_s: float = Field(description="wall clock")
     kind: Kind
     text: str
@@ -31,7 +32,8 @@ class JournalOut(BaseModel):
     """A part of the log, oldest first."""
 
     newest: int = Field(description="id of the newest entry; ask again with `since` at this")
-    oldest: int = Field(description="id of the oldest entry that is still kept")
+    oldest: int = Field(description="id of the oldest entry that is still kept; ask with `before` to get there")
+    start: int = Field(description="which start of the console this is: entries with a smaller one are from earlier")
     entries: list[EntryOut]
 
 
@@ -72,6 +74,20 @@ class ExplanationOut(BaseModel):
     rules: list[RuleOut]
     all_cost_m: Figure = Field(description="how much shorter the path would be with every rule lifted")
     lift: LiftOut | None = Field(description="only without a path")
+
+
+class ArcOut(BaseModel):
+    """One motion that the robot can choose."""
+
+    points: list[Place] = Field(description="as far as the body can be driven along it, metres of the map frame")
+    touch: Place | None = Field(description="where it would touch something; null for an arc that is free to its end")
+
+
+class CandidatesOut(BaseModel):
+    """What the robot chooses its next motion from."""
+
+    arcs: list[ArcOut]
+    chosen: int | None = Field(description="index of the arc that is driven; null while it does something else or stands")
 
 
 class WithoutIn(BaseModel):

@@ -20,18 +20,22 @@ def journal_router(operations: Operations) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
 
-    @router.get("/journal", response_model=JournalOut, responses={422: RESPONSES[422]})
+    @router.get("/journal", response_model=JournalOut, responses={422: RESPONSES[422], 503: RESPONSES[503]})
     def get_journal(
         kind: Annotated[
             list[Kind] | None, Query(description="repeat for several; all kinds if left out", max_length=16)
         ] = None,
         since: Annotated[int, Query(ge=0, le=2**53, description="only entries with a larger id")] = 0,
+        before: Annotated[int | None, Query(ge=0, le=2**53, description="only entries with a smaller id: page back")] = None,
         limit: Annotated[int, Query(ge=1, le=MAX_LIMIT)] = 200,
     ) -> JournalOut:
-        """Why the path changed, why the robot stood, what was seen first where: the newest entries, oldest first."""
-        page = operations.insight.journal(kinds=kind or (), since=since, limit=limit)
+        """Why the path changed, why the robot stood, what was seen first where: the newest entries, oldest first.
+
+        Entries of earlier starts of the console come last, when one pages back with `before`.
+        """
+        page = operations.insight.journal(kinds=kind or (), since=since, before=before, limit=limit)
         entries = [EntryOut(**asdict(entry)) for entry in page.entries]
-        return JournalOut(newest=page.newest, oldest=page.oldest, entries=entries)
+        return JournalOut(newest=page.newest, oldest=page.oldest, start=page.start, entries=entries)
 
     @router.get("/series", response_model=dict[str, list[Figure]], responses={422: RESPONSES[422]})
     def get_series(

@@ -9,9 +9,10 @@ from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 from navcore.people import Track
 from web.api.answers import finite, track
 from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
-from web.port import Operations, Picture
+from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import MapOut, PathOut, PersonOut, TilesOut
+from web.snapshots import Picture
 from web.tiles import TILE, TileVersions, newer, part_of
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
@@ -50,7 +51,7 @@ def maps_router(operations: Operations) -> APIRouter:
     @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
     def get_map_png(request: Request) -> Response:
         """All layers as a picture, north up, two pixels per cell and side."""
-        picture, beware = newest(), operations.beware()
+        picture, beware = newest(), operations.beware.list
         key = (picture.grid_version, beware.version)
         return _tagged(request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png")
 
@@ -58,7 +59,7 @@ def maps_router(operations: Operations) -> APIRouter:
     def get_tiles(since: Annotated[int, Query(ge=0, le=2**53, description="version of the answer before")] = 0) -> TilesOut:
         """Which tiles of the map have changed since an answer before; row 0 lies at the smallest y."""
         picture = newest()
-        version, versions = tiles.follow(picture, operations.beware())
+        version, versions = tiles.follow(picture, operations.beware.list)
         spec = picture.grid_spec
         # A version from before a restart of the console is newer than the newest: then everything is.
         changed = list(newer(versions, since if since <= version else 0))
@@ -116,7 +117,7 @@ def maps_router(operations: Operations) -> APIRouter:
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:
         """What the camera sees; with `overlay=segmentation`, each enabled class is tinted, surer is stronger, and named."""
-        picture, beware = newest(), operations.beware()
+        picture, beware = newest(), operations.beware.list
         if overlay == "none":
             data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
         else:

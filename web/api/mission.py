@@ -15,7 +15,8 @@ from web.api.answers import goals, mission_of, state_of
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import GoalOut, MissionOut, SavedMissionOut, StateOut
-from web.schemas import MAX_NAME, GoalIn, GoalOrderIn, GoalPatchIn, LoopIn, Name
+from web.schemas.fields import MAX_NAME, Name
+from web.schemas.mission import GoalIn, GoalOrderIn, GoalPatchIn, LoopIn
 
 
 def mission_router(operations: Operations) -> APIRouter:
@@ -38,52 +39,52 @@ def mission_router(operations: Operations) -> APIRouter:
 
         Such a refusal names the `nearest` place where the robot could stand.
         """
-        return goals([operations.add_goal(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)])[0]
+        return goals([operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)])[0]
 
     @router.put("/goals/order", response_model=MissionOut, responses=_refusals(409, 422))
     def order_goals(order: GoalOrderIn) -> MissionOut:
         """Drive to the waiting goals in this order; the ids have to name every one of them once."""
-        operations.order_goals(order.ids)
+        operations.goals.order(order.ids)
         return mission_of(operations.state())
 
     @router.patch("/goals/{goal_id}", response_model=GoalOut, responses=_refusals(404, 422))
     def change_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)], changes: GoalPatchIn) -> GoalOut:
         """Move, turn or rename a waiting goal."""
-        return goals([operations.change_goal(goal_id, changes.changes())])[0]
+        return goals([operations.goals.change(goal_id, changes.changes())])[0]
 
     @router.delete("/goals/{goal_id}", status_code=204, responses=_refusals(404, 422))
     def remove_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)]) -> None:
         """Take a waiting goal, or the present one, out of the queue."""
-        operations.remove_goal(goal_id)
+        operations.goals.remove(goal_id)
 
     @router.put("/mission/loop", response_model=MissionOut, responses=_refusals(422))
     def loop(body: LoopIn) -> MissionOut:
         """Whether goals that are reached wait again, behind the others."""
-        operations.loop_goals(body.loop)
+        operations.goals.loop(body.loop)
         return mission_of(operations.state())
 
     @router.get("/missions")
     def list_missions() -> list[SavedMissionOut]:
         """Goals that are kept under a name."""
-        saved = operations.missions().items()
+        saved = operations.goals.missions().items()
         return [SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop) for name, mission in saved]
 
     @router.put("/missions/{name}", status_code=204, responses=_refusals(409, 422, 503))
     def save_mission(name: Annotated[Name, Path()]) -> Response:
         """Keep the waiting goals under a name."""
-        operations.save_mission(name)
+        operations.goals.save(name)
         return Response(status_code=204)
 
     @router.post("/missions/{name}/load", response_model=MissionOut, responses=_refusals(404, 409, 422))
     def load_mission(name: Annotated[Name, Path()]) -> MissionOut:
         """Put kept goals in the place of those that wait; the mission then stands and waits for its start."""
-        operations.load_mission(name)
+        operations.goals.load(name)
         return mission_of(operations.state())
 
     @router.delete("/missions/{name}", status_code=204, responses=_refusals(404, 503))
     def delete_mission(name: Annotated[Name, Path()]) -> Response:
         """Forget a kept mission."""
-        operations.delete_mission(name)
+        operations.goals.forget(name)
         return Response(status_code=204)
 
     @router.post("/mission/{action}", response_model=MissionOut, responses=_refusals(409, 422))

@@ -8,7 +8,7 @@ from navcore.transform import Pose2
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import NumberedPoseOut, PosesOut
-from web.schemas import PosesIn
+from web.schemas.poses import PosesIn
 
 
 def poses_router(operations: Operations) -> APIRouter:

@@ -13,7 +13,8 @@ from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import ZoneOut, ZoneSetOut, ZonesOut
-from web.schemas import Name, ZoneIn
+from web.schemas.fields import Name
+from web.schemas.zones import ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 SetName = Annotated[Name, Path()]
@@ -25,7 +26,7 @@ def zones_router(operations: Operations) -> APIRouter:
     router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
 
     def find(zone_id: str) -> Zone:
-        for zone in operations.zones():
+        for zone in operations.zones.stored:
             if zone.id == zone_id:
                 return zone
         raise NotKnown("no zone has this id")
@@ -45,7 +46,7 @@ def zones_router(operations: Operations) -> APIRouter:
 
         The geometry is a Polygon, a Point with `radius_m`, or a LineString with `width_m`.
         """
-        stored = operations.add_zone(zone.draft())
+        stored = operations.zones.add(zone.draft())
         response.headers.update({**etag(stored.version), "Location": f"/api/v1/zones/{stored.id}"})
         return zone_of(stored)
 
@@ -61,7 +62,7 @@ def zones_router(operations: Operations) -> APIRouter:
         """Change a zone. With `If-Match`, an edit of a version that somebody else has changed is refused."""
         find(zone_id)
         try:
-            stored = operations.replace_zone(zone_id, zone.draft(), expected_version=expected)
+            stored = operations.zones.replace(zone_id, zone.draft(), expected_version=expected)
         except Outdated:
             return conflict(zone_id, expected)
         response.headers.update(etag(stored.version))
@@ -72,7 +73,7 @@ def zones_router(operations: Operations) -> APIRouter:
         """Forget a zone."""
         find(zone_id)
         try:
-            operations.delete_zone(zone_id, expected_version=expected)
+            operations.zones.delete(zone_id, expected_version=expected)
         except Outdated:
             return conflict(zone_id, expected)
         return Response(status_code=204)
@@ -80,36 +81,36 @@ def zones_router(operations: Operations) -> APIRouter:
     @router.post("/zones/undo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
     def undo() -> ZonesOut:
         """Take the newest edit of the zones back, whoever made it."""
-        operations.undo_zones()
+        operations.zones.undo()
         return zones_of(operations)
 
     @router.post("/zones/redo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
     def redo() -> ZonesOut:
         """Do again what was taken back last."""
-        operations.redo_zones()
+        operations.zones.redo()
         return zones_of(operations)
 
     @router.get("/zone-sets")
     def list_sets() -> list[ZoneSetOut]:
         """Zones that are kept under a name, e.g. for the night."""
-        return [ZoneSetOut(name=name, zones=len(zones)) for name, zones in operations.zone_sets().items()]
+        return [ZoneSetOut(name=name, zones=len(zones)) for name, zones in operations.zones.sets().items()]
 
     @router.put("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]})
     def save_set(name: SetName) -> Response:
         """Keep the present zones under a name."""
-        operations.save_zone_set(name)
+        operations.zones.save_set(name)
         return Response(status_code=204)
 
     @router.post("/zone-sets/{name}/use", response_model=ZonesOut, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
     def use_set(name: SetName) -> ZonesOut:
         """Let a set's zones bind the robot in the place of the present ones, as one edit that can be taken back."""
-        operations.use_zone_set(name)
+        operations.zones.use_set(name)
         return zones_of(operations)
 
     @router.delete("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
     def delete_set(name: SetName) -> Response:
         """Forget a set; the present zones stay."""
-        operations.delete_zone_set(name)
+        operations.zones.delete_set(name)
         return Response(status_code=204)
 
     return router

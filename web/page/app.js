@@ -6,7 +6,7 @@ import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode }
 import "./draft_keys.js";
 import { showGoals } from "./goals.js";
 import { onKey, pressStop, swallowSpace, switchViewBy } from "./keys.js";
-import { showLayers } from "./layers.js";
+import { onLayers, showLayers, strength } from "./layers.js";
 import { showBeware, showLegend } from "./lists.js";
 import * as map from "./map.js";
 import "./picture.js";
@@ -21,6 +21,7 @@ import { showZones } from "./zones.js";
 const STALE_MS = 1000;
 const CAMERA_MS = 250;
 const MAP_MS = 300;
+const CANDIDATES_MS = 250;
 const element = (id) => document.getElementById(id);
 const seen = { zones: null, beware: null, map: null, picture: null };
 let arrivedAt = performance.now();
@@ -117,6 +118,12 @@ const loadPath = fetcher(async () => {
   map.update(ways);
   ages.loaded("path", serial, ways.path.length > 0);
 });
+// Only for whoever wants to see them: the robot works them out when it is asked.
+const loadCandidates = fetcher(async () => {
+  if (strength("candidates") === 0) { map.update({ candidates: { arcs: [], chosen: null } }); return; }
+  map.update({ candidates: await get("/candidates") });
+  await pause(CANDIDATES_MS);
+});
 const loadMap = fetcher(async () => {
   const version = seen.map;
   const [description, picture] = await during(Promise.all([get("/map"), tiles.newest()]), "the map");
@@ -148,7 +155,7 @@ function follow() {
   const onMap = document.body.dataset.view === "map";
   const version = `${state.grid_version}-${state.beware_version}`;
   if (onMap && seen.map !== version) { seen.map = version; loadMap(); }
-  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (onMap) loadPath(); }
+  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (onMap) { loadPath(); loadCandidates(); } }
 }
 
 // ------------------------------------------------------------------------------------------------------------- connection
@@ -232,5 +239,6 @@ understand.start({
 });
 nameZonesBy(() => zones.length + 1);
 switchViewBy(() => show(document.body.dataset.view === "map" ? "3d" : "map"));
+onLayers(() => { if (document.body.dataset.view === "map") loadCandidates(); });
 setMode("navigate");
 show(location.hash === "#map" ? "map" : "3d");

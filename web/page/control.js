@@ -3,6 +3,7 @@
 
 import { connect, get, post } from "./api.js";
 import { attempt, say } from "./toasts.js";
+import { show as showUsers } from "./users.js";
 
 const SEND_MS = 80;
 const FORWARD_MPS = 0.4;
@@ -46,6 +47,7 @@ function show(now) {
   element("control-give").classList.toggle("due", Boolean(now.yours && asking));
   element("logout").hidden = !you.logged_in;
   element("logout-name").textContent = you.name;
+  showUsers(you);
   if (seen !== null && seen.serial !== now.serial) tell(now);
   seen = now;
 }

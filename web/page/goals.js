@@ -47,7 +47,7 @@ export function showGoals(state) {
   });
   element("no-goals").hidden = waiting.length + reached.length > 0;
   setText(element("goal-count"), `${waiting.length} waiting · ${state.reached.length} reached`);
-  element("loop").checked = state.loop;
+  if (!looping) element("loop").checked = state.loop;
 }
 
 const spot = (goal) => `${goal.x_m.toFixed(2)}, ${goal.y_m.toFixed(2)}${goal.yaw_rad === null ? "" : ` ∠ ${degrees(goal.yaw_rad)}`}`;
@@ -76,7 +76,13 @@ function goalItem(goal) {
   return item;
 }
 
-element("loop").onchange = () => attempt(() => request("PUT", "/mission/loop", { loop: element("loop").checked }));
+// A state that was on its way when the box was ticked does not untick it.
+let looping = false;
+element("loop").onchange = async () => {
+  looping = true;
+  await attempt(() => request("PUT", "/mission/loop", { loop: element("loop").checked }));
+  looping = false;
+};
 element("goal-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const input = event.target.elements.place;

@@ -8,6 +8,7 @@ import { fit, redraw } from "./map.js";
 import { letGo } from "./pointer.js";
 import { switchTheme } from "./theme.js";
 import { attempt } from "./toasts.js";
+import { closePanel, togglePanel } from "./users.js";
 import { follow, view, zoom } from "./view.js";
 import { travel } from "./zones.js";
 
@@ -18,7 +19,7 @@ const LISTED = [
   ["Esc", "leave a mode, drop a draft"], ["Backspace", "take the last corner back"], ["Delete", "take the selected corner away"],
   ["← ↑ → ↓", "move the whole draft by 5 cm (Shift: 25 cm)"], ["Ctrl Z", "take back: in the draft, else the last edit of the zones"],
   ["Ctrl Shift Z", "do again"], ["M", "map or 3D view"], ["B", "drive by hand: the pad, and the arrow keys while it is open"], ["F", "follow the robot"], ["W", "the whole map"], ["+ −", "zoom the map"],
-  ["D", "dark or light"], ["?", "this list"],
+  ["D", "dark or light"], ["U", "for admins: users, and who did what"], ["?", "this list"],
 ];
 export const pressStop = (by) => attempt(() => stop(by));
 const isText = (node) => node?.matches?.("input:not([type=checkbox]):not([type=range]):not([type=color]), select, textarea") ?? false;
@@ -50,8 +51,8 @@ export function onKey(event) {
 
 const inControl = (event) => event.target?.matches?.("button, summary, a, input");
 const ALWAYS = {
-  Escape: () => { if (element("help").open) element("help").close(); else { letGo(); setMode("navigate"); } },
-  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), b: () => togglePad(), "?": () => help(),
+  Escape: () => { if (element("help").open) element("help").close(); else if (!closePanel()) { letGo(); setMode("navigate"); } },
+  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), b: () => togglePad(), u: () => togglePanel(), "?": () => help(),
 };
 const WHILE_DRAWING = {
   Backspace: () => draft.mode === "draw" && undo(), Delete: () => remove(),

@@ -10,7 +10,7 @@ import * as tiles from "./tiles.js";
 import { canvas, centre, fit as fitTo, onView, toPage, toWorld, view } from "./view.js";
 import { colourOf } from "./zones.js";
 
-export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], view: [], zones: [] };
+export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], view: [], zones: [], candidates: { arcs: [], chosen: null } };
 export const hand = { stroke: [], goal: null, heading: null, way: [], verdict: "" };
 const AHEAD_S = 2;
 let asked = false;
@@ -51,6 +51,7 @@ function draw() {
   layer("view", () => { fill(world.view, "#ffb70326"); line(world.view, "#ffb70370", 1, [3, 3], true); });
   layer("zones", () => { for (const zone of world.zones) if (zone.id !== draft.id) drawZone(zone); });
   layer("driven", () => line(world.driven, COLOURS.driven, 2, [2, 4]));
+  layer("candidates", drawCandidates);
   layer("path", () => { line(world.path, "#ffffffc0", 5); line(world.path, COLOURS.path, 3); });
   layer("waypoints", () => { for (const point of world.waypoints) dot(point, 4, COLOURS.path, { diamond: true }); });
   for (const paint of overlays) paint({ pen, line, dot, tag, toPage });
@@ -115,6 +116,24 @@ function drawPeople() {
     pen.strokeStyle = COLOURS.person; pen.lineWidth = 2; pen.stroke();
     if (Math.hypot(vx, vy) > 0.05) line([[x, y], [x + AHEAD_S * vx, y + AHEAD_S * vy]], COLOURS.person, 2, [5, 3]);
   }
+}
+
+// Each as far as it is free, with a cross where it would touch something; the chosen one stands out.
+function drawCandidates() {
+  const { arcs, chosen } = world.candidates;
+  arcs.forEach(({ points, touch }) => {
+    line(points, touch ? "#8a6a10" : COLOURS.goal, 1.2);
+    if (touch) cross(touch);
+  });
+  if (chosen === null || !arcs[chosen]) return;
+  line(arcs[chosen].points, "#1b1b1b", 6);
+  line(arcs[chosen].points, "#ffcc33", 3.5);
+}
+
+function cross(place) {
+  const [x, y] = toPage(place);
+  pen.strokeStyle = COLOURS.bad; pen.lineWidth = 1.5;
+  pen.beginPath(); pen.moveTo(x - 2.5, y - 2.5); pen.lineTo(x + 2.5, y + 2.5); pen.moveTo(x - 2.5, y + 2.5); pen.lineTo(x + 2.5, y - 2.5); pen.stroke();
 }
 
 // The arc that the wheels are asked for, two seconds of it.

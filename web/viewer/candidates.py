@@ -13,14 +13,15 @@ from web.insight import Candidates
 from web.viewer.layer import Snapshot
 from web.viewer.shapes import ribbon
 
-ARC_Z = 0.07
+ARC_Z, LIFT = 0.07, 0.02
 BLOCKED: palette.Rgb = (190, 60, 50)
+CHOSEN: palette.Rgb = (255, 204, 51)
 EVERY = 2
-"""Every second arc is drawn: enough to see what there is to choose from."""
+"""Every second arc is drawn: enough to see what there is to choose from. The chosen one is drawn whichever it is."""
 
 
 class CandidateLayer:
-    """Free parts in green, the step that would touch something in red."""
+    """Free parts in green, the step that would touch something in red, the arc that is driven broad and yellow."""
 
     name = "candidates"
     period_s = 0.3
@@ -28,7 +29,7 @@ class CandidateLayer:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._shown: object = None
-        self._node: Any = None
+        self._nodes: dict[str, Any] = {}
 
     def push(self, snapshot: Snapshot) -> None:
         """Draw them anew with every picture; nothing while nobody wants to see them."""
@@ -38,17 +39,30 @@ class CandidateLayer:
             return
         self._shown = key
         if found is None or not np.isfinite(found.arcs).all():
-            if self._node is not None:
-                self._node.remove()
-                self._node = None
+            self._clear("arcs", "chosen")
             return
         segments, is_free = drawn(found)
         colours = np.where(
             is_free[:, None, None], snapshot.faded(palette.GOAL, self.name), snapshot.faded(BLOCKED, self.name)
         ).repeat(2, axis=1)
-        self._node = self._server.scene.add_line_segments(
-            "/candidates/arcs", segments, colours.astype(np.uint8), thickness=0.02
+        self._draw("arcs", segments, colours, 0.02)
+        if found.chosen is None:
+            self._clear("chosen")
+        else:
+            line = ribbon(found.arcs[found.chosen][: max(int(found.free[found.chosen]), 2)], ARC_Z + LIFT)
+            yellow = np.broadcast_to(snapshot.faded(CHOSEN, self.name), line.shape)
+            self._draw("chosen", line, yellow, 0.06)
+
+    def _draw(self, name: str, segments: npt.NDArray[np.float32], colours: npt.NDArray[Any], thickness: float) -> None:
+        # In the place of what had this name before, so that nothing flickers.
+        self._nodes[name] = self._server.scene.add_line_segments(
+            f"/candidates/{name}", segments, colours.astype(np.uint8), thickness=thickness
         )
+
+    def _clear(self, *names: str) -> None:
+        for name in names:
+            if name in self._nodes:
+                self._nodes.pop(name).remove()
 
 
 def drawn(found: Candidates) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:

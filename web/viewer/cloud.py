@@ -16,7 +16,7 @@ import viser
 from navcore.beware import NOTHING
 from navcore.search.bits import compiled
 from web.pictures import class_colours
-from web.port import Cloud
+from web.snapshots import Cloud
 from web.viewer.shapes import faded
 
 BUDGET = 200_000

@@ -12,7 +12,7 @@ from navcore.beware import BewareList
 from navcore.zones import Zone
 from web.insight import Candidates
 from web.palette import Rgb
-from web.port import Picture, State
+from web.snapshots import Picture, State
 from web.viewer.shapes import faded
 
 

@@ -40,7 +40,7 @@ class RobotLayer:
     def push(self, snapshot: Snapshot) -> None:
         """Move it, and say what it does."""
         state = snapshot.state
-        why = state.reasons[0].code.replace("_", " ") if state.reasons else state.phase.value
+        why = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
         text = "STOPPED" if state.stop_latched else why
         if text != self._text:
             self._text = text

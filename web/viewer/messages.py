@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from navcore.zones import MAX_CORNERS
-from web.schemas import MAX_NAME, Corner, Share
+from web.schemas.fields import MAX_NAME, Corner, Share
 
 Layer = Literal["cloud", "floor", "robot", "camera", "path", "waypoints", "driven", "candidates", "goals", "zones", "people"]
 LAYERS: tuple[Layer, ...] = get_args(Layer)

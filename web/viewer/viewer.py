@@ -19,7 +19,8 @@ from viser.extras import ViserUrdf
 from navcore.grid import GridSpec
 from web import palette
 from web.insight import Candidates
-from web.port import Operations, Picture
+from web.port import Operations
+from web.snapshots import Picture
 from web.viewer.candidates import CandidateLayer
 from web.viewer.cloud import CloudLayer
 from web.viewer.floor import FloorLayer
@@ -178,13 +179,15 @@ class Viewer:
         snapshot = Snapshot(
             state=self._operations.state(),
             picture=picture,
-            zones=self._operations.zones(),
-            beware=self._operations.beware(),
+            zones=self._operations.zones.stored,
+            beware=self._operations.beware.list,
             candidates=self._candidates,
             strength={str(name): share for name, share in self._show.strength.items()},
         )
         now = time.monotonic()
         for layer in self._layers:
+            if self._ending.is_set():
+                return
             if now >= self._due.get(layer.name, 0.0):
                 self._due[layer.name] = now + layer.period_s
                 self._guarded(layer.name, partial(layer.push, snapshot))
