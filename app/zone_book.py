@@ -103,7 +103,7 @@ class ZoneBook:
 
     def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
         """Store many zones as one step."""
-        return self._added(drafts, f"import of {len(drafts)} zones")
+        return self._added(drafts, f"import of {len(drafts)} {'zone' if len(drafts) == 1 else 'zones'}")
 
     def _added(self, drafts: Sequence[ZoneDraft], text: str) -> tuple[Zone, ...]:
         with self._lock:

@@ -74,10 +74,10 @@ def test_a_new_edit_forgets_what_could_be_done_again_and_versions_only_grow(desk
     (zone,) = desk.book.add_all([ROUND])
     changed = desk.book.replace(zone.id, SLOW, expected_version=1)
     desk.book.undo()
-    assert desk.book.history == ZoneHistory(undo="import of 1 zones", redo="change of 'slow'")
+    assert desk.book.history == ZoneHistory(undo="import of 1 zone", redo="change of 'slow'")
     assert desk.bound[0].version > changed.version
     desk.book.add_all([SLOW])
-    assert desk.book.history == ZoneHistory(undo="import of 1 zones", redo=None)
+    assert desk.book.history == ZoneHistory(undo="import of 1 zone", redo=None)
 
 
 def test_many_zones_are_stored_together_or_not_at_all(desk: Desk) -> None:

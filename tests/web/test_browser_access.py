@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Error, Page, expect
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
-from web.access.users import is_password
+from web.access.users import hash_token, is_password
 from web.server import ConsoleServer
 
 pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
@@ -124,6 +124,32 @@ def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
     expect(page.locator('[data-name="admin"]').get_by_test_id("user-role")).to_have_value("admin")
     page.keyboard.press("Escape")
     expect(page.get_by_test_id("house")).to_be_hidden()
+
+
+def test_an_admin_makes_a_token_and_it_is_shown_once(open_page: Opener, locked: ConsoleServer, accounts: Accounts) -> None:
+    page = open_page(locked, "admin")
+    page.keyboard.press("u")
+    row = page.locator('[data-testid="user"][data-name="operator"]')
+    row.get_by_test_id("user-token-make").click()
+    shown = row.get_by_test_id("user-token").locator("code")
+    expect(shown).not_to_be_empty()
+    kept = {user.name: user.token_hash for user in accounts.store.users.all()}
+    assert kept["operator"] == hash_token(str(shown.text_content()))
+
+
+def test_one_changes_ones_own_password_and_logs_in_with_it(open_page: Opener, locked: ConsoleServer) -> None:
+    page = open_page(locked, "viewer")
+    page.get_by_test_id("who-am-i").click()
+    page.get_by_test_id("account-present").fill("not this one")
+    page.get_by_test_id("account-new").fill("a better secret")
+    page.get_by_test_id("account-save").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("another")
+    page.get_by_test_id("account-present").fill(PASSWORD)
+    page.get_by_test_id("account-save").click()
+    page.get_by_test_id("login-name").fill("viewer")
+    page.get_by_test_id("login-password").fill("a better secret")
+    page.get_by_test_id("log-in").click()
+    expect(page.get_by_test_id("connection")).to_have_text("live")
 
 
 def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(

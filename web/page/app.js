@@ -1,6 +1,7 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
 import { connect, get, post } from "./api.js";
+import "./account.js";
 import "./control.js";
 import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./draft.js";
 import "./draft_keys.js";

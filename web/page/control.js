@@ -46,7 +46,7 @@ function show(now) {
   element("control-give").hidden = !now.yours;
   element("control-give").classList.toggle("due", Boolean(now.yours && asking));
   element("logout").hidden = !you.logged_in;
-  element("logout-name").textContent = you.name;
+  element("account-button").textContent = you.name;
   showUsers(you);
   if (seen !== null && seen.serial !== now.serial) tell(now);
   seen = now;

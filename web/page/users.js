@@ -77,6 +77,13 @@ function row(user) {
     act(async () => { await request("PUT", `${path}/password`, { password: secret.value }); renew.reset(); renew.hidden = true; say(`${user.name} has a new password.`, { good: true }); });
   };
   const ask = make("button", { "data-testid": "user-password-open", onclick: () => { renew.hidden = !renew.hidden; if (!renew.hidden) secret.focus(); } }, "Password …");
+  const shown = make("output", { class: "token", hidden: "", "data-testid": "user-token" });
+  const program = make("button", { title: "A new token for programs that act in this name; the one before it is void", "data-testid": "user-token-make" }, "Token …");
+  program.onclick = () => act(async () => {
+    const { token } = await post(`${path}/token`);
+    shown.replaceChildren("Shown this once: ", make("code", {}, token));
+    shown.hidden = false;
+  });
   const who = make("span", { class: "label" }, make("span", {}, user.name === me.name ? `${user.name} (you)` : user.name), make("small"));
   const remove = make("button", { "aria-label": `Remove ${user.name}`, "data-testid": "user-remove" }, "Remove");
   remove.onclick = () => {
@@ -85,7 +92,7 @@ function row(user) {
     remove.textContent = "Really remove?";
     setTimeout(() => { remove.classList.remove("sure"); remove.textContent = "Remove"; }, SURE_MS);
   };
-  return make("li", { "data-testid": "user", "data-name": user.name }, who, role, ask, remove, renew);
+  return make("li", { "data-testid": "user", "data-name": user.name }, who, role, ask, program, remove, renew, shown);
 }
 
 // What may have changed of a user.

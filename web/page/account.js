@@ -1,0 +1,19 @@
+// One's own password, for whoever is logged in. Not modal: the stop stays within reach.
+
+import { request } from "./api.js";
+import { element } from "./dom.js";
+import { attempt } from "./toasts.js";
+
+const dialog = element("account");
+const form = element("account-form");
+
+element("account-button").onclick = () => { form.reset(); dialog.show(); element("account-present").focus(); };
+element("account-close").onclick = () => dialog.close();
+dialog.addEventListener("keydown", (event) => { if (event.key === "Escape") dialog.close(); });
+form.onsubmit = (event) => {
+  event.preventDefault();
+  attempt(async () => {
+    await request("PUT", "/me/password", { present: element("account-present").value, password: element("account-new").value });
+    location.reload(); // every session of this user has ended
+  });
+};
