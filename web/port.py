@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import BewareClass, BewareList
+from navcore.followed import Track
 from navcore.frame import Intrinsics
 from navcore.grid import GridSpec, OccupancyGrid
 from navcore.mask import Mask
 from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path
-from navcore.people import Track
 from navcore.robot import RobotProfile, Twist
 from navcore.segment import Finder
 from navcore.transform import Matrix, Pose2
