@@ -15,7 +15,9 @@ ACCEL_MPS2 = 3.0
 WALKS_MPS, STANDS_MPS = 0.3, 0.15
 """Faster than this he walks, slower than that he stands."""
 MOVED_M = 0.25
-"""He must have come this far from where he was first seen."""
+"""He must have come this far from where he was first seen, or from where he has stood …"""
+RESTS_M = 0.35
+"""… and who stays as near as this to one place stands there, however his estimate trembles."""
 FRESH = 0.5
 """And this much of him must be where floor was seen."""
 STANDS_S = 1.0
@@ -91,8 +93,10 @@ class Followed:
     is_person: bool = False
     walks: bool = False
     rests_x_m: float = 0.0
-    """Where he has stood since he walked no more, or since he was first seen."""
+    """Where he may be standing …"""
     rests_y_m: float = 0.0
+    rested_s: float = 0.0
+    """… and for how long he has been seen there."""
     fresh: float = 0.0
     slow_s: float = 0.0
     radius_m: float = RADIUS_M
@@ -130,12 +134,13 @@ class Followed:
         self.fresh += 0.5 * (cluster.fresh - self.fresh)
         self._note(cluster, now_ns)
         speed = math.hypot(self.vx_mps, self.vy_mps)
-        self.slow_s = self.slow_s + min(step_s, LONGEST_STEP_S) if speed < STANDS_MPS else 0.0
+        step_s = min(step_s, LONGEST_STEP_S)
+        self.slow_s = self.slow_s + step_s if speed < STANDS_MPS else 0.0
+        self._rest(step_s)
         if self.walks:
             self.lately_mps += PACE_SHARE * (speed - self.lately_mps)
             self.pace_mps = max(self.pace_mps, self.lately_mps)
             self.walks = self.slow_s < STANDS_S
-            self.rests_x_m, self.rests_y_m = self.x_m, self.y_m
             if speed > BRISK * self.pace_mps:
                 self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
         elif self._sets_out(speed):
@@ -157,9 +162,15 @@ class Followed:
             last_seen_ns=self.seen_ns,
             unseen_s=unseen_s,
             pace_mps=self.pace_mps,
-            stood_s=self.slow_s,
+            stood_s=self.rested_s,
             course_rad=self.course_rad,
         )
+
+    def _rest(self, step_s: float) -> None:
+        if math.hypot(self.x_m - self.rests_x_m, self.y_m - self.rests_y_m) < RESTS_M:
+            self.rested_s += step_s
+        else:
+            self.rests_x_m, self.rests_y_m, self.rested_s = self.x_m, self.y_m, 0.0
 
     def _note(self, cluster: Cluster, now_ns: int) -> None:
         self.seen_ns, self.cells = now_ns, cluster.cells

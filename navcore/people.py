@@ -23,7 +23,7 @@ PERSON = "person"
 """What the beware list calls people."""
 GATE_M = 0.45
 """A cluster this near to where somebody should be is he."""
-UNSEEN_S, ELSEWHERE_S, STAYS_S = 1.0, 6.0, 20.0
+UNSEEN_S, ELSEWHERE_S, STAYS_S = 1.0, 8.0, 20.0
 """He is forgotten after this where the camera looks and does not see him, and where it does not look if he walked or stood."""
 GONE_S = 0.25
 """And after this where the camera sees the floor, both where he should be by now and where he was lost from sight."""

@@ -5,7 +5,7 @@ nobody may be near it, nobody may be about to come there, and that whether he wa
 has only stopped on his way may do either, or step aside. So the robot passes behind somebody, and only once it would be past
 before he is back; until then it waits off his line. The second looks at no prediction: the robot must be able to stand still
 before anybody could reach it, wherever he turns. Out of sight the room that he may be in grows at his pace, about where he was
-lost, until he has been gone for so long that he went on.
+lost, until he has been gone for long.
 """
 
 from __future__ import annotations
@@ -38,11 +38,9 @@ class PeopleRules:
     waiting_s: float = between(0.0, 10.0, default=3.0)
     """… where nobody will come for so long."""
     settled_s: float = between(0.0, 60.0, default=8.0)
-    """Who has walked and then stood for less than this may set out again at any moment, out of sight, too …"""
+    """Whoever walked is expected to do so again for so long after he stopped, or was lost from sight."""
     passing_s: float = between(0.0, 10.0, default=1.5)
-    """… and nowhere that he can come to within this time does the robot pass him: it waits."""
-    turning_m: float = between(0.0, 10.0, default=3.0)
-    """Who walked out of sight may have turned back where he was lost from it, until he can have come this far."""
+    """Nowhere that somebody who has only stopped can come to within this time does the robot pass him: it waits."""
     near_m: float = between(0.0, 3.0, default=1.0)
     """Nearer to somebody than this …"""
     near_mps: float = between(0.1, 1.0, default=0.5)
@@ -91,7 +89,7 @@ class Bodies:
         return Bodies(
             walking=_seen_from(pose, ways, columns=5),
             standing=_seen_from(pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5),
-            restless=_seen_from(pose, [_reach(person) for person in moving if _may_be_back(person, rules)], columns=4),
+            restless=_seen_from(pose, [_reach(person) for person in moving], columns=4),
         )
 
     def turned_about(self) -> Bodies:
@@ -108,8 +106,9 @@ class Bodies:
 
 
 def _is_restless(person: Track, rules: PeopleRules) -> bool:
-    """Whether he walks, or has walked and not stood for long since; out of sight nobody is seen to stand."""
-    return _walks(person) or (person.pace_mps > 0 and person.stood_s + person.unseen_s < rules.settled_s)
+    """Whether he walks, or has walked and may set out again; out of sight nobody is seen to stand."""
+    since_s = person.unseen_s + (0.0 if _walks(person) else person.stood_s)
+    return person.speed_mps + person.pace_mps > 0 and since_s < rules.settled_s
 
 
 def _walks(person: Track) -> bool:
@@ -130,10 +129,6 @@ def _ways(person: Track, rules: PeopleRules) -> list[tuple[float, ...]]:
         return [(person.x_m, person.y_m, person.vx_mps, person.vy_mps, person.radius_m), back]
     aside = (person.x_m, person.y_m, 0.0, 0.0, person.radius_m + pace * rules.passing_s)
     return [(person.x_m, person.y_m, vx, vy, person.radius_m), back, aside]
-
-
-def _may_be_back(person: Track, rules: PeopleRules) -> bool:
-    return not _walks(person) or _pace_mps(person) * person.unseen_s < rules.turning_m
 
 
 def _reach(person: Track) -> tuple[float, ...]:

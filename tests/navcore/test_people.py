@@ -9,13 +9,14 @@ import pytest
 
 from navcore.beware import BewareClass, BewareList
 from navcore.config import NavigatorConfig
-from navcore.followed import Track
+from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
 from navcore.people import PERSON, PeopleTracker
 from navcore.robot import HUSKY
 from navcore.segment import ColourSegmenter, Labels
+from navcore.sightings import Cluster
 from navcore.transform import Pose2
 from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
 
@@ -134,6 +135,34 @@ def test_who_stops_is_known_to_be_a_walker_and_for_how_long_he_has_stood() -> No
     assert 1.5 < standing.stood_s < 3.0
 
 
+def test_who_stands_far_away_is_known_to_stand_though_his_place_trembles() -> None:
+    rng = np.random.default_rng(0)
+    one = Followed(id=1, first=at_range(3.8, 0.0), now_ns=0)
+    for k in range(1, 130):
+        one.predict(0.1, lost=False)
+        along = min(0.08 * k, 2.0)
+        one.see(at_range(3.8 + rng.normal(0, 0.06), along + rng.normal(0, 0.06)), k * TENTH_NS)
+    assert one.is_person
+    assert one.track(129 * TENTH_NS).stood_s > 8.0
+
+
+def at_range(x_m: float, y_m: float) -> Cluster:
+    """What could be a person, where floor was seen before."""
+    cells = np.array([[round(y_m / 0.1), round(x_m / 0.1)]])
+    return Cluster(x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, fresh=1.0, labelled=0.0, cells=cells)
+
+
+def test_who_sets_out_slowly_again_is_known_to_walk() -> None:
+    """At a pace that is hardly above the noise of the estimate: by how far he has come."""
+    tracker = PeopleTracker()
+    walk(tracker, (2.0, -0.4), (0.0, 0.42), 12)
+    for k in range(12, 40):
+        follow(tracker, picture(somebody(2.0, 0.06), stamp_ns=k * TENTH_NS))
+    for k in range(40, 52):
+        (track,) = follow(tracker, picture(somebody(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS))
+    assert track.vy_mps == pytest.approx(-0.42, abs=0.12)
+
+
 def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_floor_beside_him() -> None:
     """The camera turns away from somebody who stands: what it sees of him last is his side, and then the floor beside that."""
     tracker = PeopleTracker()
@@ -156,7 +185,7 @@ def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_
     assert later.y_m == pytest.approx(last.y_m + 1.0 * last.vy_mps, abs=0.05)
     assert later.radius_m > last.radius_m
     assert later.last_seen_ns == last.last_seen_ns
-    for k in range(22, 80):
+    for k in range(22, 100):
         tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
     assert tracks == ()
 
