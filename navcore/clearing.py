@@ -45,10 +45,10 @@ def find_outdated(
 ) -> Indices:
     """Indices of the points that the frame sees through, or measures again for the same pose or from much nearer.
 
-    A point's pixel and its eight neighbours are looked at: one that measures something nearer hides the point, and the point is
-    seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured again"
-    by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost at a
-    grazing angle nor a nod of the robot when it brakes must free it.
+    A point's pixel and its neighbours in the picture are looked at: one that measures something nearer hides the point, and the
+    point is seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured
+    again" by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost
+    at a grazing angle nor a nod of the robot when it brakes must free it.
     """
     found = np.empty(count, dtype=np.int64)
     found_count = 0
@@ -76,12 +76,12 @@ def _is_outdated(
 ) -> bool:
     height, width = depth_m.shape
     i, j, depth = pixel_of(point, t, lens)
-    if depth < NEAREST_M or depth > max_range_m or i < 1 or i >= height - 1 or j < 1 or j >= width - 1:
+    if depth < NEAREST_M or depth > max_range_m or i < 0 or i >= height or j < 0 or j >= width:
         return False
     tolerance = clearing[0] + clearing[1] * depth * depth
     nearest = np.inf
-    for r in range(i - 1, i + 2):
-        for c in range(j - 1, j + 2):
+    for r in range(max(i - 1, 0), min(i + 2, height)):
+        for c in range(max(j - 1, 0), min(j + 2, width)):
             if 0.0 < depth_m[r, c] < nearest:
                 nearest = depth_m[r, c]
     beware = point.class_id != NOTHING  # type: ignore[attr-defined]

@@ -14,6 +14,7 @@ from navcore.approach import towards
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
+from navcore.followed import Track
 from navcore.frame import Frame, check_frame
 from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
 from navcore.local_planner import IDLE, Motion, Outcome, Points, plan_motion
@@ -21,7 +22,7 @@ from navcore.mask import Mask
 from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
-from navcore.people import PERSON, PeopleTracker, Track
+from navcore.people import PERSON, PeopleTracker
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile
@@ -113,7 +114,7 @@ class Navigator:
         check_frame(frame)
         labels = self.label(frame, order)
         ground_m = self.survey(frame)
-        people = self.track(frame, labels, order)
+        people = self.track(frame, labels, order, ground_m)
         self.remember(frame, labels, order, ground_m)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
@@ -129,9 +130,9 @@ class Navigator:
         """(H, W) how high the ground lies below what each pixel shows."""
         return ground_heights(frame, self._config.points.max_slope)
 
-    def track(self, frame: Frame, labels: Labels, order: Order) -> tuple[Track, ...]:
+    def track(self, frame: Frame, labels: Labels, order: Order, ground_m: Image | None = None) -> tuple[Track, ...]:
         """Everybody who walks, and everybody whom the segmenter recognises."""
-        return self._tracker.follow(frame, labels, order.beware)
+        return self._tracker.follow(frame, labels, order.beware, ground_m)
 
     def remember(self, frame: Frame, labels: Labels, order: Order, ground_m: Image | None = None) -> None:
         """Put the frame's points on the map, under its pose ID, but for those of people who walk; note the ground trodden."""
@@ -273,7 +274,7 @@ class Navigator:
             profile=self._profile,
             rules=self._config.local,
             cell_m=around.spec.resolution_m,
-            people=Bodies.of(people, pose),
+            people=Bodies.of(people, pose, self._config.people),
             manners=self._config.people,
             goal_yaw_rad=goal_yaw_rad,
             retreat_map=self._trail if self._recovery.means is Means.BACK else None,

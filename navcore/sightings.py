@@ -7,6 +7,7 @@ what holds floor that was seen a moment ago has come there by itself.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from navcore.frame import Frame
 from navcore.search.bits import compiled
+from navcore.terrain import Image, flat
 
 CELL_M = 0.1
 """Side of a cell; cells are counted from the map's origin."""
@@ -37,12 +39,18 @@ FRESH_S = 4.0
 """A cell is fresh where floor was seen so shortly before it was held."""
 FILL_M = 0.6
 """Between two neighbouring pixels of floor nearer to each other than this there is floor."""
-LARGEST_M = 0.9
-"""Nobody is wider."""
+LARGEST_M = 1.2
+"""Nobody is wider, nor is what else moves about in a crowd."""
+RADIUS_M = 0.3
+"""Of the disc that somebody takes up, feet and arms included."""
 UPRIGHT_M = 0.5
 """Nobody is lower."""
-FACE_M = 0.1
-"""The side of somebody that is seen is so far before his middle."""
+FACE_M, ROUND_FACE = 0.1, 0.785
+"""The side of somebody that is seen is so far before his middle; that of something round, by so much of its radius."""
+EDGE = 0.7
+"""Of a cell: what lies in two cells so and so far apart is this much wider, in the mean."""
+NEARLY = 0.85
+"""Of a disc; single cells are missed by the rows of pixels, and hidden by noise."""
 SHARE = 0.04
 """Of the pixels that 1 m × 1 m would take up at the same distance, at least; a person seen whole has some ten times as many."""
 
@@ -64,8 +72,12 @@ class Cluster:
     """Share of its cells that showed floor a moment before."""
     labelled: float
     """Share of its pixels that the segmenter calls a person."""
+    radius_m: float
+    """Of the disc that it takes up, by its width as it is seen; a person's at least."""
     cells: Cells
     """(K, 2) row and column of its cells, of `CELL_M` and counted from the map's origin."""
+    cut: bool = False
+    """Whether it reaches the border of the picture, so that a part of it may be beyond."""
 
 
 class Ground:
@@ -76,12 +88,16 @@ class Ground:
         self._free_s: Floats = np.full((SIDE, SIDE), -np.inf)
         self._held_s: Floats = np.full((SIDE, SIDE), np.inf)
 
-    def look(self, frame: Frame, named: npt.NDArray[np.bool_]) -> list[Cluster]:
-        """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person."""
+    def look(self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None) -> list[Cluster]:
+        """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person.
+
+        `ground_m` (H, W) is the height of the ground, 0 by default.
+        """
+        ground_m = flat(frame.depth_m.shape) if ground_m is None else ground_m
         t, lens, now_s = frame.T_map_camera, frame.intrinsics, frame.stamp_ns / 1e9
         origin = np.floor(t[:2, 3] / CELL_M).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))
-        _bin(frame.depth_m, named, t, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), origin, counts, sums)
+        _bin(frame.depth_m, ground_m, named, t, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), origin, counts, sums)
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
         # Floor beside something may be its foot, scattered: only what lies amid floor is surely free.
         floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
@@ -91,7 +107,9 @@ class Ground:
         eye, focal = t[:2, 3], lens.fx * lens.fy / 2
         found, crowded = _clusters(loose, kinds, counts, sums, origin, eye, focal)
         parts, _ = _clusters((crowded & (kinds == _FRESH)).view(np.uint8), kinds, counts, sums, origin, eye, focal)
-        return found + parts
+        return [
+            dataclasses.replace(one, cut=not looks_at(frame, one.x_m, one.y_m, _half_width_m(one))) for one in found + parts
+        ]
 
     def keep_loose(self, cells: Cells, now_s: float) -> None:
         """What these cells (K, 2) hold does not stand there for good, however long it has."""
@@ -104,21 +122,29 @@ class Ground:
         wide = np.unique((cells[:, None] + beside[None]).reshape(-1, 2), axis=0)
         return np.asarray(wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S])
 
-    def is_floor(self, x_m: float, y_m: float, now_s: float) -> bool:
-        """Whether the newest frame shows floor at and about a place of the map frame."""
+    def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
+        """Whether the newest frame shows floor (nearly) everywhere within a disc of the map frame."""
+        reach = math.ceil(radius_m / CELL_M)
         row, col = math.floor(y_m / CELL_M), math.floor(x_m / CELL_M)
-        rows, cols = np.mgrid[row - 1 : row + 2, col - 1 : col + 2] % SIDE
-        return int((self._free_s[rows, cols] == now_s).sum()) >= 5
+        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
+        within = np.hypot((rows + 0.5) * CELL_M - y_m, (cols + 0.5) * CELL_M - x_m) < radius_m
+        return float((self._free_s[rows % SIDE, cols % SIDE][within] == now_s).mean()) >= NEARLY
 
 
 _FIXED, _LOOSE, _FRESH = range(1, 4)
 
 
-def looks_at(frame: Frame, x_m: float, y_m: float) -> bool:
-    """Whether somebody who stood at a place of the map frame would be before the camera and in its range."""
+def looks_at(frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
+    """Whether somebody who stood at a place would be before the camera and in its range, with all his width."""
     x, _, depth = frame.T_map_camera[:3, :3].T @ (np.array([x_m, y_m, 0.5]) - frame.T_map_camera[:3, 3])
     lens = frame.intrinsics
-    return bool(0 < depth <= RANGE_M and 0 <= x / depth * lens.fx + lens.cx < lens.width)
+    left, right = ((x + aside) * lens.fx + lens.cx * depth for aside in (-half_width_m, half_width_m))
+    return bool(0 < depth <= RANGE_M and left >= 0 and right < lens.width * depth)
+
+
+def _half_width_m(cluster: Cluster) -> float:
+    """Half of the longer side of the box about its cells, and half a cell for the border's sake."""
+    return float(np.ptp(cluster.cells, axis=0).max() + 2) * CELL_M / 2
 
 
 def _clusters(
@@ -147,7 +173,10 @@ def _clusters(
         range_m = max(math.hypot(x_m - eye[0], y_m - eye[1]), 0.2)
         if sums[window][part][:, 2].max() < UPRIGHT_M or pixels * range_m**2 < SHARE * focal:
             continue
-        away = FACE_M / range_m
+        cells = np.argwhere(part) + np.array([top + origin[1], left + origin[0]])
+        radius_m = _radius_m(cells, (x_m - eye[0]) / range_m, (y_m - eye[1]) / range_m)
+        # Who is no wider than a person is as deep as one; what is wider is taken to be round.
+        away = (FACE_M + (radius_m - RADIUS_M) * (ROUND_FACE * LARGEST_M / 2 - FACE_M) / (LARGEST_M / 2 - RADIUS_M)) / range_m
         found.append(
             Cluster(
                 x_m=float(x_m + away * (x_m - eye[0])),
@@ -155,15 +184,23 @@ def _clusters(
                 range_m=range_m,
                 fresh=float((kinds[window][part] == _FRESH).mean()),
                 labelled=float(labelled / pixels),
-                cells=np.argwhere(part) + np.array([top + origin[1], left + origin[0]]),
+                radius_m=radius_m,
+                cells=cells,
             )
         )
     return found, crowded
 
 
+def _radius_m(cells: Cells, ahead_x: float, ahead_y: float) -> float:
+    """Half of how far the cells (K, 2) reach across the line of sight, whose direction is given."""
+    aside = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y
+    return min(max((float(np.ptp(aside)) + EDGE) * CELL_M / 2, RADIUS_M), LARGEST_M / 2)
+
+
 @compiled
 def _bin(
     depth_m: npt.NDArray[np.float32],
+    ground_m: npt.NDArray[np.float32],
     named: npt.NDArray[np.bool_],
     t: Floats,
     lens: Floats,
@@ -183,7 +220,7 @@ def _bin(
             b = (i - lens[3]) / lens[1]
             x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
             y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
-            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
+            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3] - ground_m[i, j]
             if abs(z) < FLOOR_M and depth <= FLOOR_RANGE_M:
                 steps = 1
                 if floor_before:

@@ -1,8 +1,11 @@
-"""Keeping clear of people: where they will be along a motion, and how fast the robot may be beside them.
+"""Keeping clear of people: where they may be along a motion, and how fast the robot may be beside them.
 
 Two rules, and either is enough by itself when the other errs. The first looks ahead: at the moment the robot would be at a pose
-nobody may be near it, and nobody may be about to come there, so that it passes behind somebody and not before him. The second
-looks at no prediction: the robot must be able to stand still before the nearest walker could reach it, wherever he turns.
+nobody may be near it, nobody may be about to come there, and that whether he walks on as he does or turns back this moment; who
+has only stopped on his way may do either, or step aside. So the robot passes behind somebody, and only once it would be past
+before he is back; until then it waits off his line. The second looks at no prediction: the robot must be able to stand still
+before anybody could reach it, wherever he turns. Out of sight the room that he may be in grows at his pace, about where he was
+lost, until he has been gone for long.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.people import Track
+from navcore.followed import BRISK, Track
 from navcore.robot import RobotProfile
 from navcore.settings import between
 from navcore.transform import Pose2
@@ -34,6 +37,10 @@ class PeopleRules:
     """The robot is past a place so long before somebody comes there, or it waits …"""
     waiting_s: float = between(0.0, 10.0, default=3.0)
     """… where nobody will come for so long."""
+    settled_s: float = between(0.0, 60.0, default=8.0)
+    """Whoever walked is expected to do so again for so long after he stopped, or was lost from sight."""
+    passing_s: float = between(0.0, 10.0, default=1.5)
+    """Nowhere that somebody who has only stopped can come to within this time does the robot pass him: it waits."""
     near_m: float = between(0.0, 3.0, default=1.0)
     """Nearer to somebody than this …"""
     near_mps: float = between(0.1, 1.0, default=0.5)
@@ -50,7 +57,7 @@ SHORT_M = 0.05
 """Left between somebody who turns towards the robot and the robot that has stopped."""
 SLOWEST_MPS = 0.5
 """Whoever walks may walk at least this fast the next moment."""
-TURNING_S = 2.0
+TURNING_S = 0.0
 """Whoever is out of sight for no longer may have turned back where he was lost from it."""
 ASIDE_M = 0.2
 """Who waits leaves so much more room, for nobody walks quite straight."""
@@ -65,35 +72,80 @@ class Bodies:
     """People in the base frame, as they are now."""
 
     walking: Floats
-    """(P, 5) x, y, velocity along both, radius."""
+    """(P, 5) x, y, velocity along both, radius; each as often as there are ways for him to go. Whoever walks goes on, or turns
+    back this moment; who has only stopped on his way does either, or sets out somewhere while the robot passes."""
     standing: Floats
     """(Q, 5) the same; the velocities are 0."""
-    turning: Floats = field(default_factory=lambda: np.empty((0, 5)))
-    """(R, 5) those who walk out of sight once more, where they were lost from it: they may have turned back there."""
+    restless: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    """(R, 4) x, y, pace, radius of where each of those who walk, or have only stopped, may be by now: where he is seen, or
+    about where he was lost from sight, however far he can have come since then."""
 
     @staticmethod
-    def of(people: tuple[Track, ...], pose: Pose2) -> Bodies:
+    def of(people: tuple[Track, ...], pose: Pose2, rules: PeopleRules = MANNERS) -> Bodies:
         """As seen from a pose of the robot in the map frame."""
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        turn = np.array([[cos, -sin], [sin, cos]])
-        lost = [(p, p.at(-p.unseen_s)) for p in people if 0 < p.unseen_s < TURNING_S]
-        places = [(p, (p.x_m, p.y_m)) for p in people] + lost
-        rows = np.array([[x - pose.x_m, y - pose.y_m, p.vx_mps, p.vy_mps, p.radius_m] for p, (x, y) in places]).reshape(-1, 5)
-        rows[:, :2], rows[:, 2:4] = rows[:, :2] @ turn, rows[:, 2:4] @ turn
-        walks = rows[:, 2:4].any(axis=1)
-        now = np.arange(len(rows)) < len(people)
-        return Bodies(walking=rows[walks & now], standing=rows[~walks & now], turning=rows[walks & ~now])
+        moving = [person for person in people if _is_restless(person, rules)]
+        standing = [person for person in people if person not in moving]
+        ways = [way for person in moving for way in _ways(person, rules)]
+        return Bodies(
+            walking=_seen_from(pose, ways, columns=5),
+            standing=_seen_from(pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5),
+            restless=_seen_from(pose, [_reach(person) for person in moving], columns=4),
+        )
 
     def turned_about(self) -> Bodies:
         """The same people, seen from a robot that faces the other way."""
         sign = np.array([-1.0, -1.0, -1.0, -1.0, 1.0])
-        return Bodies(walking=self.walking * sign, standing=self.standing * sign, turning=self.turning * sign)
+        restless = self.restless * np.array([-1.0, -1.0, 1.0, 1.0])
+        return Bodies(walking=self.walking * sign, standing=self.standing * sign, restless=restless)
 
     def outlines(self) -> Floats:
         """(N, 2) points around everybody who stands: obstacles like any other."""
         angles = np.linspace(0.0, 2 * math.pi, 20, endpoint=False)
         circle = np.column_stack([np.cos(angles), np.sin(angles)])
         return np.vstack([np.empty((0, 2)), *(body[:2] + body[4] * circle for body in self.standing)])
+
+
+def _is_restless(person: Track, rules: PeopleRules) -> bool:
+    """Whether he walks, or has walked and may set out again; out of sight nobody is seen to stand."""
+    since_s = person.unseen_s + (0.0 if _walks(person) else person.stood_s)
+    return person.speed_mps + person.pace_mps > 0 and since_s < rules.settled_s
+
+
+def _walks(person: Track) -> bool:
+    """Whether he walks on briskly; slower he is about to stop or to turn."""
+    return person.speed_mps > BRISK * person.pace_mps
+
+
+def _pace_mps(person: Track) -> float:
+    return max(person.speed_mps, person.pace_mps, SLOWEST_MPS)
+
+
+def _ways(person: Track, rules: PeopleRules) -> list[tuple[float, ...]]:
+    """x, y, velocity along both and radius, map frame, for each way that he may go from now on."""
+    pace, course = _pace_mps(person), person.course_rad if person.pace_mps else math.atan2(person.vy_mps, person.vx_mps)
+    vx, vy = pace * math.cos(course), pace * math.sin(course)
+    back = (person.x_m, person.y_m, -vx, -vy, person.radius_m)
+    if _walks(person):
+        return [(person.x_m, person.y_m, person.vx_mps, person.vy_mps, person.radius_m), back]
+    aside = (person.x_m, person.y_m, 0.0, 0.0, person.radius_m + pace * rules.passing_s)
+    return [(person.x_m, person.y_m, vx, vy, person.radius_m), back, aside]
+
+
+def _reach(person: Track) -> tuple[float, ...]:
+    """x, y, map frame, pace and radius of where he may be: where he is seen, or about where he was lost, since then."""
+    pace, (x, y) = _pace_mps(person), person.at(-person.unseen_s)
+    return x, y, pace, person.radius_m + pace * person.unseen_s
+
+
+def _seen_from(pose: Pose2, rows: list[tuple[float, ...]], columns: int) -> Floats:
+    """(N, columns) the rows in the base frame: x, y and, if there are five columns, the velocity along both are turned."""
+    array = np.array(rows).reshape(-1, columns)
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    array[:, :2] = (array[:, :2] - [pose.x_m, pose.y_m]) @ turn
+    if columns == 5:
+        array[:, 2:4] = array[:, 2:4] @ turn
+    return array
 
 
 NOBODY = Bodies(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
@@ -115,12 +167,13 @@ def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: Robot
 def allowed_mps(bodies: Bodies, profile: RobotProfile, rules: PeopleRules) -> float:
     """How fast any point of the body may be, for the people that are near; 0 to stand, infinite with nobody near."""
     most = math.inf
-    for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing, bodies.turning]).tolist():
+    for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing]).tolist():
         gap_m = _gap(x, y, profile) - radius
         most = min(most, rules.near_mps + max(0.0, gap_m - rules.near_m))
         if vx or vy:
-            ahead = x > 0
-            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), ahead, rules))
+            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), x > 0, rules))
+    for x, y, pace_mps, radius in bodies.restless.tolist():
+        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, x > 0, rules))
     return 0.0 if most < LEAST_MPS else most
 
 

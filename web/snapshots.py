@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navcore.followed import Track
 from navcore.frame import Intrinsics
 from navcore.grid import GridSpec, OccupancyGrid
 from navcore.mask import Mask
 from navcore.mission import Goal, Phase
 from navcore.occupancy import Occupancy
-from navcore.people import Track
 from navcore.robot import Twist
 from navcore.safety import StopReason
 from navcore.transform import Matrix, Pose2

@@ -12,10 +12,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.followed import Track
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.local_planner import IDLE, LocalRules, Motion, Outcome, Points, candidates, path_from, plan_motion
 from navcore.near_cells import hard_cells, nearby
-from navcore.people import Track
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.transform import Pose2
 from navcore.yielding import MANNERS, NOBODY, Bodies
@@ -425,11 +425,136 @@ def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
     assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is Outcome.FOLLOW
 
 
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_who_turned_back_when_he_was_lost_from_sight_does_not_reach_the_robot_before_it_stands(seed: int) -> None:
+    """He was last seen at a place, and has since come towards the robot at his pace, whatever is thought of him."""
+    rng = np.random.default_rng(seed)
+    (x, y), speed, heading, unseen_s = rng.uniform(-3, 3, 2), rng.uniform(0.5, 1.6), rng.uniform(-3, 3), rng.uniform(0.1, 1.9)
+    vx, vy = speed * math.cos(heading), speed * math.sin(heading)
+    lost = Track(
+        id=1,
+        x_m=x + vx * unseen_s,
+        y_m=y + vy * unseen_s,
+        vx_mps=vx,
+        vy_mps=vy,
+        radius_m=0.3,
+        age_s=3.0,
+        last_seen_ns=0,
+        unseen_s=unseen_s,
+    )
+    twist = decide(people=Bodies.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))).twist
+    fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
+    assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+
+
+def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> Bodies:
+    """Somebody who walked and then stopped, in the base frame."""
+    track = Track(
+        id=1, x_m=x, y_m=y, vx_mps=0.0, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=pace, stood_s=stood_s
+    )
+    return Bodies.of((track,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+
+
+def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_driven_round() -> None:
+    walls = np.array([[x, y] for x in np.arange(-1.0, 3.0, 0.1) for y in (-1.3, 1.3)])
+    assert stands(decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), Outcome.YIELD)
+    settled = decide(geometric=walls, people=stopped(1.5, 0.4, stood_s=20.0))
+    assert settled.outcome is Outcome.FOLLOW
+    assert settled.twist.w_radps < 0
+    assert decide(people=stopped(1.5, 2.4, stood_s=2.0)).twist.v_mps > 0.3  # out of the way: nobody waits
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int) -> None:
+    """Whichever way he goes, at the pace at which he came."""
+    rng = np.random.default_rng(seed)
+    (x, y), pace = rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.6)
+    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace)).twist
+    fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
+    assert fastest == 0.0 or gap > pace * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+
+
+def just_past(*, ways: slice = slice(None)) -> Bodies:
+    """Somebody who has walked across the robot's way and is a step beyond it, and so many of the ways that he may go."""
+    track = Track(id=1, x_m=1.2, y_m=0.9, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0)
+    people = Bodies.of((track,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    return dataclasses.replace(people, walking=people.walking[ways])
+
+
+def test_behind_somebody_the_robot_waits_until_it_would_be_past_before_he_is_back() -> None:
+    assert stands(decide(people=just_past()), Outcome.YIELD)
+    assert decide(people=just_past(ways=slice(1))).twist.v_mps > 0.1  # the control: as though nobody ever turned back
+
+
+def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bool]:
+    """Somebody crosses the robot's way, turns, after a rest, and comes back; whether they touch, and while the robot moves.
+
+    The camera sees 43° to either side; out of sight he is thought to walk on.
+    """
+    pose, motion, period_s, v_mps = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE, 0.1, 0.0
+    path, y, seen, unseen_s, stood_s = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)]), -2.2, (3.0, -2.2, 0.8), 0.0, 0.0
+    for k in range(250):
+        t = k * period_s
+        speed = 0.8 if t < turns_s else -0.8 if t > turns_s + stands_s and y > -2.2 else 0.0
+        y += speed * period_s
+        x, aside = (path_from(np.array([[3.0, y]]), pose) @ np.eye(2))[0].tolist()
+        if abs(math.atan2(aside, x - 0.35)) < math.radians(43.0):
+            seen, unseen_s, stood_s = (3.0, y, speed), 0.0, stood_s + period_s if speed == 0.0 else 0.0
+        else:
+            unseen_s += period_s
+        track = Track(
+            id=1,
+            x_m=seen[0],
+            y_m=seen[1] + seen[2] * unseen_s,
+            vx_mps=0.0,
+            vy_mps=seen[2],
+            radius_m=0.3,
+            age_s=9.0,
+            last_seen_ns=0,
+            unseen_s=unseen_s,
+            pace_mps=0.8,
+            stood_s=stood_s,
+            course_rad=math.copysign(math.pi / 2, seen[2]),
+        )
+        motion = plan_motion(
+            geometric=NONE,
+            ruled=NONE,
+            unseen=NONE,
+            path_map=path,
+            pose=pose,
+            previous=motion,
+            profile=HUSKY,
+            rules=RULES,
+            cell_m=0.1,
+            people=Bodies.of((track,) if care and unseen_s < 8.0 else (), pose),
+        )
+        v_mps += float(np.clip(motion.twist.v_mps - v_mps, -3.0 * period_s, 3.0 * period_s))
+        turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * period_s / 2)
+        pose = pose @ turn @ Pose2(x_m=v_mps * period_s, y_m=0.0, yaw_rad=0.0) @ turn
+        if shapely.distance(footprints([pose])[0], shapely.Point(3.0, y)) < 0.28:
+            return True, v_mps != 0.0 or motion.twist != STANDSTILL
+    return False, False
+
+
+@pytest.mark.parametrize(("turns_s", "stands_s"), [(2.6, 0.0), (3.4, 0.0), (3.4, 4.0), (4.2, 3.0)])
+def test_the_robot_does_not_drive_into_somebody_who_comes_back_out_of_sight_or_in_it(turns_s: float, stands_s: float) -> None:
+    assert comes_back(turns_s, stands_s, care=True) == (False, False)
+
+
+def test_without_care_it_does() -> None:
+    """The control of the scene."""
+    assert any(comes_back(turns_s, 0.0, care=False)[1] for turns_s in (2.6, 3.0, 3.4))
+
+
 def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> None:
     lost = Track(id=1, x_m=0.8, y_m=1.6, vx_mps=0.0, vy_mps=0.8, radius_m=0.35, age_s=3.0, last_seen_ns=0, unseen_s=1.0)
     here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     assert stands(decide(people=Bodies.of((lost,), here)), Outcome.YIELD)
-    later = dataclasses.replace(lost, y_m=2.8, unseen_s=2.5)
+    later = dataclasses.replace(lost, y_m=7.3, unseen_s=8.1)
     assert decide(people=Bodies.of((later,), here)).twist.v_mps > 0.5
 
 

@@ -9,12 +9,14 @@ import pytest
 
 from navcore.beware import BewareClass, BewareList
 from navcore.config import NavigatorConfig
+from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
-from navcore.people import PERSON, PeopleTracker, Track
+from navcore.people import PERSON, PeopleTracker
 from navcore.robot import HUSKY
 from navcore.segment import ColourSegmenter, Labels
+from navcore.sightings import Cluster
 from navcore.transform import Pose2
 from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
 
@@ -108,6 +110,73 @@ def test_who_stops_has_no_velocity_a_while_later_and_walks_on_as_himself() -> No
     assert walking.vy_mps == pytest.approx(0.8, abs=0.15)
 
 
+def test_what_is_wider_than_a_person_is_followed_at_its_width_and_its_middle() -> None:
+    """A disc of half a metre's radius, in four slices."""
+    tracker, tracks = PeopleTracker(), tuple[Track, ...]()
+    for k in range(14):
+        y = -0.6 + 0.08 * k
+        disc = [
+            Box(x=(2.5 - a, 2.5 + a), y=(y - b, y + b), z=(0.0, 1.2))
+            for a, b in ((0.5, 0.15), (0.4, 0.3), (0.25, 0.43), (0.1, 0.5))
+        ]
+        tracks = follow(tracker, picture(*disc, stamp_ns=k * TENTH_NS))
+    (track,) = tracks
+    assert track.radius_m == pytest.approx(0.5, abs=0.1)
+    assert math.dist((track.x_m, track.y_m), (2.5, -0.6 + 0.08 * 13)) < 0.2
+
+
+def test_who_stops_is_known_to_be_a_walker_and_for_how_long_he_has_stood() -> None:
+    tracker = PeopleTracker()
+    walking = walk(tracker, (2.4, -0.8), (0.0, 0.8), 12)[-1][0]
+    assert walking.pace_mps == pytest.approx(0.8, abs=0.2)
+    for k in range(12, 42):
+        (standing,) = follow(tracker, picture(somebody(2.4, 0.08), stamp_ns=k * TENTH_NS))
+    assert standing.pace_mps == pytest.approx(walking.pace_mps, abs=0.1)
+    assert 2.5 < standing.stood_s < 3.5
+
+
+def test_who_stands_far_away_is_known_to_stand_though_his_place_trembles() -> None:
+    rng = np.random.default_rng(0)
+    one = Followed(id=1, first=at_range(3.8, 0.0), now_ns=0)
+    for k in range(1, 130):
+        one.predict(0.1, lost=False)
+        along = min(0.08 * k, 2.0)
+        one.see(at_range(3.8 + rng.normal(0, 0.06), along + rng.normal(0, 0.06)), k * TENTH_NS)
+    assert one.is_person
+    assert one.track(129 * TENTH_NS).stood_s > 8.0
+
+
+def at_range(x_m: float, y_m: float) -> Cluster:
+    """What could be a person, where floor was seen before."""
+    cells = np.array([[round(y_m / 0.1), round(x_m / 0.1)]])
+    return Cluster(x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, fresh=1.0, labelled=0.0, cells=cells)
+
+
+def test_who_sets_out_slowly_again_is_known_to_walk() -> None:
+    """At a pace that is hardly above the noise of the estimate: by how far he has come."""
+    tracker = PeopleTracker()
+    walk(tracker, (2.0, -0.4), (0.0, 0.42), 12)
+    for k in range(12, 40):
+        follow(tracker, picture(somebody(2.0, 0.06), stamp_ns=k * TENTH_NS))
+    for k in range(40, 52):
+        (track,) = follow(tracker, picture(somebody(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS))
+    assert track.vy_mps == pytest.approx(-0.42, abs=0.12)
+
+
+def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_floor_beside_him() -> None:
+    """The camera turns away from somebody who stands: what it sees of him last is his side, and then the floor beside that."""
+    tracker = PeopleTracker()
+    walk(tracker, (1.6, -0.6), (0.0, 0.6), 12)
+    place = (1.6, 0.06)
+    for k in range(12, 30):
+        follow(tracker, picture(somebody(*place), stamp_ns=k * TENTH_NS))
+    for k in range(30, 60):
+        away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=-min(0.05 * (k - 30), 0.95))
+        tracks = follow(tracker, picture(somebody(*place), pose=away, stamp_ns=k * TENTH_NS))
+    (track,) = tracks
+    assert math.dist((track.x_m, track.y_m), place) < 0.25
+
+
 def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_forgotten() -> None:
     tracker = PeopleTracker()
     (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]
@@ -116,7 +185,7 @@ def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_
     assert later.y_m == pytest.approx(last.y_m + 1.0 * last.vy_mps, abs=0.05)
     assert later.radius_m > last.radius_m
     assert later.last_seen_ns == last.last_seen_ns
-    for k in range(22, 60):
+    for k in range(22, 100):
         tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
     assert tracks == ()
 
@@ -139,7 +208,7 @@ def occupied_after_he_left(*, tracked: bool) -> int:
     """Cells held where somebody walked, when the camera turned away while he was still there and a second has passed."""
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     if not tracked:
-        navigator.track = lambda frame, labels, order: ()  # type: ignore[method-assign]
+        navigator.track = lambda *arguments: ()  # type: ignore[method-assign]
     order = Order(goal=None, beware=NO_LIST, zones=())
     for k in range(12):
         navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
