@@ -43,7 +43,7 @@ def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(exa
 
 
 def test_the_recipe_of_the_readme_is_one(example: Callable[[str], Path]) -> None:
-    assert load_recipe(example("variant =")).size == Size(height=256, width=416)
+    assert load_recipe(example("variant =")).size == Size(height=384, width=640)
 
 
 def test_every_make_target_and_file_that_the_readme_names_exists() -> None:
