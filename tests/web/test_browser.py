@@ -216,7 +216,9 @@ def test_a_network_that_does_not_run_is_said_on_the_page(page: Page, operations:
     expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
 
 
-def test_a_console_that_is_gone_is_said_to_be_gone(browser: Browser, operations: FakeOperations) -> None:
+def test_a_console_that_is_gone_is_said_to_be_gone_and_the_page_finds_it_again(
+    browser: Browser, operations: FakeOperations
+) -> None:
     console = ConsoleServer(operations, port=0)
     console.start()
     context = browser.new_context()
@@ -225,4 +227,11 @@ def test_a_console_that_is_gone_is_said_to_be_gone(browser: Browser, operations:
     expect(page.get_by_test_id("connection")).to_have_text("live")
     console.stop()
     expect(page.get_by_test_id("stale")).to_contain_text("NO CONNECTION")
-    context.close()
+    again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
+    again.start()
+    try:
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        expect(page.get_by_test_id("stale")).to_be_hidden()
+    finally:
+        again.stop()
+        context.close()
