@@ -20,7 +20,7 @@ from navcore.frame import Frame
 from navcore.local_planner import Outcome
 from navcore.mission import Mission, Phase
 from navcore.navigator import Decision, Navigator, Order
-from navcore.path import NoPath, Reason
+from navcore.path import NoPath, Path, Reason
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
 from navcore.safety import BLOCKED_NS, COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, pushes_in_vain, ranked
 from navcore.senses import Doubt, Senses
@@ -149,7 +149,9 @@ class Pilot:
             return None
         command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
         self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
-        if decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
+        # Without a path the end of the way is where the robot looks at what closes it, and never the goal.
+        led_there = decision.route is not None and isinstance(decision.route.outcome, Path)
+        if led_there and decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
             if goal:
                 self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
             elif order.leave:

@@ -57,8 +57,6 @@ SHORT_M = 0.05
 """Left between somebody who turns towards the robot and the robot that has stopped."""
 SLOWEST_MPS = 0.5
 """Whoever walks may walk at least this fast the next moment."""
-TURNING_S = 0.0
-"""Whoever is out of sight for no longer may have turned back where he was lost from it."""
 ASIDE_M = 0.2
 """Who waits leaves so much more room, for nobody walks quite straight."""
 LEAST_MPS = 0.05

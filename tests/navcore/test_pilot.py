@@ -12,7 +12,7 @@ from app.pilot import Intent, Pilot
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.frame import Frame
-from navcore.local_planner import Outcome
+from navcore.local_planner import Motion, Outcome
 from navcore.mask import Mask
 from navcore.mission import Mission, Phase
 from navcore.navigator import Navigator, Order
@@ -148,6 +148,17 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
     assert [goal.id for goal in driver.intent.mission.reached] == [1, 2]
     assert driver.intent.mission.phase is Phase.IDLE
     assert command(driver).twist == STANDSTILL
+
+
+def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = pilot((3.0, 0.0))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    monkeypatch.setattr(driver.navigator, "move", lambda *rest, **named: Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED))
+    think(driver)
+    assert driver.intent.mission.reached == ()
+    driver.change(lambda intent: dataclasses.replace(intent, zones=()))
+    think(driver)  # control: with a path the same word ends the mission
+    assert [goal.id for goal in driver.intent.mission.reached] == [1]
 
 
 def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
