@@ -17,6 +17,9 @@ PriorOption = Annotated[
     Path | None,
     typer.Option("--prior", metavar="MAP.yaml", help="A Nav2 map; its obstacles count until the camera sees their floor free."),
 ]
+LevelOption = Annotated[
+    bool, typer.Option("--level", help="The poses' world of a recording has z up and its floor at 0: look for none.")
+]
 KeptOption = Annotated[
     Path | None,
     typer.Option("--map", metavar="FILE", help="The map of an earlier session: loaded if it is there, kept there at the end."),

@@ -21,6 +21,7 @@ from app.arguments import (
     BenchPart,
     BewareOption,
     KeptOption,
+    LevelOption,
     PriorOption,
     RandomOption,
     ZonesOption,
@@ -72,6 +73,10 @@ def main() -> None:
 @cli.command()
 def console(
     scenario: ScenarioOption = "office",
+    recording: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Play a recording, as for `replay`, instead of the simulated robot.")
+    ] = None,
+    level: LevelOption = False,
     host: Annotated[str, typer.Option(help="Address to listen on; anything but loopback asks for a login.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8000,
     data: Annotated[Path, typer.Option(metavar="DIR", help="Where zones, beware list and runs are kept.")] = Path("data"),
@@ -88,7 +93,7 @@ def console(
         Literal["go on", "pause"], typer.Option(help="What a mission does when whoever was in control has gone silent.")
     ] = "go on",
 ) -> None:
-    """Start the operator console with the simulated robot."""
+    """Start the operator console with the simulated robot, or before a recording."""
     from app.ports import taken_port
 
     listener = taken_port(host, port)  # before anything that takes a second
@@ -98,6 +103,8 @@ def console(
         prepare(kept.parent)
     options = ConsoleOptions(
         scenario=scenario,
+        recording=recording,
+        level=level,
         host=host,
         port=port,
         data=data,

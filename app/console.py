@@ -1,4 +1,4 @@
-"""The operator console with the simulated robot: builds the parts, joins them, and takes them down in the right order."""
+"""The operator console of a robot, simulated or recorded: builds the parts, joins them, takes them down in the right order."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from pathlib import Path
 import cv2
 import torch
 
-from app.episode import map_of
 from app.faults import Sabotage
 from app.known_world import keep, recall
 from app.operations import LiveOperations
 from app.pilot import Intent, Pilot
 from app.ports import taken_port
 from app.recorder import Recorder
+from app.robots import BackEnd, recorded, simulated
 from app.segmenter import Perception, compose
 from app.segmenter_choice import SegmenterChoice
-from app.simulator_process import SimulatorProcess
 from app.storage import Store
 from app.threads import Clockwork, Loop
 from navcore.beware import default_beware_list
@@ -35,7 +34,6 @@ from navcore.navigator import Navigator
 from navcore.robot import HUSKY
 from navcore.warmup import warm_up
 from sim.husky import husky_urdf
-from sim.scenario import load_scenario
 from web.access import Access
 from web.access.attendance import Unattended
 from web.access.roles import Role
@@ -66,6 +64,10 @@ class ConsoleOptions:
 
     scenario: str
     """Name of a built-in world, or a world file."""
+    recording: Path | None = None
+    """Folder of a recording that plays instead of the simulated robot."""
+    level: bool = False
+    """Its world has z up and the floor at 0: look for none."""
     data: Path
     """Folder for all that is kept."""
     host: str = "127.0.0.1"
@@ -91,29 +93,29 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
     """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
-    world = load_scenario(options.scenario)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or taken_port(options.host, options.port))
         store = Store(options.data)
         stack.callback(store.close)
         perception = compose(options.choice)
         warm_up(perception.segmenter)
-        robot = SimulatorProcess(options.scenario, seed=options.seed, profile=HUSKY)
+        back_end = _back_end(options)
+        robot = back_end.robot
         stack.callback(robot.close)
-        pilot, began_ns = _pilot(store, map_of(world), perception), robot.now_ns()
-        if world.faults:
-            sabotage = Sabotage(pilot.navigator, lambda: world.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
+        pilot, began_ns = _pilot(store, back_end.spec, perception), robot.now_ns()
+        if back_end.faults:
+            sabotage = Sabotage(pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
             sabotage.take_time(time.sleep)
         recall(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
         stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
-        recorder = Recorder(pilot=pilot, store=store, referee=robot, scenario=world.name)
+        recorder = Recorder(pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
             robot=robot,
             pilot=pilot,
             store=store,
             recorder=recorder,
-            world=world.name,
+            world=back_end.name,
             robot_urdf=husky_urdf(),
             perception=perception,
             labelling=options.data / "labelling",
@@ -146,6 +148,12 @@ def _first_admin(store: Store) -> str | None:
     password = secrets.token_urlsafe(12)
     store.users.add(new_user("admin", Role.ADMIN, password))
     return password
+
+
+def _back_end(options: ConsoleOptions) -> BackEnd:
+    if options.recording is not None:
+        return recorded(options.recording, config=NAVIGATOR, level=options.level)
+    return simulated(options.scenario, seed=options.seed, profile=HUSKY)
 
 
 def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:

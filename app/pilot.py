@@ -158,10 +158,10 @@ class Pilot:
                 self.change_mission(lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission)
         return decision
 
-    def note_failure(self, frame: Frame, error: Exception) -> None:
-        """The tick broke: stand, and say so, until one succeeds."""
-        failure = f"{type(error).__name__}: {error}"
-        self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, failure=failure, command=None)
+    def note_failure(self, frame: Frame | None, error: Exception) -> None:
+        """The tick of a frame broke, or none could be had: stand, and say so, until one succeeds."""
+        failure, frame_ns = f"{type(error).__name__}: {error}", self._thought.frame_ns if frame is None else frame.stamp_ns
+        self._thought = dataclasses.replace(self._thought, frame_ns=frame_ns, failure=failure, command=None)
 
     def command(
         self,

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import bisect
 import math
-import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,33 +26,48 @@ POLL_S = 0.01
 class ReplayRobot:
     """A `Robot` whose senses were recorded. Velocities sent to it go nowhere."""
 
-    def __init__(self, recording: Recording, T_map_world: Matrix, *, clock: Callable[[], int] = time.monotonic_ns) -> None:
-        """The first frame is due now; `T_map_world` levels the recording's world (`floor.find_floor`)."""
+    def __init__(
+        self,
+        recording: Recording,
+        T_map_world: Matrix,
+        *,
+        clock: Callable[[], int] = time.monotonic_ns,
+        back_and_forth: bool = False,
+    ) -> None:
+        """The first frame is due now; `T_map_world` levels the recording's world (`floor.find_floor`).
+
+        After its end the recording stays at its last frame or, `back_and_forth`, turns and goes on for ever without a jump.
+        """
         self._recording, self._T_map_world, self._clock = recording, T_map_world, clock
         self._began_ns = clock()
-        self._newest: tuple[int, Frame] | None = None
-        self._reading = threading.Lock()
+        self._length_ns = recording.stamp_ns(len(recording) - 1)
+        self._turns = back_and_forth and self._length_ns > 0
+        self._newest: Frame | None = None
+        self._read: _Due | None = None
 
     def now_ns(self) -> int:
         """The clock it is played by."""
         return self._clock()
 
-    def newest_frame(self) -> Frame:
-        """The last frame that is due; after the recording's end, its last. Raises `BadConfiguration` for a damaged picture."""
-        with self._reading:
-            index = self._due()
-            if self._newest is None or self._newest[0] != index:
-                self._newest = (index, self._frame(index))
-            return self._newest[1]
+    def newest_frame(self) -> Frame | None:
+        """The last frame that `wait_frame` has read; reading files is nothing for the command thread."""
+        return self._newest
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The newest picture if it is another than `after`, waiting for it; None when none comes in time."""
+        """The frame that is due if it is another than `after`, waiting for it; None when none comes in time.
+
+        Raises `BadConfiguration` for a damaged picture. For one thread only.
+        """
         until_s = time.monotonic() + timeout_s
-        while (frame := self.newest_frame()) is after:
+        while True:
+            due = self._due()
+            if due != self._read:
+                self._newest, self._read = self._frame(due), due
+            if self._newest is not after:
+                return self._newest
             if time.monotonic() >= until_s:
                 return None
             time.sleep(POLL_S)
-        return frame
 
     def send(self, twist: Twist) -> None:
         """What was driven is past."""
@@ -60,34 +75,54 @@ class ReplayRobot:
     def close(self) -> None:
         """Nothing moves."""
 
-    def _due(self) -> int:
-        since_ns = self._clock() - self._began_ns
-        later = bisect.bisect_right(range(len(self._recording)), since_ns, key=self._recording.stamp_ns)
-        return max(later - 1, 0)
+    def _due(self) -> _Due:
+        leg, since_ns = 0, self._clock() - self._began_ns
+        if self._turns:
+            leg, since_ns = divmod(since_ns, self._length_ns)
+        last, stamp_ns = len(self._recording) - 1, self._recording.stamp_ns
+        if leg % 2 == 0:
+            later = bisect.bisect_right(range(last + 1), since_ns, key=stamp_ns)
+            return _Due(leg=leg, index=max(later - 1, 0), stamp_ns=leg * self._length_ns + stamp_ns(max(later - 1, 0)))
+        index = bisect.bisect_left(range(last + 1), self._length_ns - since_ns, key=stamp_ns)
+        return _Due(leg=leg, index=index, stamp_ns=(leg + 1) * self._length_ns - stamp_ns(index))
 
-    def _frame(self, index: int) -> Frame:
-        T_map_camera = self._T_map_world @ self._recording.T_world_camera[index]
+    def _frame(self, due: _Due) -> Frame:
+        T_map_camera = self._T_map_world @ self._recording.T_world_camera[due.index]
         pose = base_beneath(T_map_camera)
         return Frame(
-            stamp_ns=self._began_ns + self._recording.stamp_ns(index),
-            rgb=self._recording.rgb(index),
-            depth_m=self._recording.depth_m(index),
+            stamp_ns=self._began_ns + due.stamp_ns,
+            rgb=self._recording.rgb(due.index),
+            depth_m=self._recording.depth_m(due.index),
             intrinsics=self._recording.intrinsics,
             T_base_camera=invert(pose.matrix()) @ T_map_camera,
             pose=pose,
-            twist=self._twist(index, pose),
+            twist=self._twist(due, pose),
         )
 
-    def _twist(self, index: int, pose: Pose2) -> Twist:
+    def _twist(self, due: _Due, pose: Pose2) -> Twist:
         """Since the frame before, as wheels would tell it."""
-        if index == 0:
-            return STANDSTILL
-        gap_s = (self._recording.stamp_ns(index) - self._recording.stamp_ns(index - 1)) / 1e9
-        before = base_beneath(self._T_map_world @ self._recording.T_world_camera[index - 1])
+        other = due.index - 1 if due.leg % 2 == 0 else due.index + 1
+        if not 0 <= other < len(self._recording):
+            if due.leg == 0:
+                return STANDSTILL
+            other = 2 * due.index - other  # it has just turned: the one before is the one that follows
+        gap_s = abs(self._recording.stamp_ns(due.index) - self._recording.stamp_ns(other)) / 1e9
+        before = base_beneath(self._T_map_world @ self._recording.T_world_camera[other])
         return Twist(
             v_mps=before.distance_to(pose.x_m, pose.y_m) / gap_s,
             w_radps=wrap_angle(pose.yaw_rad - before.yaw_rad) / gap_s,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Due:
+    """Which frame is shown."""
+
+    leg: int
+    """How often the recording has turned; every other leg goes back."""
+    index: int
+    stamp_ns: int
+    """Since the first frame was due."""
 
 
 def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
@@ -96,7 +131,8 @@ def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
     robot = ReplayRobot(recording, T_map_world, clock=lambda: now_ns)
     for index in range(len(recording)):
         now_ns = recording.stamp_ns(index)
-        yield robot.newest_frame()
+        if (frame := robot.wait_frame(None, 0.0)) is not None:
+            yield frame
 
 
 def base_beneath(T_map_camera: Matrix) -> Pose2:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.arguments import finite_point, prepare
+from app.arguments import LevelOption, finite_point, prepare
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from navcore.whole_file import write_whole
 
@@ -28,9 +28,7 @@ def replay(
     picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False,
     robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="Whose size the path is for.")] = "husky",
     every: Annotated[int, typer.Option(min=1, max=1000, help="Only every so manieth frame.")] = 1,
-    level: Annotated[
-        bool, typer.Option("--level", help="The poses' world has z up and its floor at 0: look for none.")
-    ] = False,
+    level: LevelOption = False,
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
     backend: BackendOption = "auto",

@@ -68,11 +68,11 @@ class Loop:
         frame: Frame | None = None
         retry_s = FRAME_WAIT_S
         while not self._ended.is_set():
-            newest = self._robot.wait_frame(frame, FRAME_WAIT_S)
-            if newest is None:
-                continue
-            frame = newest
             try:
+                newest = self._robot.wait_frame(frame, FRAME_WAIT_S)
+                if newest is None:
+                    continue
+                frame = newest
                 decision = self._pilot.think(frame, clock=self._robot.now_ns)
                 if decision is not None:
                     self._on_decision(decision)

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from typer.testing import CliRunner
 
@@ -20,41 +19,24 @@ from app.replay_run import compare, replay
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
+from navcore.frame import Frame
 from navcore.grid import GridSpec
-from navcore.learning.pictures import write_grey, write_rgb
+from navcore.learning.pictures import write_grey
 from navcore.path import Path as GridPath
 from navcore.robot import HUSKY, Twist, load_profile
 from navcore.segment import ColourSegmenter
-from navcore.transform import Pose2, camera_mount, invert
-from tests.navcore.scene import LENS, Box, picture
+from navcore.transform import invert
+from tests.navcore.scene import LENS
+from tests.recorded import HAND, PLACES, RECORDING_GAP_NS, TILTED, write_recording
 from tests.shared_data import beside
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "rgbd"
-TABLE = Box(x=(2.0, 2.6), y=(-0.4, 0.4), z=(0.0, 0.6))
-WALL = Box(x=(3.6, 3.8), y=(-4.0, 4.0), z=(0.0, 2.0))
-HAND = camera_mount(x_m=0.0, y_m=0.0, z_m=1.2, pitch_down_rad=0.45)
-PLACES = [Pose2(x_m=0.1 * step, y_m=0.15 * step - 0.5, yaw_rad=0.1 - 0.04 * step) for step in range(8)]
-TILTED = np.array([[1.0, 0, 0, 0.7], [0, math.cos(2), -math.sin(2), -1.1], [0, math.sin(2), math.cos(2), 0.4], [0, 0, 0, 1]])
-"""T_world_map of a recording that knows nothing of its floor."""
-RECORDING_GAP_NS = 5 * 1_000_000_000 // 30
 
 
-def write_recording(folder: Path, T_world_map: npt.NDArray[np.float64]) -> Path:
-    """A walk of eight pictures, every fifth of 30 a second, past a table before a wall."""
-    folder.mkdir()
-    matrix = np.array([[LENS.fx, 0, LENS.cx], [0, LENS.fy, LENS.cy], [0, 0, 1]])
-    np.savetxt(folder / "camera-intrinsics.txt", matrix)
-    lines = ["# number, camera to world"]
-    for step, place in enumerate(PLACES):
-        frame = picture(TABLE, WALL, pose=place, mount=HAND)
-        depth = np.rint(np.minimum(frame.depth_m, 60.0) * 1000).astype(np.uint16)
-        depth[0, :5] = 65535
-        write_grey(folder / f"frame-{5 * step:06d}.depth.png", depth)
-        write_rgb(folder / f"frame-{5 * step:06d}.color.png", frame.rgb)
-        pose = T_world_map @ frame.T_map_camera
-        lines.append(" ".join(str(number) for number in (5 * step, *pose.ravel())))
-    (folder / "poses.txt").write_text("\n".join(lines))
-    return folder
+def due(robot: ReplayRobot) -> Frame:
+    frame = robot.wait_frame(None, 0.0)
+    assert frame is not None
+    return frame
 
 
 @pytest.fixture(scope="module")
@@ -79,20 +61,35 @@ def test_the_floor_of_a_tilted_recording_is_found_beneath_the_table(walk: Path) 
 def test_frames_are_played_by_the_clock_and_the_camera_is_where_it_was(level: Path) -> None:
     recording, now_ns = open_recording(level), 1_000
     robot = ReplayRobot(recording, np.eye(4), clock=lambda: now_ns)
-    first = robot.newest_frame()
+    assert robot.newest_frame() is None
+    first = due(robot)
     robot.send(Twist(v_mps=1.0, w_radps=0.0))
-    assert (first.stamp_ns, robot.newest_frame() is first) == (1_000, True)
+    assert (first.stamp_ns, due(robot) is first, robot.newest_frame() is first) == (1_000, True, True)
     now_ns += 3 * RECORDING_GAP_NS + 1_000_000
-    fourth = robot.newest_frame()
+    fourth = due(robot)
     assert fourth.stamp_ns == 1_000 + recording.stamp_ns(3)
     np.testing.assert_allclose(fourth.T_map_camera, PLACES[3].matrix() @ HAND, atol=1e-9)
     assert fourth.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3)
     assert fourth.twist.w_radps == pytest.approx(-0.04 * 6, rel=1e-3)
     assert (fourth.depth_m[0, :5] == 0).all()  # 65535 is no distance
     now_ns += 60_000_000_000
-    last = robot.newest_frame()
+    last = due(robot)
     assert last.pose.y_m == pytest.approx(PLACES[-1].y_m)
     assert robot.wait_frame(last, 0.02) is None
+
+
+def test_a_recording_that_goes_back_and_forth_never_jumps_and_its_clock_goes_on(level: Path) -> None:
+    recording, now_ns = open_recording(level), 0
+    robot = ReplayRobot(recording, np.eye(4), clock=lambda: now_ns, back_and_forth=True)
+    frames: list[Frame] = []
+    for now_ns in range(0, 22 * RECORDING_GAP_NS, RECORDING_GAP_NS // 3):  # noqa: B007 - the robot's clock
+        if not frames or due(robot) is not frames[-1]:
+            frames.append(due(robot))
+    there, back = [place.y_m for place in PLACES], [place.y_m for place in PLACES[-2::-1]]
+    assert [frame.pose.y_m for frame in frames] == pytest.approx([*there, *back, *there[1:]])
+    stamps_ns = [step * RECORDING_GAP_NS for step in range(len(frames))]
+    assert [frame.stamp_ns for frame in frames] == pytest.approx(stamps_ns, abs=len(frames))
+    assert all(frame.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3) for frame in frames[1:])
 
 
 def test_every_frame_comes_once(level: Path) -> None:
