@@ -90,6 +90,18 @@ def mirrored(_typing: Any, _word: Any) -> Any:
 
 
 @instruction
+def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
+    """The upper 64 bits of two uint64 side by side, shifted to the left by 0 to 63 bits."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        word = ir.IntType(64)
+        shift = builder.module.declare_intrinsic("llvm.fshl", [word], ir.FunctionType(word, [word] * 3))
+        return builder.call(shift, arguments)
+
+    return types.uint64(types.uint64, types.uint64, types.uint64), generate
+
+
+@instruction
 def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
     """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit with the uint8 `of`.
 

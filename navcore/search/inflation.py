@@ -9,10 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import BoolGrid
-from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, highest, inlined, lean, lowest, pack
+from navcore.search.bits import ALL, ONE, PAD, Plane, compiled, highest, inlined, joined_left, lean, lowest, pack
 from navcore.search.free_space import FREE, MANY, FreeSpace, Planes, complement, refresh, write_word
 
 Ints = npt.NDArray[np.int64]
+Halves = npt.NDArray[np.int64]
+Words = npt.NDArray[np.uint64]
+
+AT_ONCE = 1024
+"""So many words are inflated together: they stay in the cache next to the processor."""
 
 
 class InflatedGrid:
@@ -216,85 +221,86 @@ def inflate_into(
     raw: Planes, halves: Ints, out: Plane, line_0: int, word_0: int, top: int, bottom: int, west: int, east: int
 ) -> None:
     """Set in lines top … bottom-1 and words west … east-1 the cells of every disc; `out` begins at (line_0, word_0)."""
-    reach = halves.shape[1] - 1
-    aside = (reach + 63) >> 6
+    aside = (halves.shape[1] + 62) >> 6
     left, right = max(west - aside, 0), min(east + aside, raw.shape[2])
-    wide = np.empty((reach + 1, right - left), dtype=np.uint64)
-    spare = np.empty(right - left, dtype=np.uint64)
-    _inflate_lines(raw, halves, out, line_0, word_0, top, bottom, west, east, left, wide, spare)
+    stride = right - left + 2 * aside
+    at_once = min(max(AT_ONCE // stride, 1), bottom - top)
+    lines, spare = np.zeros(at_once * stride + 2, dtype=np.uint64), np.zeros(at_once * stride + 2, dtype=np.uint64)
+    for layer in range(raw.shape[0]):
+        for first in range(top, bottom, at_once):
+            last = min(first + at_once, bottom)
+            cells, half = raw[layer], halves[layer]
+            _inflate_rows(cells, half, first, last, left, right, aside, lines, spare, out, line_0, word_0, west, east)
 
 
 @lean
-def _inflate_lines(
-    raw: Planes,
-    halves: Ints,
+def _inflate_rows(
+    raw: Plane,
+    halves: Halves,
+    first: int,
+    last: int,
+    left: int,
+    right: int,
+    aside: int,
+    lines: Words,
+    spare: Words,
     out: Plane,
     line_0: int,
     word_0: int,
-    top: int,
-    bottom: int,
     west: int,
     east: int,
-    left: int,
-    wide: Plane,
-    spare: npt.NDArray[np.uint64],
 ) -> None:
-    reach, right = halves.shape[1] - 1, left + len(spare)
-    for layer in range(raw.shape[0]):
-        for line in range(max(top - reach, PAD), min(bottom + reach, raw.shape[1] - PAD)):
-            if not any_bit(raw, layer, line, left, right):
-                continue
-            spread(raw, layer, line, left, halves, wide, spare)
-            for away in range(-reach, reach + 1):
-                if halves[layer, abs(away)] < 0 or not top <= line + away < bottom:
-                    continue
-                merge(out, line + away - line_0, west - word_0, east - word_0, wide, abs(away), west - left)
+    """Set in rows first … last-1 and words west … east-1 the cells of every disc of what is occupied in words left … right-1.
+
+    A disc is as wide as it is at its middle only there, and narrower the farther away in rows. So the occupied cells are
+    collected from the middle row outwards, and what has been collected is widened by as much as the disc is narrower at the
+    next. Many rows go through each step together, for words that have just been written are slow to read; between two rows
+    lie twice `aside` words for what is widened beyond their ends.
+    """
+    stride, found = right - left + 2 * aside, False
+    size = (last - first) * stride + 2
+    for word in range(size):
+        lines[np.uint64(word)] = np.uint64(0)
+    for away in range(len(halves)):
+        if halves[away] < 0:
+            break
+        for row in range(first, last):
+            above, below = max(row - away, 0), min(row + away, raw.shape[0] - 1)
+            found |= collect(raw, above, below, left, right, lines, 1 + (row - first) * stride + aside)
+        done, by = 0, halves[away] - (max(halves[away + 1], 0) if away + 1 < len(halves) else 0)
+        while found and done < by:
+            # A line widened by n can be widened by another 2n + 1 at once without leaving gaps.
+            step = min(2 * done + 1, by - done, 63)
+            widen(lines, spare, size, step)
+            lines, spare, done = spare, lines, done + step
+    if found:
+        for row in range(first, last):
+            merge(lines, 1 + (row - first) * stride + aside + west - left, out, row - line_0, west - word_0, east - word_0)
 
 
 @inlined
-def any_bit(raw: Planes, layer: int, line: int, left: int, right: int) -> bool:
-    """Whether any cell of a line is occupied between two words."""
+def collect(raw: Plane, above: int, below: int, left: int, right: int, lines: Words, at: int) -> bool:
+    """Add words left … right-1 of two rows of a layer to a line; whether any of their cells is occupied."""
     found = np.uint64(0)
-    for word in range(left, right):
-        found |= raw[np.uint64(layer), np.uint64(line), np.uint64(word)]
+    for word in range(right - left):
+        both = raw[np.uint64(above), np.uint64(left + word)] | raw[np.uint64(below), np.uint64(left + word)]
+        lines[np.uint64(at + word)] |= both
+        found |= both
     return bool(found != 0)
 
 
 @inlined
-def merge(out: Plane, line: int, left: int, right: int, wide: Plane, away: int, shift: int) -> None:
-    """Add one widened line to a line of the result."""
-    for word in range(right - left):
-        out[np.uint64(line), np.uint64(left + word)] |= wide[np.uint64(away), np.uint64(shift + word)]
-
-
-@inlined
-def spread(raw: Planes, layer: int, line: int, left: int, halves: Ints, wide: Plane, spare: npt.NDArray[np.uint64]) -> None:
-    """Widen a line to both sides by the disc's half width at each distance in rows, the narrowest first."""
-    words = wide.shape[1]
-    for word in range(words):
-        spare[np.uint64(word)] = raw[np.uint64(layer), np.uint64(line), np.uint64(left + word)]
-    now = 0
-    for away in range(halves.shape[1] - 1, -1, -1):
-        target = halves[layer, away]
-        while now < target:
-            # A line widened by n can be widened by another 2n + 1 at once without leaving gaps.
-            step = min(2 * now + 1, target - now, 63)
-            widen(spare, wide, away, step)
-            now += step
-        for word in range(words):
-            wide[np.uint64(away), np.uint64(word)] = spare[np.uint64(word)]
-
-
-@inlined
-def widen(line: npt.NDArray[np.uint64], wide: Plane, away: int, step: int) -> None:
-    """Set the cells that lie `step` beside a set one; row `away` of `wide` is overwritten."""
-    words, by, rest = len(line), np.uint64(step), np.uint64(64 - step)
-    for word in range(words):
-        wide[np.uint64(away), np.uint64(word)] = line[np.uint64(word)]
-    for number in range(1, words - 1):
+def widen(lines: Words, wider: Words, size: int, by: int) -> None:
+    """Write the lines widened to both sides by 1 to 63 cells."""
+    up, rest = np.uint64(by), np.uint64(64 - by)
+    for number in range(1, size - 1):
         at, before, after = np.uint64(number), np.uint64(number - 1), np.uint64(number + 1)
-        here, row = wide[np.uint64(away), at], np.uint64(away)
-        line[at] = here | here << by | wide[row, before] >> rest | here >> by | wide[row, after] << rest
-    line[0] |= line[0] << by | line[0] >> by | (wide[away, 1] << rest if words > 1 else np.uint64(0))
-    if words > 1:
-        line[words - 1] |= line[words - 1] << by | wide[away, words - 2] >> rest | line[words - 1] >> by
+        here = lines[at]
+        wider[at] = here | joined_left(here, lines[before], up) | joined_left(lines[after], here, rest)
+
+
+@inlined
+def merge(lines: Words, at: int, out: Plane, row: int, left: int, right: int) -> None:
+    """Add a line to words left … right-1 of a row of the result."""
+    for word in range(right - left):
+        out[np.uint64(row), np.uint64(left + word)] |= lines[np.uint64(at + word)]
