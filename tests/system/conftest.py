@@ -11,6 +11,10 @@ import httpx
 import pytest
 
 from app.console import ConsoleOptions, RunningConsole, console
+from app.segmenter_choice import SegmenterChoice
+
+BY_COLOUR = SegmenterChoice(kind="colour")
+"""Most of what a console does needs no network, and its tests run on two processors beside a browser."""
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +26,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[RunningConsole]:
     """A console in the small room."""
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=data)) as started:
+    with console(ConsoleOptions(scenario="empty_room", port=0, data=data, choice=BY_COLOUR)) as started:
         yield started
 
 

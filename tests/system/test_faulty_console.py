@@ -9,7 +9,7 @@ import httpx
 
 from app.console import ConsoleOptions, console
 from sim.scenario import WORLDS
-from tests.system.conftest import state_when
+from tests.system.conftest import BY_COLOUR, state_when
 
 FAULTS = """
 [[faults]]
@@ -29,7 +29,7 @@ def test_a_jump_of_odometry_is_told_latched_and_accepted_by_a_reset(tmp_path: Pa
     world = tmp_path / "faulty.toml"
     world.write_text((WORLDS / "empty_room.toml").read_text(encoding="utf-8") + FAULTS, encoding="utf-8")
     with (
-        console(ConsoleOptions(scenario=str(world), port=0, data=tmp_path)) as running,
+        console(ConsoleOptions(scenario=str(world), port=0, data=tmp_path, choice=BY_COLOUR)) as running,
         httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program,
     ):
         for x_m, y_m in ((-2.5, 1.5), (2.0, 2.0), (-2.5, 1.5), (2.0, 2.0)):

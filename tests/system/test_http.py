@@ -14,7 +14,7 @@ import pytest
 from websockets.sync.client import connect
 
 from app.console import ConsoleOptions, RunningConsole, console
-from tests.system.conftest import state_when
+from tests.system.conftest import BY_COLOUR, state_when
 
 GOAL = {"x_m": -2.5, "y_m": 2.0}
 
@@ -173,10 +173,10 @@ def test_pictures_cloud_and_metrics_are_served(client: httpx.Client) -> None:
 
 
 def test_zones_and_the_beware_list_survive_a_restart(tmp_path: Path) -> None:
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path)) as first:
+    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)) as first:
         zone = httpx.post(f"{first.url}/api/v1/zones", json=square(1.0, 1.5), trust_env=False).json()
         httpx.patch(f"{first.url}/api/v1/beware/cup", json={"margin_m": 0.4}, trust_env=False).raise_for_status()
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path)) as second:
+    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)) as second:
         features = httpx.get(f"{second.url}/api/v1/zones", trust_env=False).json()["features"]
         classes = httpx.get(f"{second.url}/api/v1/beware", trust_env=False).json()["classes"]
     assert [feature["id"] for feature in features] == [zone["id"]]

@@ -10,13 +10,12 @@ import numpy as np
 
 from app.console import ConsoleOptions, console
 from tests.recorded import write_recording
-from tests.system.conftest import state_when
+from tests.system.conftest import BY_COLOUR, state_when
 
 
 def test_the_console_plays_a_recording_and_plans_on_its_map(tmp_path: Path) -> None:
-    options = ConsoleOptions(
-        scenario="", recording=write_recording(tmp_path / "walk", np.eye(4)), level=True, port=0, data=tmp_path / "data"
-    )
+    folder = write_recording(tmp_path / "walk", np.eye(4))
+    options = ConsoleOptions(scenario="", recording=folder, level=True, port=0, data=tmp_path / "data", choice=BY_COLOUR)
     with console(options) as running, httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program:
         seen = state_when(program, lambda state: state["explored_m2"] > 3.0 and state["travelled_m"] > 0.8)
         assert seen["scenario"] == "recording walk"
@@ -31,7 +30,7 @@ def test_the_console_plays_a_recording_and_plans_on_its_map(tmp_path: Path) -> N
 def test_a_damaged_picture_of_a_recording_is_told_by_name_and_it_goes_on(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "walk", np.eye(4))
     (folder / "frame-000020.depth.png").write_bytes(b"no picture")
-    options = ConsoleOptions(scenario="", recording=folder, level=True, port=0, data=tmp_path / "data")
+    options = ConsoleOptions(scenario="", recording=folder, level=True, port=0, data=tmp_path / "data", choice=BY_COLOUR)
     with console(options) as running, httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program:
         told = state_when(program, lambda state: "planner_failed" in _codes(state))
         assert any("frame-000020.depth.png" in reason["text"] for reason in told["reasons"])
