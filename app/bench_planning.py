@@ -191,12 +191,17 @@ def _best(action: Callable[[], object], times: int = 2) -> float:
 
 
 def replanning(problems: list[Problem], folder: FilePath) -> Table:
-    """A drive through each map that is seen as it is driven, unknown cells counting as free."""
+    """A drive through each map that is seen as it is driven, unknown cells counting as free.
+
+    Then the same with a map in hand that is out of date, so that cells are freed as well, by a robot that strays from its path.
+    """
     table = Table("drive", "frames", "searches", "wrong", "mean µs", "p50", "p95", "p99", "max")
     table.title = "Replanning on a changed map: inflation where cells changed, certificate or search; every frame"
     _explore(forest(300, 0.02))
     for problem in problems:
         _add_drive(table, problem.name, *_explore(problem))
+    for problem in problems:
+        _add_drive(table, f"{problem.name}, out of date, strays", *_explore(problem, out_of_date=True))
     for file in sorted(folder.glob("synthetic/seq*.npz")):
         with np.load(file) as stored:
             _add_drive(table, f"{file.stem}, recorded", *_replay(stored))
@@ -208,27 +213,55 @@ def _add_drive(table: Table, name: str, took: list[float], searches: int, wrong:
     table.add_row(name, str(len(took)), str(searches), str(wrong), *(f"{figure:.1f}" for figure in figures))
 
 
-def _explore(problem: Problem) -> tuple[list[float], int, int]:
-    """Microseconds a frame, searches, and wrong lengths among every 50th frame."""
+def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float], int, int]:
+    """Microseconds a frame, searches, and wrong lengths among every 50th frame.
+
+    `out_of_date`: the map in hand has boxes all over that are seen to be gone when the robot comes near; and every fourth frame
+    the robot stands beside its path.
+    """
     assert problem.occupied is not None
     start, goal, _ = max(problem.queries, key=lambda query: query[2])
     rows, cols = problem.blocked.shape
-    grid, hidden = InflatedGrid(rows, cols), problem.occupied.copy()
+    grid, rng = InflatedGrid(rows, cols), np.random.default_rng(rows)
+    hidden = problem.occupied.copy()
+    gone = _boxes(rng, hidden.shape, (start, goal), clear=2 * problem.radius) if out_of_date else np.zeros_like(hidden)
+    grid.update({problem.radius: gone})
     replanner, took, wrong = Replanner(grid.space), list[float](), 0
     replanner.plan(start, goal)
     while start != goal:
         top, left = max(start[0] - VIEW_CELLS, 0), max(start[1] - VIEW_CELLS, 0)
-        window = hidden[top : start[0] + VIEW_CELLS, left : start[1] + VIEW_CELLS]
-        seen = np.argwhere(window) + np.array([top, left])
-        window[:] = False
+        view = slice(top, start[0] + VIEW_CELLS), slice(left, start[1] + VIEW_CELLS)
+        freed, seen = (np.argwhere(mask[view]) + np.array([top, left]) for mask in (gone, hidden))
+        hidden[view] = gone[view] = False
         before = time.perf_counter()
+        if len(freed):
+            grid.set_cells(problem.radius, freed, False)
         grid.set_cells(problem.radius, seen, True)
         outcome = replanner.plan(start, goal)
         took.append(1e6 * (time.perf_counter() - before))
         assert isinstance(outcome, Path)
         wrong += len(took) % 50 == 0 and _differs(outcome, plan(grid.space.blocked(), start, goal))
         start = _cell(outcome.cells[min(STRIDE_CELLS, len(outcome.cells) - 1)])
+        if out_of_date and len(took) % 4 == 0:
+            start = _beside(grid.space, start, rng)
     return took, replanner.searches, wrong
+
+
+def _boxes(rng: np.random.Generator, shape: tuple[int, ...], away_from: tuple[Cell, ...], *, clear: int) -> BoolGrid:
+    """(rows, cols) with boxes of a few cells, one in each 64 × 64 cells, none within `clear` of the given cells."""
+    boxes = np.zeros(shape, dtype=np.bool_)
+    for row, col in rng.integers(0, shape, size=(shape[0] * shape[1] // 64**2, 2)):
+        boxes[row : row + 6, col : col + 6] = True
+    for row, col in away_from:
+        boxes[max(row - clear, 0) : row + clear, max(col - clear, 0) : col + clear] = False
+    return boxes
+
+
+def _beside(space: FreeSpace, cell: Cell, rng: np.random.Generator) -> Cell:
+    """A free cell next to one, or the cell itself."""
+    row, col = (int(step) for step in rng.integers(-1, 2, size=2))
+    near = cell[0] + row, cell[1] + col
+    return near if space.contains(near) and space.is_free(near) else cell
 
 
 def _differs(outcome: Path, expected: Path | NoPath) -> bool:
