@@ -15,7 +15,6 @@ follows the map pays for what changed and not for its size.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -109,10 +108,11 @@ class CloudMap:
         """
         if labels is not None:
             self._weigh(frame, labels, observation.max_range_m)
-            observation = dataclasses.replace(observation, confidence=first_look(observation.confidence))
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
+        if labels is not None and (new["confidence"] < 1).any():
+            new["confidence"] = first_look(new["confidence"], self.explored.was_measured(new["cell"]))
         self._unsure = self._unsure or bool((new["confidence"] < 1).any())
         self._make_layers(new["class_id"])
         touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)

@@ -22,7 +22,9 @@ from navcore.search.bits import compiled
 from navcore.segment import Labels
 
 PRIOR = -1.0
-"""Log-odds of a thing before the first look."""
+"""Log-odds of a thing in a place that was never seen before."""
+OVERLOOKED = -2.0
+"""Log-odds in a place that earlier pictures have shown, and in which nothing was found: one look is not enough there."""
 CLAIM = 0.5
 """Share of the network's log-odds that one look is worth."""
 MISS = 0.25
@@ -36,10 +38,13 @@ BORDER_PX = 8
 Confidence = npt.NDArray[np.float32]
 
 
-def first_look(confidence: Confidence) -> Confidence:
-    """(N,) how sure to be of points that the network is so sure of and that were never seen before; 1 stays 1."""
+def first_look(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> Confidence:
+    """(N,) how sure to be of points that the network is so sure of and that were never found before; 1 stays 1.
+
+    `shown_before`: (N,) whether earlier pictures have shown the place.
+    """
     claimed = np.clip(confidence.astype(np.float64), 0.01, 0.99)
-    odds = PRIOR + CLAIM * np.log(claimed / (1 - claimed))
+    odds = np.where(shown_before, OVERLOOKED, PRIOR) + CLAIM * np.log(claimed / (1 - claimed))
     return np.where(confidence >= 1, np.float32(1), 1 / (1 + np.exp(-odds))).astype(np.float32)
 
 

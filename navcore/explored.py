@@ -31,6 +31,12 @@ class Explored:
         """Note the (N,) voxels, cell · 64 + height bin, in which anything was measured."""
         _note(voxels, self.spec.cols, self.measured, self.volume)
 
+    def was_measured(self, cells: Indices) -> npt.NDArray[np.bool_]:
+        """(N,) whether anything was ever measured in cells, row · cols + col."""
+        rows, cols = np.divmod(cells.astype(np.int64), self.spec.cols)
+        words = self.measured[rows + PAD, (cols + PAD) >> 6]
+        return np.asarray(words >> (cols & 63).astype(np.uint64) & ONE).astype(np.bool_)
+
     def look(self, frame: Frame, rules: PointRules) -> None:
         """Note which space lies open between the camera and what it measured; for pictures and the explored area."""
         look(

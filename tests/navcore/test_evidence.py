@@ -44,6 +44,16 @@ def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
     assert bound[-1] > 0
 
 
+def test_where_nothing_was_found_before_one_look_is_not_enough_but_two_are() -> None:
+    cloud = CloudMap(SPEC, MapRules())
+    assert look(cloud, labels(0.9, there=False)) == 0
+    assert look(cloud, labels(0.9, there=True)) == 0
+    assert look(cloud, labels(0.9, there=True)) > 0
+    certain = CloudMap(SPEC, MapRules())
+    look(certain, labels(1.0, there=False))
+    assert look(certain, labels(1.0, there=True)) > 0
+
+
 def test_a_false_find_is_given_up_after_a_few_looks_and_forgotten_after_more() -> None:
     cloud = CloudMap(SPEC, MapRules())
     assert look(cloud, labels(0.9, there=True)) > 0
@@ -69,10 +79,11 @@ def test_what_is_certain_stays_whatever_later_pictures_say() -> None:
 
 
 def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certain() -> None:
-    claimed = np.linspace(0.2, 0.999, 50, dtype=np.float32)
-    assert np.all(first_look(claimed) <= claimed + 0.1)
-    assert np.all(np.diff(first_look(claimed)) >= 0)
-    assert first_look(np.ones(3, dtype=np.float32)).tolist() == [1.0, 1.0, 1.0]
+    claimed, new, known = np.linspace(0.2, 0.999, 50, dtype=np.float32), np.zeros(50, np.bool_), np.ones(50, np.bool_)
+    assert np.all(first_look(claimed, new) <= claimed + 0.1)
+    assert np.all(np.diff(first_look(claimed, new)) >= 0)
+    assert np.all(first_look(claimed, known) < first_look(claimed, new))
+    assert first_look(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [1.0, 1.0]
 
 
 @law(20)
