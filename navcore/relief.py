@@ -56,24 +56,28 @@ def _along(depth_m: Heights, across: Heights, down: Heights, eye_m: np.float32) 
 
 
 def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
-    """(H, W) which pixels keep their class: all but regions that are flat pictures, and the floor at the feet of tall things.
+    """(H, W) which pixels keep their class: all but flat pictures, specks, and the floor at the feet of tall things.
 
-    Regions are connected pixels of one class that has a `min_height_m`; `heights_m` is of `heights_above_floor`.
+    Regions are connected pixels of one class that has a `min_height_m` or a `min_size_m`; `heights_m` is of
+    `heights_above_floor`.
     """
     keep = np.ones(class_ids.shape, dtype=np.bool_)
     for entry in beware.classes:
-        if entry.min_height_m is None:
+        if entry.min_height_m is None and entry.min_size_m is None:
             continue
         mask = class_ids == entry.class_id
         if not mask.any():
             continue
-        threshold_m = min(RELIEF_SHARE * entry.min_height_m, MAX_FLAT_M)
         count, regions, boxes, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
         for region in range(1, count):
-            if boxes[region, cv2.CC_STAT_AREA] < MIN_PIXELS:
-                continue
             window = _window(boxes[region], class_ids.shape)
             inside = regions[window] == region
+            if entry.min_size_m is not None and is_speck(boxes[region], inside, frame, window, entry.min_size_m):
+                keep[window] &= ~inside
+                continue
+            if entry.min_height_m is None or boxes[region, cv2.CC_STAT_AREA] < MIN_PIXELS:
+                continue
+            threshold_m = min(RELIEF_SHARE * entry.min_height_m, MAX_FLAT_M)
             if is_flat(inside, class_ids[window] == NOTHING, frame.depth_m[window], heights_m[window], frame, threshold_m):
                 keep[window] &= ~inside
             elif entry.min_height_m >= TALL_M:
@@ -90,6 +94,22 @@ def at_its_feet(inside: Mask, heights_m: Heights) -> Mask:
     if len(measured) < MIN_PIXELS or np.median(measured) < 2 * GROUND_M:
         return np.zeros_like(inside)
     return inside & (heights_m < GROUND_M)
+
+
+def is_speck(box: npt.NDArray[np.int32], inside: Mask, frame: Frame, window: tuple[slice, slice], least_m: float) -> bool:
+    """Whether a region, of which the picture's border hides nothing, is shorter than the least size of a thing of its class.
+
+    Its length is that across the line of sight or, of what lies on the floor and leads away from the camera, that along it.
+    """
+    left, top, width, height = (int(value) for value in box[:4])
+    if left == 0 or top == 0 or left + width == frame.intrinsics.width or top + height == frame.intrinsics.height:
+        return False
+    depths = frame.depth_m[window][inside]
+    depths = depths[depths > 0]
+    if len(depths) == 0:
+        return False
+    near, middle, far = np.percentile(depths, (10, 50, 90))
+    return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < least_m)
 
 
 def is_flat(inside: Mask, unlabelled: Mask, depth_m: Heights, heights_m: Heights, frame: Frame, threshold_m: float) -> bool:

@@ -17,6 +17,7 @@ PINK = (250, 60, 200)
 CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
 SIGN = BewareClass(name="wet-floor sign", class_id=4, min_height_m=0.3)
 BOOK = BewareClass(name="book", class_id=5)
+CABLE = BewareClass(name="cable", class_id=6, min_size_m=0.3)
 Ids = npt.NDArray[np.uint8]
 
 
@@ -43,6 +44,23 @@ def a_print(x: float, side: float = 0.15) -> Paint:
 
 def a_box(x: float, height: float, side: float = 0.15) -> Box:
     return Box(x=(x, x + side), y=(-side / 2, side / 2), z=(0.0, height), colour=PINK)
+
+
+def test_a_speck_is_none_of_a_long_thing_and_the_long_thing_is_one_whichever_way_it_lies() -> None:
+    assert kept(picture(a_print(1.5, side=0.15)), CABLE) == 0.0
+    assert kept(noisy(picture(a_print(2.0, side=0.2))), CABLE) == 0.0
+    assert kept(picture(a_print(1.5, side=0.15)), BOOK) == 1.0
+    across = Paint(x=(1.4, 1.46), y=(-0.25, 0.25), colour=PINK)
+    away = Paint(x=(1.2, 2.0), y=(0.1, 0.14), colour=PINK)
+    assert kept(noisy(picture(across)), CABLE) == kept(noisy(picture(away)), CABLE) == 1.0
+
+
+def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
+    frame = picture(a_print(1.5, side=0.15))
+    cols = np.flatnonzero((frame.rgb == PINK).all(axis=2).any(axis=0))
+    lens = dataclasses.replace(LENS, width=int(cols[len(cols) // 2]) + 1)
+    cut = dataclasses.replace(frame, rgb=frame.rgb[:, : lens.width], depth_m=frame.depth_m[:, : lens.width], intrinsics=lens)
+    assert kept(cut, CABLE) == 1.0
 
 
 def test_heights_are_those_of_the_things_and_missing_where_depth_is() -> None:

@@ -215,6 +215,9 @@ def test_each_class_says_what_finds_it_and_what_may_be_absent_can_be_taken_away(
     bare = client.patch("/api/v1/beware/cup", json={"label": None, "colour": None, "enabled": None}).json()["classes"][2]
     assert (bare["label"], bare["colour"], bare["enabled"], bare["min_height_m"]) == (None, None, True, 0.08)
     assert bare["found_by"] == "nothing"
+    long = client.patch("/api/v1/beware/cable", json={"min_size_m": 0.4}).json()["classes"][4]
+    assert (long["name"], long["min_size_m"]) == ("cable", 0.4)
+    assert client.patch("/api/v1/beware/cable", json={"min_size_m": None}).json()["classes"][4]["min_size_m"] is None
 
 
 def test_the_list_as_a_file_is_the_list(client: httpx.Client, operations: FakeOperations, tmp_path: Path) -> None:
