@@ -27,13 +27,15 @@ from navcore.mission import Goal, Mission, Phase
 from navcore.navigator import Decision, Navigator
 from navcore.robot import HUSKY, RobotProfile
 from navcore.safety import Verdict
-from navcore.transform import Pose2
+from navcore.transform import Pose2, wrap_angle
 from navcore.warmup import warm_up
 from navcore.zones import Zone
 from sim.finds import Finds
 from sim.scenario import Scenario
 from sim.simulator import Simulator
 
+STANDS, STANDS_M, STANDS_RAD = 60, 0.05, 0.05
+"""A robot that has moved less than this for so many samples stands for good."""
 SERIES_PERIOD_S = 1.0
 
 
@@ -149,7 +151,7 @@ class Episode:
     ) -> dict[str, Any]:
         """Drive until every goal is reached, the time is up or `ended` says so; the report of the contract.
 
-        Before it sets out the robot stands and looks for `look_first_s`.
+        Before it sets out the robot stands and looks for `look_first_s`. A robot that then stands for a minute has ended, too.
         """
         warm_up(self._segmenter)
         started = time.perf_counter()
@@ -171,9 +173,22 @@ class Episode:
                 next_sample_s += SERIES_PERIOD_S
                 self._sample()
                 on_progress(self._progress())
+                if self.stands:
+                    break
         self._sample()
         on_progress(self._progress())
         return report_of(self, wall_time_s=time.perf_counter() - started, cut_short=cut_short)
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has not moved for a minute: nothing that it can still try takes as long."""
+        since = self.samples[-1 - STANDS :]
+        here = since[-1].pose if len(since) > STANDS else None
+        return here is not None and all(
+            here.distance_to(sample.pose.x_m, sample.pose.y_m) < STANDS_M
+            and abs(wrap_angle(sample.pose.yaw_rad - here.yaw_rad)) < STANDS_RAD
+            for sample in since
+        )
 
     def close(self) -> None:
         """Free the simulator."""

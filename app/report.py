@@ -39,7 +39,7 @@ def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[
         "zones": [[list(corner) for corner in zone] for zone in episode.zones],
         "goals_reached": reached,
         "success": everywhere and referee.violations() == 0,
-        "ended": "all goals" if done else "by its judge" if cut_short else "time",
+        "ended": "all goals" if done else "by its judge" if cut_short else "standing" if episode.stands else "time",
         "sim_time_s": round(episode.now_s, 3),
         "wall_time_s": round(wall_time_s, 3),
         **judged,

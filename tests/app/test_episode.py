@@ -58,7 +58,7 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
 
 
 def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_no_contact() -> None:
-    inside_the_box = Episode(ROOM, seed=0, beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=20.0)
+    inside_the_box = Episode(ROOM, seed=0, beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=600.0)
     try:
         report = inside_the_box.run()
     finally:
@@ -66,6 +66,8 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
     assert report["goals_reached"] == 0
     assert report["collisions"] == 0
     assert {stop["reason"] for stop in report["stops"]} == {"no_path"}
+    assert report["ended"] == "standing"  # it has tried all it can, and nobody waits ten minutes for more
+    assert 60 <= report["sim_time_s"] < 120
 
 
 def test_the_office_mission_is_driven_without_a_touch() -> None:
