@@ -132,10 +132,13 @@ def trail_with(trail: Points, pose: Pose2) -> Points:
 
 
 def closed_way(path: Points, at: Pose2, profile: RobotProfile) -> Zone:
-    """A place not to be in: there the (N, 2) path, map frame, goes on before the bumper of a robot that was boxed in there."""
+    """A place not to be in: there the (N, 2) path, map frame, goes on before a robot that was boxed in there.
+
+    So far from it that the robot does not stand in that place itself, whichever way it has turned meanwhile.
+    """
     away = np.hypot(path[:, 0] - at.x_m, path[:, 1] - at.y_m)
     nearest = int(np.argmin(away))
-    beyond = np.flatnonzero(away[nearest:] >= profile.length_m / 2 + CLOSED_M + 0.05)
+    beyond = np.flatnonzero(away[nearest:] >= profile.circumscribed_radius_m + math.sqrt(2) * CLOSED_M + 0.05)
     x, y = path[nearest + beyond[0] if len(beyond) else -1].tolist()
     corners = ((x + a * CLOSED_M, y + b * CLOSED_M) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     return Zone(id=f"closed {x:.2f} {y:.2f}", name="a way that was found closed", polygon=tuple(corners))
