@@ -309,7 +309,8 @@ class Navigator:
         before = self._recovery
         self._recovery = before.after(motion, frame.pose, frame.stamp_ns, self._config.recovery)
         if self._recovery.means is Means.CLOSE and before.means is not Means.CLOSE and before.at is not None:
-            self._closed = (order.goal, (*self._closed[1], closed_way(route.track, before.at, self._profile)))
+            # Before where it stands now: it has moved a little since it was boxed in, and must not stand in what it closes.
+            self._closed = (order.goal, (*self._closed[1], closed_way(route.track, frame.pose, self._profile)))
         if self._recovery.means is Means.GIVE_UP:
             return Motion(twist=STANDSTILL, outcome=Outcome.GIVEN_UP)
         return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN) if self._recovery.means is Means.WAIT else motion
