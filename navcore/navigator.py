@@ -252,21 +252,14 @@ class Navigator:
 
         At the route's end the robot turns to `goal_yaw_rad`, where one is asked for.
 
-        A robot that is `leaving` may pass over the area it stands in, and over no other. One that finds itself in the margin
-        of a thing, which was seen too late or is not there, drives on out of it; over the thing itself it does not.
+        A robot that is `leaving` may pass over the area it stands in, and over no other.
         """
-        reach, cell_m = _REACH_M + self._profile.circumscribed_radius_m, occupancy.spec.resolution_m
+        reach = _REACH_M + self._profile.circumscribed_radius_m
         around = occupancy.around(pose, reach)
         hard, forbidden = hard_cells(around)
-        ruled = nearby(forbidden, around, pose, reach)
         if leaving:
             forbidden = without_area_of(forbidden, around.spec, self._profile.footprint(), pose)
-            ruled = nearby(forbidden, around, pose, reach)
-        elif stands_in(ruled, self._profile, cell_m):
-            _, things = hard_cells(dataclasses.replace(around, margins_m={}))
-            if not stands_in(nearby(things, around, pose, reach), self._profile, cell_m):
-                forbidden = things | without_area_of(forbidden, around.spec, self._profile.footprint(), pose)
-                ruled = nearby(forbidden, around, pose, reach)
+        ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
             trapped = stands_in(ruled, self._profile, around.spec.resolution_m)
             self._motion = Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE) if trapped else IDLE

@@ -71,24 +71,6 @@ def test_a_zone_bends_the_path_at_the_next_tick_and_its_deletion_straightens_it(
     assert length_m(navigator.tick(picture(stamp_ns=3), ORDER)) == straight
 
 
-def test_in_the_margin_of_a_thing_the_robot_drives_on_and_over_the_thing_or_in_the_margin_of_a_zone_it_stands(
-    navigator: Navigator,
-) -> None:
-    wide = dataclasses.replace(ORDER, beware=RED_LIST.edited("red floor", margin_m=0.4))
-    navigator.tick(picture(CARPET), wide)
-
-    def outcome_at(x_m: float, order: Order, stamp_ns: int) -> Outcome:
-        pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
-        decision = navigator.tick(picture(CARPET, pose=pose, stamp_ns=stamp_ns), order)
-        assert (decision.motion.outcome is Outcome.IN_ZONE) == (decision.motion.twist == STANDSTILL)
-        return decision.motion.outcome
-
-    assert outcome_at(1.1, wide, 1) is not Outcome.IN_ZONE  # the carpet begins 20 cm before its bumper
-    assert outcome_at(1.6, wide, 2) is Outcome.IN_ZONE
-    zone = dataclasses.replace(ZONE, polygon=((1.8, -0.5), (2.6, -0.5), (2.6, 0.5), (1.8, 0.5)), margin_m=0.4)
-    assert outcome_at(1.1, dataclasses.replace(wide, zones=(zone,)), 3) is Outcome.IN_ZONE
-
-
 def test_a_zone_drawn_under_the_robot_stops_it_and_says_so(navigator: Navigator) -> None:
     under = Zone(id="u", name="u", polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
     decision = navigator.tick(picture(), dataclasses.replace(ORDER, zones=(under,)))
