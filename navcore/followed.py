@@ -26,6 +26,12 @@ WIDTH_SHARE = 0.3
 """Of a new width in that which he is taken to have."""
 PACE_SHARE = 0.2
 """Of a new speed in the pace that somebody is taken to walk at, so that one hasty estimate does not make him a runner."""
+LABELLED = 0.3
+"""With this share of his pixels labelled a person's a picture calls him one."""
+PICTURE_SHARE = 0.3
+"""Of a new picture in how often pictures call him one: a single one that calls a doorpost a person makes nobody of it."""
+NAMED, UNNAMED = 0.45, 0.1
+"""Called so as often as this of late he is one, as seldom as that he is not, unless he has walked."""
 BRISK = 0.5
 """Slower than this share of his pace somebody is about to stop or to turn, and where to is not known."""
 LONGEST_STEP_S = 0.3
@@ -91,6 +97,8 @@ class Followed:
     on_map: list[Cells] = field(default_factory=list)
     """Where the map may show him, because nobody knew that he walks."""
     is_person: bool = False
+    named: float = 0.0
+    """How often pictures have called him a person of late."""
     walks: bool = False
     rests_x_m: float = 0.0
     """Where he may be standing …"""
@@ -175,7 +183,8 @@ class Followed:
     def _note(self, cluster: Cluster, now_ns: int) -> None:
         self.seen_ns, self.cells = now_ns, cluster.cells
         self.radius_m += WIDTH_SHARE * (cluster.radius_m - self.radius_m)
-        self.is_person |= cluster.labelled > 0.3
+        self.named += PICTURE_SHARE * (float(cluster.labelled > LABELLED) - self.named)
+        self.is_person = self.pace_mps > 0 or self.named > (UNNAMED if self.is_person else NAMED)
         if not self.walks:
             self.on_map = [*self.on_map[-49:], cluster.cells]
 

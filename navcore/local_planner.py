@@ -2,7 +2,7 @@
 
 The primitives are arcs of constant curvature that start at the robot, forward and backward, and turning in place. A primitive
 is driven only as far as the padded footprint stays clear of every occupied cell along it; zones and beware points count like
-walls.
+walls. Where no primitive leads on, one after the other may: then a manoeuvre is searched for, and carried through.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from navcore.arcs import ALONG_M, along, arcs
 from navcore.clearances import clearances
 from navcore.errors import BadConfiguration
+from navcore.manoeuvre import Manoeuvre, find_manoeuvre, steer
 from navcore.near_cells import outside, stands_in
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
@@ -34,6 +35,7 @@ class Outcome(StrEnum):
     FOLLOW = "following the path"
     TURN = "turning in place"
     BACK = "backing off"
+    MANOEUVRE = "manoeuvring in a tight place"
     ALIGN = "turning to the heading asked for"
     ARRIVED = "arrived"
     IDLE = "no path to follow"
@@ -86,6 +88,8 @@ class Motion:
     """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
     arc: int | None = None
     """Which of `candidates` it drives along; None for a motion that is none of them, such as turning in place."""
+    manoeuvre: Manoeuvre | None = None
+    """What is left of the manoeuvre that it belongs to."""
 
 
 IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
@@ -153,9 +157,13 @@ def _aligned(near: _Surroundings, askew: float) -> Motion:
 
 
 def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
-    """Go on backing off, turn towards the path, follow it, or begin to back off: the first that is called for."""
+    """Go on with what was begun, turn towards the path, follow it, manoeuvre or back off: the first that is called for."""
     rules = near.rules
-    if previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
+    if previous.manoeuvre is not None and previous.began is not None:
+        motion = _manoeuvred(near, previous.manoeuvre, path, pose, previous.began)
+        if motion is not None:
+            return motion
+    elif previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
         motion = _back_off(near, previous.began)
         if motion.outcome is Outcome.BACK:
             return motion
@@ -167,9 +175,45 @@ def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) ->
         if turn is not None:
             return turn
     follow = _follow(near, path)
-    if follow is None and len(near.people.walking) and _follow(near.without_people(), path):
+    if follow is not None:
+        return follow
+    if len(near.people.walking) and _follow(near.without_people(), path):
         return Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
-    return follow or _back_off(near, pose)
+    if abs(bearing) > math.radians(rules.turn_until_deg) and _follow(near.all_seen(), path):
+        # What the path leads over was not looked at yet.
+        turn = _turn(near, bearing)
+        if turn is not None:
+            return turn
+    found = near.manoeuvre(path, pose)
+    return (found and _manoeuvred(near, found, path, pose, pose)) or _back_off(near, pose)
+
+
+def _manoeuvred(near: _Surroundings, manoeuvre: Manoeuvre, path: Points, pose: Pose2, began: Pose2) -> Motion | None:
+    """One tick of a manoeuvre; None where it is done, or no longer free, or leads nowhere because the path is another now."""
+    steered = steer(manoeuvre, pose, braking_mps2=near.rules.braking_mps2)
+    if steered is None:
+        return None
+    twist, left = steered
+    poses = left.in_base(pose)
+    if float(np.hypot(*(path - poses[-1, :2]).T).min()) > PATH_LEFT_M:
+        return None
+    if not (near.clear(poses[None]) > 0.5 * left.room_m).all() or not near.looked_at(poses[None]).all():
+        return None
+    for share in (1.0, 0.5, 0.25):
+        slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
+        coming = _coming(slower, near.profile)
+        if (near.clear(coming) > min(0.3 * left.room_m, near.padding_m)).all() and near.looked_at(coming).all():
+            return Motion(twist=slower, outcome=Outcome.MANOEUVRE, began=began, manoeuvre=left)
+    return None
+
+
+def _coming(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
+    """(1, S, 3) where the robot comes, base frame, before a twist that is held until it expires has been braked."""
+    braking_s = max(abs(twist.v_mps) / profile.max_accel_mps2, abs(twist.w_radps) / profile.max_yaw_accel_radps2)
+    moments = np.linspace(0.0, HOLD_S + 0.5 * braking_s, 9)[1:]
+    turned = twist.w_radps * moments
+    chord = twist.v_mps * moments * np.sinc(turned / 2 / math.pi)
+    return np.stack([chord * np.cos(turned / 2), chord * np.sin(turned / 2), turned], axis=1)[None]
 
 
 def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
@@ -237,6 +281,12 @@ class _Surroundings:
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
         return np.asarray(clearances(self._unseen, poses, half_length, half_width) > 0)
 
+    def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
+        """The cheapest one that leads on along the path, with as much room as any motion leaves."""
+        return find_manoeuvre(
+            path, self._obstacles, self._unseen, pose, self.profile, room_m=self.padding_m + 0.01, reach_m=self._reach_m
+        )
+
     def turned_about(self) -> _Surroundings:
         """The same place, seen from a robot that faces the other way."""
         about = copy.copy(self)
@@ -248,6 +298,12 @@ class _Surroundings:
         alone = copy.copy(self)
         alone.people = NOBODY
         return alone
+
+    def all_seen(self) -> _Surroundings:
+        """The same place, as if the camera had been everywhere."""
+        seen = copy.copy(self)
+        seen._unseen = self._unseen[:0]
+        return seen
 
 
 def _follow(near: _Surroundings, path: Points) -> Motion | None:
@@ -355,6 +411,10 @@ BACK_STEPS = 13
 """Of an arc's, the first 0.4 m, for reversing."""
 BACK_MPS = 0.2
 """The camera does not see where a reversing robot goes."""
+PATH_LEFT_M = 0.5
+"""A manoeuvre that ends farther than this from the path belongs to another."""
+HOLD_S = 0.25
+"""A twist is driven so long unless another comes."""
 LOOK_RAD = math.radians(30.0)
 """So far ahead of its heading a robot looks for room that turns on and on in place."""
 SPEEDS = (1.0, 0.6, 0.35)

@@ -53,7 +53,7 @@ class RecoveryRules:
     manoeuvre_s: float = between(1.0, 120.0, default=20.0)
     """A manoeuvre that takes longer has failed."""
     tries: int = between(1, 20, default=3)
-    """So many times at one place the path may be tried again after half a metre backwards, before that counts as boxed in."""
+    """So often at one place the robot may back off a little or begin to manoeuvre, before that counts as boxed in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,7 @@ class Recovery:
     heading_rad: float = 0.0
     """Its heading at the last tick."""
     backs: int = 0
-    """How often at this place it has backed off a little to try the path again …"""
+    """How often at this place it has backed off a little, or manoeuvred, and come no farther …"""
     backed_from: Pose2 | None = None
     """… the last time from here."""
 
@@ -102,7 +102,8 @@ class Recovery:
     def _counted(self, motion: Motion, pose: Pose2) -> Recovery:
         if self.means is not Means.NONE or motion.began is None or motion.began == self.backed_from:
             return self
-        return dataclasses.replace(self, at=self.at or pose, backs=self.backs + 1, backed_from=motion.began)
+        again = self.backed_from is None or self.backed_from.distance_to(motion.began.x_m, motion.began.y_m) < AGAIN_M
+        return dataclasses.replace(self, at=self.at or pose, backs=self.backs + again, backed_from=motion.began)
 
     def _enter(self, means: Means, pose: Pose2, stamp_ns: int) -> Recovery:
         return dataclasses.replace(
@@ -115,6 +116,8 @@ class Recovery:
         return self.means is Means.CLOSE or self.turned_rad >= 2 * math.pi
 
 
+AGAIN_M = 0.5
+"""What is begun nearer than this to where it was begun before has not helped."""
 TRAIL_STEP_M, TRAIL_POINTS = 0.1, 50
 """The driven path is remembered so densely, and for so many points."""
 CLOSED_M = 0.2

@@ -246,3 +246,16 @@ def test_the_mount_of_these_pictures_sees_a_person_whole_enough() -> None:
     assert MOUNT[2, 3] == pytest.approx(0.6)
     empty, there = picture(pose=ORIGIN), picture(somebody(2.0, 0.0), pose=ORIGIN)
     assert int((empty.depth_m != there.depth_m).sum()) > 1000
+
+
+def test_one_picture_that_names_a_post_a_person_makes_none_of_it_and_several_do_until_as_many_do_not() -> None:
+    post, tracker, seen = Box(x=(2.0, 2.2), y=(-0.1, 0.1), z=(0.0, 1.6)), PeopleTracker(), list[int]()
+    said = [False, True, False, False, True, True, True, True] + [False] * 10
+    for k, named in enumerate(said):
+        frame = picture(post, stamp_ns=k * TENTH_NS)
+        labels = unlabelled(frame)
+        labels.class_ids[...] = np.where((frame.depth_m < 2.5) & named, 11, 0)
+        seen.append(len(tracker.follow(frame, labels, WITH_PEOPLE)))
+    assert seen[:5] == [0] * 5
+    assert seen[7] == 1
+    assert seen[-1] == 0

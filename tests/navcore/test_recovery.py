@@ -187,3 +187,12 @@ def test_the_trail_is_the_way_back_without_the_detours() -> None:
     assert math.dist(trail[-1], (0.0, 0.0)) < 0.1
     assert trail[:, 0].max() < 1.2  # the metre beyond, there and back again, is forgotten
     assert float(np.hypot(*np.diff(trail, axis=0).T).max()) < 0.25
+
+
+def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    stuck_for(navigator, Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), 0.0, 2.5)
+    crept = Pose2(x_m=-2.1, y_m=0.0, yaw_rad=0.0)  # still at the place where it was boxed in, but a good way on
+    stuck_for(navigator, crept, 2.5, 5.0)
+    (closed,) = navigator._closed[1]
+    assert min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon) > HUSKY.circumscribed_radius_m

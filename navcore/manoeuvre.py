@@ -1,0 +1,159 @@
+"""Manoeuvring where no single arc leads on: turning, backing and going forward by turns, the footprint free at every pose."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.robot import RobotProfile, Twist
+from navcore.search.lattice import FORWARD, STEP_M, TURNING, Ends, cells, cheapest
+from navcore.transform import Pose2, wrap_angle
+
+Points = npt.NDArray[np.float64]
+
+ON_M = 1.5
+"""So far along the path a manoeuvre leads, where it can: then arcs may do again."""
+LEAST_M = 0.3
+"""One that gains less than this is none."""
+ASIDE_M = 0.3
+"""It ends this near to the path."""
+LACKING_COST = 5.0
+"""For each metre of the path that it does not gain: so much driving is worth it."""
+FORWARD_MPS, REVERSE_MPS, TURN_RADPS = 0.4, 0.2, 0.6
+"""Its speeds; behind the robot the camera sees nothing."""
+LOST_M = 0.12
+"""Farther than this from where it should be the robot is no longer on its manoeuvre."""
+PARTS = 3
+"""Into so many parts a step is cut for steering."""
+AIM_M = 0.35
+"""How far ahead on its manoeuvre the robot aims."""
+REACHED_RAD, REACHED_M = math.radians(2.0), 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Manoeuvre:
+    """What is left of one."""
+
+    poses: Points
+    """(K, 3) x, y, heading in the map frame, close together."""
+    ways: npt.NDArray[np.int64]
+    """(K,) how each is come to: 1 forward, -1 in reverse, 2 turning left, -2 turning right in place."""
+    room_m: float
+    """It was found with so much room to everything."""
+
+    def in_base(self, pose: Pose2) -> Points:
+        """(K, 3) the poses in the base frame of a robot at a pose."""
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        offset = (self.poses[:, :2] - np.array([pose.x_m, pose.y_m])) @ np.array([[cos, -sin], [sin, cos]])
+        return np.column_stack([offset, self.poses[:, 2] - pose.yaw_rad])
+
+
+def find_manoeuvre(
+    path: Points, obstacles: Points, unseen: Points, pose: Pose2, profile: RobotProfile, *, room_m: float, reach_m: float
+) -> Manoeuvre | None:
+    """The cheapest manoeuvre that leads on along the (N, 2) path, base frame; None where there is none.
+
+    The footprint keeps `room_m` from every obstacle, (M, 2) points with `reach_m` around them, and covers nothing unseen.
+    """
+    radii = np.concatenate([np.full(len(obstacles), reach_m + room_m), np.zeros(len(unseen))])
+    poses, kinds = cheapest(
+        np.vstack([obstacles, unseen]),
+        radii,
+        _ends(path),
+        half_length_m=profile.length_m / 2,
+        half_width_m=profile.width_m / 2,
+    )
+    if len(poses) == 0:
+        return None
+    whole = np.vstack([np.zeros(3), poses])
+    parts, ways = [], []
+    for before, after, kind in zip(whole, whole[1:], kinds.tolist(), strict=False):
+        parts.append(_in_parts(before, after, kind))
+        ways += [kind if kind != TURNING else 2 * round(math.copysign(1, after[2] - before[2]))] * PARTS
+    found = np.vstack(parts)
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    on_map = found[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
+    return Manoeuvre(poses=np.column_stack([on_map, found[:, 2] + pose.yaw_rad]), ways=np.array(ways), room_m=room_m)
+
+
+def steer(manoeuvre: Manoeuvre, pose: Pose2, *, braking_mps2: float) -> tuple[Twist, Manoeuvre] | None:
+    """The velocity that carries a manoeuvre on from a pose, and what is left of it; None if it is done, or the robot off it."""
+    poses, ways = manoeuvre.in_base(pose), manoeuvre.ways
+    done = 0
+    while done < len(ways) and _is_passed(poses[done], int(ways[done])):
+        done += 1
+    if done == len(ways):
+        return None
+    way = int(ways[done])
+    changes = np.flatnonzero(ways[done:] != way)
+    leg = poses[done : done + changes[0]] if len(changes) else poses[done:]
+    if abs(way) == 2:
+        if math.hypot(*leg[0, :2]) > LOST_M:
+            return None
+        left_rad = abs(wrap_angle(leg[0, 2])) + abs(leg[-1, 2] - leg[0, 2])
+        twist = Twist(v_mps=0.0, w_radps=math.copysign(min(TURN_RADPS, 0.1 + 1.5 * left_rad), way))
+    else:
+        ahead = way * leg
+        left_m = float(ahead[0, 0] + np.hypot(*np.diff(leg[:, :2], axis=0).T).sum())
+        if abs(ahead[0, 1]) > LOST_M:
+            return None
+        speed = min(FORWARD_MPS if way == FORWARD else REVERSE_MPS, math.sqrt(2 * 0.5 * braking_mps2 * left_m) + 0.03)
+        bend = _bend(ahead[:, :2], leg[-1, 2])
+        speed = min(speed, TURN_RADPS / max(abs(bend), 1e-6))
+        twist = Twist(v_mps=way * speed, w_radps=speed * bend)
+    return twist, dataclasses.replace(manoeuvre, poses=manoeuvre.poses[done:], ways=ways[done:])
+
+
+def _ends(path: Points) -> Ends:
+    """Beside the path, in its direction, the farther on the better."""
+    metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    stations = np.linspace(0.0, min(metres[-1], ON_M), 32)
+    marks, on = (
+        np.column_stack([np.interp(at, metres, path[:, axis]) for axis in (0, 1)])
+        for at in (stations, np.minimum(stations, max(metres[-1] - 0.3, 0.0)) + 0.3)
+    )
+    ahead = on - marks
+    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+    there = ahead.any(axis=1)
+    headings[~there] = headings[there][-1] if there.any() else 0.0
+    x, y = cells()
+    away = np.hypot(x[..., None] - marks[:, 0], y[..., None] - marks[:, 1])
+    nearest = away.argmin(axis=2)
+    aside = away.min(axis=2)
+    cost = LACKING_COST * (stations[-1] - stations[nearest]) + aside
+    cost[(aside > ASIDE_M) | (stations[nearest] < min(LEAST_M, 0.9 * stations[-1]))] = np.inf
+    return Ends(cost=cost, heading_rad=headings[nearest])
+
+
+def _in_parts(before: Points, after: Points, kind: int) -> Points:
+    """(PARTS, 3) poses along one step, the last of them its end."""
+    share = np.linspace(0.0, 1.0, PARTS + 1)[1:]
+    turn = after[2] - before[2]
+    heading = before[2] + share * turn
+    if kind == TURNING:
+        return np.column_stack([np.tile(before[:2], (PARTS, 1)), heading])
+    chord = kind * STEP_M * share * np.sinc(share * turn / 2 / math.pi)
+    bearing = before[2] + share * turn / 2
+    return np.column_stack([before[0] + chord * np.cos(bearing), before[1] + chord * np.sin(bearing), heading])
+
+
+def _is_passed(pose: Points, way: int) -> bool:
+    if abs(way) == 2:
+        left = wrap_angle(float(pose[2])) * math.copysign(1, way)
+        return -math.pi / 2 < left <= REACHED_RAD
+    return float(way * pose[0]) <= REACHED_M
+
+
+def _bend(points: Points, end_heading_rad: float) -> float:
+    """The curvature, in 1/m, of the arc to the point that lies `AIM_M` ahead on a leg; its end goes straight on."""
+    metres = np.concatenate([[math.hypot(*points[0])], np.hypot(*np.diff(points, axis=0).T)]).cumsum()
+    if metres[-1] >= AIM_M:
+        x, y = points[int(np.searchsorted(metres, AIM_M))]
+    else:
+        beyond = AIM_M - metres[-1]
+        x, y = points[-1] + beyond * np.array([math.cos(end_heading_rad), math.sin(end_heading_rad)])
+    return float(np.clip(2 * y / max(x * x + y * y, 1e-6), -3.0, 3.0))
