@@ -19,7 +19,7 @@ import numpy.typing as npt
 from navcore.arcs import ALONG_M, along, arcs
 from navcore.clearances import clearances
 from navcore.errors import BadConfiguration
-from navcore.manoeuvre import Manoeuvre, find_manoeuvre, steer
+from navcore.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
 from navcore.near_cells import outside, stands_in
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.settings import between
@@ -195,7 +195,7 @@ def _manoeuvred(near: _Surroundings, manoeuvre: Manoeuvre, path: Points, pose: P
         return None
     twist, left = steered
     poses = left.in_base(pose)
-    if float(np.hypot(*(path - poses[-1, :2]).T).min()) > PATH_LEFT_M:
+    if float(np.hypot(*(path - _in_base(left.serves, pose)).T).min()) > PATH_LEFT_M:
         return None
     if not (near.clear(poses[None]) > 0.5 * left.room_m).all() or not near.looked_at(poses[None]).all():
         return None
@@ -282,10 +282,15 @@ class _Surroundings:
         return np.asarray(clearances(self._unseen, poses, half_length, half_width) > 0)
 
     def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
-        """The cheapest one that leads on along the path, with as much room as any motion leaves."""
-        return find_manoeuvre(
-            path, self._obstacles, self._unseen, pose, self.profile, room_m=self.padding_m + 0.01, reach_m=self._reach_m
+        """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
+        tight = Tight(
+            obstacles=self._obstacles,
+            reach_m=self._reach_m,
+            unseen=self._unseen,
+            profile=self.profile,
+            room_m=self.padding_m + 0.01,
         )
+        return manoeuvre_along(path, tight, pose) or manoeuvre_to_see(path, tight, pose)
 
     def turned_about(self) -> _Surroundings:
         """The same place, seen from a robot that faces the other way."""
@@ -412,7 +417,7 @@ BACK_STEPS = 13
 BACK_MPS = 0.2
 """The camera does not see where a reversing robot goes."""
 PATH_LEFT_M = 0.5
-"""A manoeuvre that ends farther than this from the path belongs to another."""
+"""A manoeuvre that serves a place farther than this from the path belongs to another."""
 HOLD_S = 0.25
 """A twist is driven so long unless another comes."""
 LOOK_RAD = math.radians(30.0)
@@ -432,7 +437,10 @@ def _carrot(path_base: Points, lookahead_m: float) -> Points:
 def path_from(path_map: Points, pose: Pose2) -> Points:
     """(N, 2) the path from its point nearest to the robot on, in the base frame."""
     nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
-    offset = path_map[nearest:] - np.array([pose.x_m, pose.y_m])
+    return _in_base(path_map[nearest:], pose)
+
+
+def _in_base(points_map: Points | tuple[float, float], pose: Pose2) -> Points:
     yaw = wrap_angle(pose.yaw_rad)
     cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.asarray(offset @ np.array([[cos, -sin], [sin, cos]]))
+    return np.asarray((np.asarray(points_map) - np.array([pose.x_m, pose.y_m])) @ np.array([[cos, -sin], [sin, cos]]))

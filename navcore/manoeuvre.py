@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.robot import RobotProfile, Twist
-from navcore.search.lattice import FORWARD, STEP_M, TURNING, Ends, cells, cheapest
+from navcore.search.lattice import CELL_M, FORWARD, REACH_M, STEP_M, TURNING, Ends, cells, cheapest
 from navcore.transform import Pose2, wrap_angle
 
 Points = npt.NDArray[np.float64]
@@ -23,6 +23,10 @@ ASIDE_M = 0.3
 """It ends this near to the path."""
 LACKING_COST = 5.0
 """For each metre of the path that it does not gain: so much driving is worth it."""
+BEYOND_M = 0.4
+"""To see how the path goes on one looks at where it has gone so far beyond the rim of what was seen …"""
+SEEN_FROM_M, SEEN_TO_M, FACING_RAD = 0.9, 2.5, math.radians(30.0)
+"""… which the camera does from such distances, so far off its middle."""
 FORWARD_MPS, REVERSE_MPS, TURN_RADPS = 0.4, 0.2, 0.6
 """Its speeds; behind the robot the camera sees nothing."""
 LOST_M = 0.12
@@ -44,6 +48,8 @@ class Manoeuvre:
     """(K,) how each is come to: 1 forward, -1 in reverse, 2 turning left, -2 turning right in place."""
     room_m: float
     """It was found with so much room to everything."""
+    serves: tuple[float, float]
+    """(x, y) in the map frame of the place on the path that it leads to, or that one sees from its end."""
 
     def in_base(self, pose: Pose2) -> Points:
         """(K, 3) the poses in the base frame of a robot at a pose."""
@@ -52,32 +58,64 @@ class Manoeuvre:
         return np.column_stack([offset, self.poses[:, 2] - pose.yaw_rad])
 
 
-def find_manoeuvre(
-    path: Points, obstacles: Points, unseen: Points, pose: Pose2, profile: RobotProfile, *, room_m: float, reach_m: float
-) -> Manoeuvre | None:
-    """The cheapest manoeuvre that leads on along the (N, 2) path, base frame; None where there is none.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tight:
+    """A tight place, in the base frame."""
 
-    The footprint keeps `room_m` from every obstacle, (M, 2) points with `reach_m` around them, and covers nothing unseen.
-    """
-    radii = np.concatenate([np.full(len(obstacles), reach_m + room_m), np.zeros(len(unseen))])
-    poses, kinds = cheapest(
-        np.vstack([obstacles, unseen]),
-        radii,
-        _ends(path),
-        half_length_m=profile.length_m / 2,
-        half_width_m=profile.width_m / 2,
-    )
+    obstacles: Points
+    """(M, 2) cells that no part of the body may touch …"""
+    reach_m: float
+    """… each as far as this around its middle."""
+    unseen: Points
+    """(U, 2) rim of what the camera has not seen: no part of the body is swept over it either."""
+    profile: RobotProfile
+    room_m: float
+    """Kept around the footprint."""
+
+
+def manoeuvre_along(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+    """The cheapest manoeuvre that leads on along the (N, 2) path, base frame; None where there is none."""
+    return _found(_ends(path), None, tight, pose)
+
+
+def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+    """The cheapest to where one sees how the (N, 2) path, base frame, goes on; None if there is none, or all of it is seen."""
+    if len(tight.unseen) == 0:
+        return None
+    onto = np.flatnonzero(np.hypot(*(path[:, None] - tight.unseen).transpose(2, 0, 1)).min(axis=1) < 2 * tight.reach_m)
+    if len(onto) == 0:
+        return None
+    # Somewhat behind the rim: to see that the robot must come round the corner, and not only nearer to it.
+    metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    place = path[min(int(np.searchsorted(metres, metres[onto[0]] + BEYOND_M)), len(path) - 1)]
+    return _found(_views(place, tight.obstacles), place, tight, pose)
+
+
+def _found(ends: Ends, place: Points | None, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+    radii = np.concatenate([np.full(len(tight.obstacles), tight.reach_m + tight.room_m), np.zeros(len(tight.unseen))])
+    half_length_m, half_width_m = tight.profile.length_m / 2, tight.profile.width_m / 2
+    near = np.vstack([tight.obstacles, tight.unseen])
+    poses, kinds = cheapest(near, radii, ends, half_length_m=half_length_m, half_width_m=half_width_m)
     if len(poses) == 0:
         return None
     whole = np.vstack([np.zeros(3), poses])
-    parts, ways = [], []
-    for before, after, kind in zip(whole, whole[1:], kinds.tolist(), strict=False):
+    parts, ways = list[Points](), list[int]()
+    for before, after, kind in zip(whole[:-1], poses, kinds.tolist(), strict=True):
         parts.append(_in_parts(before, after, kind))
         ways += [kind if kind != TURNING else 2 * round(math.copysign(1, after[2] - before[2]))] * PARTS
     found = np.vstack(parts)
+    on_map = _on_map(np.vstack([found[:, :2], found[-1:, :2] if place is None else place[None]]), pose)
+    return Manoeuvre(
+        poses=np.column_stack([on_map[:-1], found[:, 2] + pose.yaw_rad]),
+        ways=np.array(ways),
+        room_m=tight.room_m,
+        serves=(float(on_map[-1, 0]), float(on_map[-1, 1])),
+    )
+
+
+def _on_map(points: Points, pose: Pose2) -> Points:
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    on_map = found[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-    return Manoeuvre(poses=np.column_stack([on_map, found[:, 2] + pose.yaw_rad]), ways=np.array(ways), room_m=room_m)
+    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
 
 
 def steer(manoeuvre: Manoeuvre, pose: Pose2, *, braking_mps2: float) -> tuple[Twist, Manoeuvre] | None:
@@ -127,6 +165,25 @@ def _ends(path: Points) -> Ends:
     cost = LACKING_COST * (stations[-1] - stations[nearest]) + aside
     cost[(aside > ASIDE_M) | (stations[nearest] < min(LEAST_M, 0.9 * stations[-1]))] = np.inf
     return Ends(cost=cost, heading_rad=headings[nearest])
+
+
+def _views(place: Points, obstacles: Points) -> Ends:
+    """From where a (2,) place is seen: near it, facing it, with nothing in between."""
+    x, y = cells()
+    stands = np.zeros(x.shape, dtype=np.bool_)
+    column, row = np.floor((obstacles + REACH_M) / CELL_M).astype(np.int64).T
+    inside = (column >= 0) & (column < len(x)) & (row >= 0) & (row < len(x))
+    stands[row[inside], column[inside]] = True
+    hidden = np.zeros(x.shape, dtype=np.bool_)
+    for share in np.linspace(0.0, 0.95, 24):
+        between_x, between_y = x + share * (place[0] - x), y + share * (place[1] - y)
+        column, row = (
+            np.clip(np.floor((value + REACH_M) / CELL_M), 0, len(x) - 1).astype(np.int64) for value in (between_x, between_y)
+        )
+        hidden |= stands[row, column]
+    away = np.hypot(x - place[0], y - place[1])
+    cost = np.where(hidden | (away < SEEN_FROM_M) | (away > SEEN_TO_M), np.inf, 0.0)
+    return Ends(cost=cost, heading_rad=np.arctan2(place[1] - y, place[0] - x), askew_rad=FACING_RAD)
 
 
 def _in_parts(before: Points, after: Points, kind: int) -> Points:

@@ -52,7 +52,9 @@ class Ends:
     cost: Floats
     """(N, N) by cell, row along y: what is still lacking where the manoeuvre ends there; infinite where it may not."""
     heading_rad: Floats
-    """(N, N) the path's heading there: what it still has to turn is lacking, too."""
+    """(N, N) the heading asked for there: what it still has to turn is lacking, too …"""
+    askew_rad: float = math.pi
+    """… and it may be so much."""
 
 
 def cells() -> tuple[Floats, Floats]:
@@ -79,12 +81,14 @@ def cheapest(
     starts = np.searchsorted(key[order], np.arange(side * side + 1))
     points = np.ascontiguousarray(obstacles[within][order])
     radii = np.ascontiguousarray(radii_m[within][order])
-    found = _search((points, radii, starts, side, reach, half_length_m, half_width_m, widest), ends.cost, ends.heading_rad)
+    found = _search(
+        (points, radii, starts, side, reach, half_length_m, half_width_m, widest), ends.cost, ends.heading_rad, ends.askew_rad
+    )
     return found[0], found[1]
 
 
 @compiled
-def _search(place: Place, end_cost: Floats, end_heading: Floats) -> tuple[Floats, Ints]:
+def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -> tuple[Floats, Ints]:
     size, headings = end_cost.shape[0], 36
     count = size * size * headings
     cost = np.full(count + 1, np.inf)
@@ -107,7 +111,7 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats) -> tuple[Floats
         lacking = end_cost[cell // size, cell % size]
         if lacking < np.inf:
             off = abs((heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi) - math.pi)
-            if so_far + lacking + TURN_COST * off < cost[count]:
+            if off <= askew and so_far + lacking + TURN_COST * off < cost[count]:
                 cost[count], came[count] = so_far + lacking + TURN_COST * off, at
                 heapq.heappush(heap, (cost[count], count))
         for way in range(len(KINDS)):

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from navcore.local_planner import BOXED_IN, IDLE, LocalRules, Motion, Outcome, Points, plan_motion
-from navcore.manoeuvre import LOST_M, Manoeuvre, find_manoeuvre, steer
+from navcore.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
 from navcore.robot import HUSKY
 from navcore.search.lattice import REACH_M
 from navcore.transform import Pose2, wrap_angle
@@ -31,8 +31,12 @@ def line(*corners: tuple[float, float]) -> Points:
     return np.vstack(parts)
 
 
+def tight(obstacles: Points, unseen: Points = NONE) -> Tight:
+    return Tight(obstacles=obstacles, reach_m=REACH, unseen=unseen, profile=HUSKY, room_m=ROOM_M)
+
+
 def find(path: Points, obstacles: Points = NONE, unseen: Points = NONE, pose: Pose2 = HERE) -> Manoeuvre | None:
-    return find_manoeuvre(path, obstacles, unseen, pose, HUSKY, room_m=ROOM_M, reach_m=REACH)
+    return manoeuvre_along(path, tight(obstacles, unseen), pose)
 
 
 def bodies(poses: Points) -> list[shapely.Polygon]:
@@ -184,3 +188,17 @@ def test_a_manoeuvre_is_given_up_when_something_comes_in_its_way_or_the_path_is_
     assert decide(AHEAD, NONE, first).outcome is Outcome.FOLLOW
     shut = np.vstack([narrow, line((-0.62, -0.5), (-0.62, 0.5))])
     assert decide(-AHEAD, shut, first) is BOXED_IN
+
+
+def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_it() -> None:
+    wall_left = line((-3.0, 0.55), (0.3, 0.55))
+    unseen = np.vstack([line((0.35, 0.6), (0.35, 3.0)), line((-3.0, 0.65), (0.35, 0.65))])
+    path = line((0, 0), (0.35, 0.2), (-0.6, 2.5))
+    found = manoeuvre_to_see(path, tight(wall_left, unseen), HERE)
+    assert found is not None
+    x, y, yaw = found.poses[-1].tolist()
+    assert np.hypot(*(path - found.serves).T).min() < 1e-9
+    assert abs(wrap_angle(math.atan2(found.serves[1] - y, found.serves[0] - x) - yaw)) < math.radians(31)
+    sight = shapely.LineString([(x, y), found.serves])
+    assert sight.distance(shapely.multipoints(wall_left)) > 0.02
+    assert manoeuvre_to_see(AHEAD, tight(wall_left, unseen), HERE) is None  # nothing hides that path
