@@ -21,7 +21,8 @@ Ints = npt.NDArray[np.int64]
 REACH_M = 2.2
 """Half the side of the square, about the robot, that is searched."""
 CELL_M = 0.1
-TURN_RAD = math.pi / 18
+HEADINGS = 36
+TURN_RAD = 2 * math.pi / HEADINGS
 """Poses in one cell whose headings differ by less are one to the search; turns in place are so wide."""
 STEP_M = 0.15
 """Longer than a cell's diagonal, so that every step leads to another cell."""
@@ -37,12 +38,12 @@ NEAR_M = 0.15
 SWITCH_COST, REVERSE_COST, TURN_COST, TIGHT_COST = 0.15, 2.5, 0.6, 1.5
 """Of changing from one kind of step to another; of a metre in reverse; of a radian in place; of a metre without any room."""
 SWEEP_M = 0.12
-"""More than any point of a body comes nearer to anything on the way of a step than at its end."""
+"""With more room than this at the end of a step there is some on its way, too: a turning corner bulges out by far less."""
 BUCKET_M = 0.2
 
 Place = tuple[Floats, Floats, Ints, int, float, float, float, float]
-"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, where the first lies (negative, m), half the
-length and width of the footprint, and the farthest that any disc matters."""
+"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the robot to the first one's edge,
+half the length and half the width of the footprint, and the farthest that any disc matters, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,13 +90,13 @@ def cheapest(
 
 @compiled
 def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -> tuple[Floats, Ints]:
-    size, headings = end_cost.shape[0], 36
-    count = size * size * headings
+    size = end_cost.shape[0]
+    count = size * size * HEADINGS
     cost = np.full(count + 1, np.inf)
     poses = np.zeros((count, 3))
     came, step = np.full(count + 1, -1, np.int64), np.full(count, -1, np.int64)
     done = np.zeros(count + 1, np.bool_)
-    start = ((size // 2) * size + size // 2) * headings
+    start = ((size // 2) * size + size // 2) * HEADINGS
     cost[start] = 0.0
     heap, settled = [(0.0, start)], 0
     while len(heap) > 0:
@@ -107,7 +108,7 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -
         if at == count or settled > BUDGET:
             break
         x, y, heading = poses[at, 0], poses[at, 1], poses[at, 2]
-        cell = at // headings
+        cell = at // HEADINGS
         lacking = end_cost[cell // size, cell % size]
         if lacking < np.inf:
             off = abs((heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi) - math.pi)
@@ -127,8 +128,8 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -
             column, row = math.floor((there_x + REACH_M) / CELL_M), math.floor((there_y + REACH_M) / CELL_M)
             if not (0 <= column < size and 0 <= row < size):
                 continue
-            into = round(there_heading / TURN_RAD) % headings
-            node = (row * size + column) * headings + into
+            into = round(there_heading / TURN_RAD) % HEADINGS
+            node = (row * size + column) * HEADINGS + into
             if done[node]:
                 continue
             least = length if kind == FORWARD else REVERSE_COST * length if kind == REVERSE else TURN_COST * TURN_RAD
@@ -154,15 +155,8 @@ def _room_between(x: float, y: float, heading: float, kind: int, turn: float, pl
     parts, least = 2 * round(abs(turn) / TURN_RAD), NEAR_M
     for part in range(1, parts):
         turned = turn * part / parts * (kind if kind != TURNING else 1)
-        chord = 0.0
-        if kind != TURNING:
-            chord = kind * STEP_M * part / parts
-        least = min(
-            least,
-            _room(
-                x + chord * math.cos(heading + turned / 2), y + chord * math.sin(heading + turned / 2), heading + turned, place
-            ),
-        )
+        chord, bearing = kind * STEP_M * part / parts, heading + turned / 2
+        least = min(least, _room(x + chord * math.cos(bearing), y + chord * math.sin(bearing), heading + turned, place))
     return least
 
 
