@@ -156,6 +156,11 @@ class Followed:
             self.lately_mps = self.pace_mps = max(WALKS_MPS, self.pace_mps)
             self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
 
+    def lost_at(self, now_ns: int) -> tuple[float, float]:
+        """(x, y) where he was seen last."""
+        unseen_s = (now_ns - self.seen_ns) / 1e9
+        return self.x_m - unseen_s * self.vx_mps, self.y_m - unseen_s * self.vy_mps
+
     def track(self, now_ns: int) -> Track:
         """As a value; who stands has no velocity."""
         unseen_s = (now_ns - self.seen_ns) / 1e9

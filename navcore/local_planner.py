@@ -147,7 +147,8 @@ def plan_motion(
         motion = _look_round(near) or BOXED_IN
     else:
         motion = _aligned(near, askew) if at_goal else _chosen(near, path, pose, previous)
-    return _beside_people(motion, near)
+    motion = _beside_people(motion, near)
+    return _facing(near, motion) if motion.outcome is Outcome.YIELD else motion
 
 
 def _aligned(near: _Surroundings, askew: float) -> Motion:
@@ -228,6 +229,14 @@ def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
     return dataclasses.replace(motion, twist=slower)
 
 
+def _facing(near: _Surroundings, motion: Motion) -> Motion:
+    """Who waits for somebody turns to him before he leaves the picture: out of sight he could be anywhere."""
+    nearest = min(near.people.restless.tolist(), key=lambda person: math.hypot(person[0], person[1]), default=(1.0, 0.0))
+    bearing = math.atan2(nearest[1], nearest[0])
+    turn = _turn(near, bearing, either_way=False) if abs(bearing) > FACE_RAD else None
+    return motion if turn is None else _beside_people(dataclasses.replace(motion, twist=turn.twist), near)
+
+
 def candidates(
     *, geometric: Points, ruled: Points, profile: RobotProfile, rules: LocalRules, cell_m: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
@@ -270,6 +279,8 @@ class _Surroundings:
         # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
         # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
         self.padding_m = float(np.clip(here - 0.002, 0.005, max(rules.padding_m, 0.005)))
+        # A thing may fill an unseen cell to its rim; where the body is nearer to one already, it must not come nearer yet.
+        self.veil_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
 
     def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about `FAR_M`."""
@@ -278,8 +289,10 @@ class _Surroundings:
 
     def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
-        half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
-        return np.asarray(clearances(self._unseen, poses, half_length, half_width) > 0)
+        return np.asarray(self._unseen_room(poses) > self.veil_m)
+
+    def _unseen_room(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return clearances(self._unseen, poses, self.profile.length_m / 2, self.profile.width_m / 2)
 
     def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
         """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
@@ -287,6 +300,7 @@ class _Surroundings:
             obstacles=self._obstacles,
             reach_m=self._reach_m,
             unseen=self._unseen,
+            veil_m=self.veil_m,
             profile=self.profile,
             room_m=self.padding_m + 0.01,
         )
@@ -418,6 +432,8 @@ BACK_MPS = 0.2
 """The camera does not see where a reversing robot goes."""
 PATH_LEFT_M = 0.5
 """A manoeuvre that serves a place farther than this from the path belongs to another."""
+FACE_RAD = math.radians(30.0)
+"""So far off the middle of the picture may be whom the robot waits for."""
 HOLD_S = 0.25
 """A twist is driven so long unless another comes."""
 LOOK_RAD = math.radians(30.0)

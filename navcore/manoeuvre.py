@@ -67,7 +67,9 @@ class Tight:
     reach_m: float
     """… each as far as this around its middle."""
     unseen: Points
-    """(U, 2) rim of what the camera has not seen: no part of the body is swept over it either."""
+    """(U, 2) rim of what the camera has not seen: no part of the body is swept over it either …"""
+    veil_m: float
+    """… nor comes nearer than this to its middle."""
     profile: RobotProfile
     room_m: float
     """Kept around the footprint."""
@@ -92,7 +94,9 @@ def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | Non
 
 
 def _found(ends: Ends, place: Points | None, tight: Tight, pose: Pose2) -> Manoeuvre | None:
-    radii = np.concatenate([np.full(len(tight.obstacles), tight.reach_m + tight.room_m), np.zeros(len(tight.unseen))])
+    radii = np.concatenate(
+        [np.full(len(tight.obstacles), tight.reach_m + tight.room_m), np.full(len(tight.unseen), tight.veil_m + 0.002)]
+    )
     half_length_m, half_width_m = tight.profile.length_m / 2, tight.profile.width_m / 2
     near = np.vstack([tight.obstacles, tight.unseen])
     poses, kinds = cheapest(near, radii, ends, half_length_m=half_length_m, half_width_m=half_width_m)

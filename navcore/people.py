@@ -27,6 +27,8 @@ UNSEEN_S, ELSEWHERE_S, STAYS_S = 1.0, 8.0, 20.0
 """He is forgotten after this where the camera looks and does not see him, and where it does not look if he walked or stood."""
 GONE_S = 0.25
 """And after this where the camera sees the floor, both where he should be by now and where he was lost from sight."""
+RETURN_M = 1.0
+"""Who comes into sight as near as this to where somebody was lost from it is he."""
 LONGEST_GAP_S = 2.0
 """After a longer gap between two pictures, or when time runs backwards, nobody is where he was."""
 
@@ -49,6 +51,7 @@ class PeopleTracker:
             followed.predict(step_s, lost=followed.seen_ns < before_ns)
         self._match(clusters, frame.stamp_ns)
         self._followed = [one for one in self._followed if not self._is_lost(one, frame)]
+        self._followed = [one for one in self._followed if not self._is_back(one)]
         for one in self._followed:
             if one.is_person and one.seen_ns == frame.stamp_ns:
                 self._ground.keep_loose(one.cells, now_s)
@@ -87,12 +90,22 @@ class PeopleTracker:
                 self._followed.append(Followed(id=self._next_id, first=cluster, now_ns=now_ns))
                 self._next_id += 1
 
+    def _is_back(self, lost: Followed) -> bool:
+        """Whether somebody who was lost from sight has come back into it as another."""
+        x_m, y_m = lost.lost_at(self._now_ns)
+        for one in self._followed:
+            near = math.hypot(one.first.x_m - x_m, one.first.y_m - y_m) <= RETURN_M
+            if near and lost.is_person and one.walks and lost.seen_ns < one.born_ns <= self._now_ns == one.seen_ns:
+                one.pace_mps = max(one.pace_mps, lost.pace_mps)
+                return True
+        return False
+
     def _is_lost(self, one: Followed, frame: Frame) -> bool:
         unseen_s = (frame.stamp_ns - one.seen_ns) / 1e9
         if not one.is_person:
             return unseen_s >= GONE_S
         # Whoever was lost from sight at one place and is not seen at the other may have turned back in between.
-        places = (one.x_m, one.y_m), (one.x_m - unseen_s * one.vx_mps, one.y_m - unseen_s * one.vy_mps)
+        places = (one.x_m, one.y_m), one.lost_at(frame.stamp_ns)
         if unseen_s >= GONE_S and all(self._ground.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9) for at in places):
             return True
         if all(looks_at(frame, *at, one.radius_m) for at in places):

@@ -42,7 +42,7 @@ SWEEP_M = 0.12
 BUCKET_M = 0.2
 
 Place = tuple[Floats, Floats, Ints, int, float, float, float, float]
-"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the robot to the first one's edge,
+"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the robot to the first's edge,
 half the length and half the width of the footprint, and the farthest that any disc matters, in metres."""
 
 

@@ -32,7 +32,7 @@ def line(*corners: tuple[float, float]) -> Points:
 
 
 def tight(obstacles: Points, unseen: Points = NONE) -> Tight:
-    return Tight(obstacles=obstacles, reach_m=REACH, unseen=unseen, profile=HUSKY, room_m=ROOM_M)
+    return Tight(obstacles=obstacles, reach_m=REACH, unseen=unseen, veil_m=REACH, profile=HUSKY, room_m=ROOM_M)
 
 
 def find(path: Points, obstacles: Points = NONE, unseen: Points = NONE, pose: Pose2 = HERE) -> Manoeuvre | None:
