@@ -23,10 +23,8 @@ ASIDE_M = 0.3
 """It ends this near to the path."""
 LACKING_COST = 5.0
 """For each metre of the path that it does not gain: so much driving is worth it."""
-BEYOND_M = 0.4
-"""To see how the path goes on one looks at where it has gone so far beyond the rim of what was seen …"""
-SEEN_FROM_M, SEEN_TO_M, FACING_RAD = 0.9, 2.5, math.radians(30.0)
-"""… which the camera does from such distances, so far off its middle."""
+SEEN_FROM_M, SEEN_TO_M, FACING_RAD = 1.2, 2.5, math.radians(25.0)
+"""The camera sees the ground at such distances from the robot's middle, surely where it is so little off its own."""
 FORWARD_MPS, REVERSE_MPS, TURN_RADPS = 0.4, 0.2, 0.6
 """Its speeds; behind the robot the camera sees nothing."""
 LOST_M = 0.12
@@ -49,7 +47,7 @@ class Manoeuvre:
     room_m: float
     """It was found with so much room to everything."""
     serves: tuple[float, float]
-    """(x, y) in the map frame of the place on the path that it leads to, or that one sees from its end."""
+    """(x, y) in the map frame of the place on the path that it leads to, or near to which one looks from its end."""
 
     def in_base(self, pose: Pose2) -> Points:
         """(K, 3) the poses in the base frame of a robot at a pose."""
@@ -84,13 +82,15 @@ def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | Non
     """The cheapest to where one sees how the (N, 2) path, base frame, goes on; None if there is none, or all of it is seen."""
     if len(tight.unseen) == 0:
         return None
-    onto = np.flatnonzero(np.hypot(*(path[:, None] - tight.unseen).transpose(2, 0, 1)).min(axis=1) < 2 * tight.reach_m)
-    if len(onto) == 0:
-        return None
-    # Somewhat behind the rim: to see that the robot must come round the corner, and not only nearer to it.
+    # Of what the body would be swept over first, the nearest: with that in the picture, so is what lies behind it.
     metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    place = path[min(int(np.searchsorted(metres, metres[onto[0]] + BEYOND_M)), len(path) - 1)]
-    return _found(_views(place, tight.obstacles), place, tight, pose)
+    ahead = path[metres <= ON_M]
+    apart = np.hypot(*(tight.unseen[:, None] - ahead).transpose(2, 0, 1))
+    beside = np.flatnonzero(apart.min(axis=1) < tight.profile.circumscribed_radius_m)
+    if len(beside) == 0:
+        return None
+    nearest = beside[np.hypot(*tight.unseen[beside].T).argmin()]
+    return _found(_views(tight.unseen[nearest], tight.obstacles), ahead[apart[nearest].argmin()], tight, pose)
 
 
 def _found(ends: Ends, place: Points | None, tight: Tight, pose: Pose2) -> Manoeuvre | None:

@@ -197,8 +197,10 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
     found = manoeuvre_to_see(path, tight(wall_left, unseen), HERE)
     assert found is not None
     x, y, yaw = found.poses[-1].tolist()
+    corner = unseen[np.hypot(*unseen.T).argmin()]
     assert np.hypot(*(path - found.serves).T).min() < 1e-9
-    assert abs(wrap_angle(math.atan2(found.serves[1] - y, found.serves[0] - x) - yaw)) < math.radians(31)
-    sight = shapely.LineString([(x, y), found.serves])
-    assert sight.distance(shapely.multipoints(wall_left)) > 0.02
-    assert manoeuvre_to_see(AHEAD, tight(wall_left, unseen), HERE) is None  # nothing hides that path
+    assert math.hypot(corner[0] - x, corner[1] - y) > 1.1  # not where the robot's own body hides it
+    assert abs(wrap_angle(math.atan2(corner[1] - y, corner[0] - x) - yaw)) < math.radians(30)
+    assert shapely.LineString([(x, y), corner]).distance(shapely.multipoints(wall_left)) > 0.02
+    beside = line((0, -0.1), (3, -0.1))
+    assert manoeuvre_to_see(beside, tight(wall_left, unseen), HERE) is None  # nothing hides that path
