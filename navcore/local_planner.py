@@ -200,6 +200,11 @@ def _manoeuvred(near: _Surroundings, manoeuvre: Manoeuvre, path: Points, pose: P
         return None
     if not (near.clear(poses[None]) > 0.5 * left.room_m).all() or not near.looked_at(poses[None]).all():
         return None
+    if (
+        len(near.people.walking)
+        and not free_of(near.people, poses[None], left.takes_s(pose)[None], near.profile, near.manners).all()
+    ):
+        return Motion(twist=STANDSTILL, outcome=Outcome.YIELD, began=began, manoeuvre=left)
     for share in (1.0, 0.5, 0.25):
         slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
         coming = _coming(slower, near.profile)
@@ -224,7 +229,7 @@ def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
     if fastest <= most:
         return motion
     if most == 0.0:
-        return Motion(twist=STANDSTILL, outcome=Outcome.YIELD, began=motion.began)
+        return dataclasses.replace(motion, twist=STANDSTILL, outcome=Outcome.YIELD, arc=None)
     slower = Twist(v_mps=twist.v_mps * most / fastest, w_radps=twist.w_radps * most / fastest)
     return dataclasses.replace(motion, twist=slower)
 

@@ -55,6 +55,13 @@ class Manoeuvre:
         offset = (self.poses[:, :2] - np.array([pose.x_m, pose.y_m])) @ np.array([[cos, -sin], [sin, cos]])
         return np.column_stack([offset, self.poses[:, 2] - pose.yaw_rad])
 
+    def takes_s(self, pose: Pose2) -> Points:
+        """(K,) seconds until a robot at a pose comes to each of its own, about."""
+        steps = np.diff(np.vstack([[pose.x_m, pose.y_m, pose.yaw_rad], self.poses]), axis=0)
+        speeds = np.where(self.ways == FORWARD, FORWARD_MPS, REVERSE_MPS)
+        turns = np.abs((steps[:, 2] + math.pi) % (2 * math.pi) - math.pi) / TURN_RADPS
+        return np.asarray(np.cumsum(np.where(np.abs(self.ways) == 2, turns, np.hypot(steps[:, 0], steps[:, 1]) / speeds)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tight:

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
+from navcore.followed import Track
 from navcore.local_planner import BOXED_IN, IDLE, LocalRules, Motion, Outcome, Points, plan_motion
 from navcore.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
 from navcore.robot import HUSKY
 from navcore.search.lattice import REACH_M
 from navcore.transform import Pose2, wrap_angle
+from navcore.yielding import NOBODY, Bodies
 
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 NONE: Points = np.empty((0, 2))
@@ -204,3 +206,26 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
     assert shapely.LineString([(x, y), corner]).distance(shapely.multipoints(wall_left)) > 0.02
     beside = line((0, -0.1), (3, -0.1))
     assert manoeuvre_to_see(beside, tight(wall_left, unseen), HERE) is None  # nothing hides that path
+
+
+def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_him() -> None:
+    def decide(previous: Motion, people: Bodies = NOBODY) -> Motion:
+        return plan_motion(
+            geometric=DEAD_END * [1.0, 0.6],
+            ruled=NONE,
+            unseen=NONE,
+            path_map=-AHEAD,
+            pose=HERE,
+            previous=previous,
+            profile=HUSKY,
+            rules=LocalRules(),
+            cell_m=CELL_M,
+            people=people,
+        )
+
+    first = decide(IDLE)
+    assert first.manoeuvre is not None
+    walker = Track(id=1, x_m=-2.4, y_m=0.0, vx_mps=0.7, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.7)
+    waiting = decide(first, Bodies.of((walker,), HERE))
+    assert waiting.outcome is Outcome.YIELD and waiting.twist.v_mps == 0.0 and waiting.manoeuvre is not None
+    assert decide(waiting).outcome is Outcome.MANOEUVRE
