@@ -32,6 +32,8 @@ PICTURE_SHARE = 0.3
 """Of a new picture in how often pictures call him one: a single one that calls a doorpost a person makes nobody of it."""
 NAMED, UNNAMED = 0.45, 0.1
 """Called so as often as this of late he is one, as seldom as that he is not, unless he has walked."""
+SLOWS_MPS2 = 0.05
+"""So quickly the fastest that he was seen to walk is forgotten while he is seen to walk slower: one estimate may be far off."""
 BRISK = 0.5
 """Slower than this share of his pace somebody is about to stop or to turn, and where to is not known."""
 LONGEST_STEP_S = 0.3
@@ -65,7 +67,7 @@ class Track:
     unseen_s: float = 0.0
     """How long ago that was; until then he walked as he is said to, since then he is thought to."""
     pace_mps: float = 0.0
-    """The fastest that he has been seen to walk; 0 for somebody who never did."""
+    """The fastest that he has been seen to walk of late; 0 for somebody who never did."""
     stood_s: float = 0.0
     """For how long he has been seen to stand."""
     course_rad: float = 0.0
@@ -147,7 +149,7 @@ class Followed:
         self._rest(step_s)
         if self.walks:
             self.lately_mps += PACE_SHARE * (speed - self.lately_mps)
-            self.pace_mps = max(self.pace_mps, self.lately_mps)
+            self.pace_mps = max(self.pace_mps - SLOWS_MPS2 * step_s, self.lately_mps)
             self.walks = self.slow_s < STANDS_S
             if speed > BRISK * self.pace_mps:
                 self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
