@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from app.campaign import Campaign, conclude, mean_of
+from app.causes import causes_of
 from app.episode import Episode
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig, config_for
@@ -118,7 +119,8 @@ def drive_world(
         report = episode.run(ended=judge.ended, look_first_s=LOOK_FIRST_S)
     finally:
         episode.close()
-    return {**report, "world": number, **verdict(world, judge)}
+    judged = {**report, "world": number, **verdict(world, judge)}
+    return {**judged, "causes": causes_of(judged)}
 
 
 def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:

@@ -99,4 +99,5 @@ def test_what_is_asked_for_wrongly_is_refused(tmp_path: Path) -> None:
 def test_the_husky_drives_the_same_world_at_its_own_size(tmp_path: Path) -> None:
     report = drive_world(6, worlds=a_file(tmp_path, STATIC, goal=NEAR), suite="barn", robot="husky", seed=0)
     assert (report["success"], report["collision"], report["robot"]) == (True, False, "husky")
+    assert report["causes"] == []
     assert report["distance_m"] == pytest.approx(3.0 * 1.7, abs=0.5)
