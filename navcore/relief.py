@@ -32,6 +32,13 @@ MIN_MEASURED = 0.5
 RING_PX = 5
 """Width of the rim around a region in which the floor is looked for."""
 TALL_M = 0.3
+SPILL_RAD = 0.018
+"""So far over the edge of a thing a label may spill onto what is behind; six pixels of the D455's at 640 × 480."""
+JUMP_M, STEEPER = 0.1, 3.0
+"""Behind it is what lies so much farther, and so many times as far as the floor recedes within that angle: the tops of things,
+which are nearer to the eye's height, recede faster."""
+FAR_M = 1000.0
+"""Farther than any depth."""
 GROUND_M = 0.05
 """Of a class at least so tall, pixels lower than this are not the thing but the floor at its feet."""
 
@@ -82,6 +89,31 @@ def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: 
                 keep[window] &= ~inside
             elif entry.min_height_m >= TALL_M:
                 keep[window] &= ~at_its_feet(inside, heights_m[window])
+    return keep
+
+
+def without_spills(class_ids: npt.NDArray[np.uint8], frame: Frame) -> Mask:
+    """(H, W) which pixels keep their class: all but those near a label's rim that lie far behind what it labels beside them.
+
+    A network rounds the outline of a thing; the floor that looks out behind it would be on the map a thing of its own.
+    """
+    keep = np.ones(class_ids.shape, dtype=np.bool_)
+    reach = max(1, round(SPILL_RAD * frame.intrinsics.fx))
+    around = np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
+    # Along the floor depth z grows by z² / (focal length · eye height) from one row of pixels to the next.
+    recedes = STEEPER * reach / (frame.intrinsics.fy * max(float(frame.T_map_camera[2, 3]), 0.1))
+    for class_id in np.unique(class_ids[class_ids != NOTHING]):
+        whole = class_ids == class_id
+        left, top, width, height = cv2.boundingRect(whole.view(np.uint8))
+        part = (
+            slice(max(top - reach, 0), min(top + height + reach, whole.shape[0])),
+            slice(max(left - reach, 0), min(left + width + reach, whole.shape[1])),
+        )
+        inside, depth_m = whole[part], frame.depth_m[part]
+        measured = np.where(inside & (depth_m > 0), depth_m, np.float32(FAR_M))
+        nearest = cv2.erode(measured, around, borderType=cv2.BORDER_CONSTANT, borderValue=FAR_M)
+        rim = cv2.erode(np.ascontiguousarray(inside).view(np.uint8), around) == 0  # the picture's border is none
+        keep[part] &= ~(inside & rim & (depth_m > nearest + np.maximum(JUMP_M, recedes * nearest**2)))
     return keep
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from navcore.beware import BewareClass, BewareList
 from navcore.frame import Frame
-from navcore.relief import GROUND_M, MAX_FLAT_M, heights_above_floor, without_pictures
+from navcore.relief import GROUND_M, MAX_FLAT_M, heights_above_floor, without_pictures, without_spills
 from tests.navcore.scene import LENS, Box, Paint, picture
 
 PINK = (250, 60, 200)
@@ -127,3 +128,21 @@ def test_a_few_pixels_are_too_few_to_dismiss() -> None:
     ids: Ids = np.zeros(frame.depth_m.shape, dtype=np.uint8)
     ids[100:103, 80:83] = CUP.class_id
     assert without_pictures(ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))).all()
+
+
+@pytest.mark.parametrize("x", [1.2, 2.0, 3.0])
+def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the_thing(x: float) -> None:
+    frame = picture(a_box(x, height=0.3, side=0.3))
+    pink = (frame.rgb == PINK).all(axis=2)
+    labelled = cv2.dilate(pink.view(np.uint8), np.ones((3, 3), dtype=np.uint8)) > 0
+    keep = without_spills(np.where(labelled, np.uint8(3), np.uint8(0)).astype(np.uint8), frame)
+    behind = labelled & ~pink & (frame.depth_m > x + 0.5)
+    assert behind.sum() > 3 and not keep[behind].any()
+    assert keep[pink].all() and keep[~labelled].all()
+
+
+def test_of_what_lies_flat_or_leads_away_nothing_spills() -> None:
+    for thing in (a_print(1.5), a_print(3.0, side=0.4), Paint(x=(1.2, 4.0), y=(0.1, 0.2), colour=PINK)):
+        frame = picture(thing)
+        pink = (frame.rgb == PINK).all(axis=2)
+        assert without_spills(np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame).all()
