@@ -55,6 +55,7 @@ ZIGZAG = np.vstack([line((1.1, 0.5), (1.1, 2.5)), line((1.1, -0.5), (1.1, -2.5))
 SIDE_DOOR = np.vstack([line((-3, 0.6), (0.9, 0.6)), line((1.95, 0.6), (3, 0.6)), line((-3, -0.75), (3, -0.75))])
 """A corridor with a door in its side."""
 DEAD_END = np.vstack([line((0.75, -0.8), (0.75, 0.8)), line((-3.0, 0.8), (0.75, 0.8)), line((-3.0, -0.8), (0.75, -0.8))])
+NARROW = DEAD_END * [1.0, 0.6]
 BOX = line((0.8, 0.65), (0.8, -0.65), (-0.8, -0.65), (-0.8, 0.65), (0.8, 0.65))
 
 
@@ -109,6 +110,22 @@ def test_a_path_that_leads_back_out_of_a_dead_end_is_come_to_in_reverse() -> Non
     assert found is not None and found.ways[0] == -1
 
 
+def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, people: Bodies = NOBODY) -> Motion:
+    """A decision among cells of the base frame."""
+    return plan_motion(
+        geometric=near,
+        ruled=NONE,
+        unseen=NONE,
+        path_map=path,
+        pose=pose,
+        previous=previous,
+        profile=HUSKY,
+        rules=LocalRules(),
+        cell_m=CELL_M,
+        people=people,
+    )
+
+
 def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0, seed: int = 0) -> tuple[list[Motion], Pose2]:
     """A robot that moves as it decides, but for some slip; it must never touch anything."""
     rng, pose, motion, motions = np.random.default_rng(seed), HERE, IDLE, list[Motion]()
@@ -116,17 +133,7 @@ def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0,
     for _ in range(round(seconds / TICK_S)):
         offset = obstacles - np.array([pose.x_m, pose.y_m])
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        motion = plan_motion(
-            geometric=offset @ np.array([[cos, -sin], [sin, cos]]),
-            ruled=NONE,
-            unseen=NONE,
-            path_map=path,
-            pose=pose,
-            previous=motion,
-            profile=HUSKY,
-            rules=LocalRules(),
-            cell_m=CELL_M,
-        )
+        motion = decide(path, offset @ np.array([[cos, -sin], [sin, cos]]), motion, pose=pose)
         motions.append(motion)
         moved = motion.twist.v_mps * TICK_S * (1 + slip * rng.normal())
         turned = motion.twist.w_radps * TICK_S * (1 + slip * rng.normal())
@@ -170,19 +177,6 @@ def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it(
 
 
 def test_a_manoeuvre_is_given_up_when_something_comes_in_its_way_or_the_path_is_another() -> None:
-    def decide(path: Points, obstacles: Points, previous: Motion) -> Motion:
-        return plan_motion(
-            geometric=obstacles,
-            ruled=NONE,
-            unseen=NONE,
-            path_map=path,
-            pose=HERE,
-            previous=previous,
-            profile=HUSKY,
-            rules=LocalRules(),
-            cell_m=CELL_M,
-        )
-
     narrow = DEAD_END * [1.0, 0.6]
     first = decide(-AHEAD, narrow, IDLE)
     assert first.outcome is Outcome.MANOEUVRE and first.twist.v_mps < 0
@@ -209,23 +203,9 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
 
 
 def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_him() -> None:
-    def decide(previous: Motion, people: Bodies = NOBODY) -> Motion:
-        return plan_motion(
-            geometric=DEAD_END * [1.0, 0.6],
-            ruled=NONE,
-            unseen=NONE,
-            path_map=-AHEAD,
-            pose=HERE,
-            previous=previous,
-            profile=HUSKY,
-            rules=LocalRules(),
-            cell_m=CELL_M,
-            people=people,
-        )
-
-    first = decide(IDLE)
+    first = decide(-AHEAD, NARROW, IDLE)
     assert first.manoeuvre is not None
     walker = Track(id=1, x_m=-2.4, y_m=0.0, vx_mps=0.7, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.7)
-    waiting = decide(first, Bodies.of((walker,), HERE))
+    waiting = decide(-AHEAD, NARROW, first, people=Bodies.of((walker,), HERE))
     assert waiting.outcome is Outcome.YIELD and waiting.twist.v_mps == 0.0 and waiting.manoeuvre is not None
-    assert decide(waiting).outcome is Outcome.MANOEUVRE
+    assert decide(-AHEAD, NARROW, waiting).outcome is Outcome.MANOEUVRE
