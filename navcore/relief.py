@@ -1,7 +1,8 @@
 """Depth and colour decide together what is real: a print of a cup on the floor is no cup.
 
 The network may take a picture for the thing it shows. Where a class has a least height, a region of it that lies flat in the
-floor around it is dismissed, but only where depth is there and sharp enough to tell; everything undecided stays.
+floor around it is dismissed, but only where depth is there and sharp enough to tell; everything undecided stays. What a label spills over a thing's edge onto what lies far behind it is
+not the thing either.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ MIN_MEASURED = 0.5
 RING_PX = 5
 """Width of the rim around a region in which the floor is looked for."""
 TALL_M = 0.3
+GROUND_M = 0.05
+"""Of a class at least so tall, pixels lower than this are not the thing but the floor at its feet."""
 SPILL_RAD = 0.018
 """So far over the edge of a thing a label may spill onto what is behind; six pixels of the D455's at 640 × 480."""
 JUMP_M, STEEPER = 0.1, 3.0
@@ -39,8 +42,6 @@ JUMP_M, STEEPER = 0.1, 3.0
 which are nearer to the eye's height, recede faster."""
 FAR_M = 1000.0
 """Farther than any depth."""
-GROUND_M = 0.05
-"""Of a class at least so tall, pixels lower than this are not the thing but the floor at its feet."""
 
 
 def heights_above_floor(frame: Frame) -> Heights:
