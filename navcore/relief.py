@@ -1,8 +1,8 @@
 """Depth and colour decide together what is real: a print of a cup on the floor is no cup.
 
 The network may take a picture for the thing it shows. Where a class has a least height, a region of it that lies flat in the
-floor around it is dismissed, but only where depth is there and sharp enough to tell; everything undecided stays. What a label spills over a thing's edge onto what lies far behind it is
-not the thing either.
+floor around it is dismissed, but only where depth is there and sharp enough to tell; everything undecided stays. What a label
+spills over a thing's edge onto what lies far behind it is not the thing either.
 """
 
 from __future__ import annotations
