@@ -12,7 +12,8 @@ from app.arguments import Ablation
 from navcore.beware import NOTHING, BewareClass, BewareList
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame
-from navcore.local_planner import IDLE, Motion, Outcome, path_from
+from navcore.local_planner import path_from
+from navcore.motion import IDLE, Motion, Outcome
 from navcore.navigator import Navigator, Route
 from navcore.occupancy import Occupancy
 from navcore.robot import STANDSTILL, RobotProfile, Twist

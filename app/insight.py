@@ -7,7 +7,6 @@ server's threads: comparing paths, telling sightings apart, packing pictures, se
 from __future__ import annotations
 
 import logging
-import math
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping
@@ -25,11 +24,11 @@ from app.sighted import Sighted, packed
 from app.threads import Clockwork
 from navcore.config import NavigatorConfig
 from navcore.errors import NotKnown, Refused
-from navcore.local_planner import candidates
 from navcore.navigator import Decision
 from navcore.near_cells import hard_cells, nearby
 from navcore.path import Path
 from navcore.safety import StopReason, Verdict
+from navcore.surroundings import candidates
 from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting
 from web.pictures import camera_jpg
 
@@ -130,9 +129,7 @@ class LiveInsight:
         around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
         hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in hard_cells(around))
         arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=around.spec.resolution_m)
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        on_map = arcs @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-        return Candidates(serial=decision.frame.stamp_ns, arcs=on_map, free=free, chosen=decision.motion.arc)
+        return Candidates(serial=decision.frame.stamp_ns, arcs=pose.to_parent(arcs), free=free, chosen=decision.motion.arc)
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""

@@ -25,8 +25,8 @@ from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
 from navcore.errors import Refused
 from navcore.grid import OccupancyGrid
-from navcore.local_planner import Outcome
 from navcore.mission import Mission, Phase
+from navcore.motion import Outcome
 from navcore.navigator import Decision
 from navcore.path import NoPath
 from navcore.robot import STANDSTILL, Command, Robot, RobotProfile, Twist

@@ -17,8 +17,8 @@ from navcore.by_hand import keeps_out
 from navcore.contact import NO_POINTS, near_points
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.frame import Frame
-from navcore.local_planner import Outcome
 from navcore.mission import Mission, Phase
+from navcore.motion import Outcome
 from navcore.navigator import Decision, Navigator, Order
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist

@@ -15,7 +15,7 @@ from app.pilot import COMMAND_PERIOD_S, Pilot
 from navcore.contact import REACTION_S
 from navcore.errors import BadGeometry
 from navcore.frame import Frame
-from navcore.local_planner import Motion, Outcome
+from navcore.motion import Motion, Outcome
 from navcore.path import NoPath, Reason, plan
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.safety import StopReason

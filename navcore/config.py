@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from navcore.cloud_map import MapRules
-from navcore.local_planner import LocalRules
+from navcore.motion import LocalRules
 from navcore.points import PointRules
 from navcore.recovery import RecoveryRules
 from navcore.robot import HUSKY, RobotProfile

@@ -7,93 +7,22 @@ walls. Where no primitive leads on, one after the other may: then a manoeuvre is
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.arcs import ALONG_M, along, arcs
-from navcore.clearances import clearances
-from navcore.errors import BadConfiguration
-from navcore.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
+from navcore.manoeuvre import Manoeuvre, steer
+from navcore.motion import BOXED_IN, LocalRules, Motion, Outcome
 from navcore.near_cells import outside, stands_in
 from navcore.robot import STANDSTILL, RobotProfile, Twist
-from navcore.settings import between
+from navcore.surroundings import Surroundings
 from navcore.transform import Pose2, wrap_angle
 from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
 
 Points = npt.NDArray[np.float64]
-
-
-class Outcome(StrEnum):
-    """What the local planner decided."""
-
-    FOLLOW = "following the path"
-    TURN = "turning in place"
-    BACK = "backing off"
-    MANOEUVRE = "manoeuvring in a tight place"
-    ALIGN = "turning to the heading asked for"
-    ARRIVED = "arrived"
-    IDLE = "no path to follow"
-    BOXED_IN = "boxed in: no motion keeps clear of what stands near"
-    IN_ZONE = "standing in a beware area"
-    YIELD = "waiting for somebody to pass"
-    LOOK = "looking round for a way"
-    GIVEN_UP = "given up: waiting, backing off and looking round have found no way"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LocalRules:
-    """How the local planner moves."""
-
-    padding_m: float = between(0.0, 0.5, default=0.05)
-    """Room kept around the footprint wherever the robot has it."""
-    lookahead_m: float = between(0.2, 3.0, default=0.8)
-    """How far ahead on the path the robot aims."""
-    arrival_m: float = between(0.02, 0.3, default=0.12)
-    """A goal this near is reached."""
-    aligned_deg: float = between(1.0, 45.0, default=5.0)
-    """A heading this near to the one asked for is reached."""
-    braking_mps2: float = between(0.1, 5.0, default=0.8)
-    """Deceleration that speeds are planned with; the platform brakes harder."""
-    turn_from_deg: float = between(10.0, 170.0, default=50.0)
-    """Turn in place when the path leads off by more than this …"""
-    turn_until_deg: float = between(1.0, 60.0, default=12.0)
-    """… and go on turning until it is less than this."""
-    turn_rate_radps: float = between(0.1, 2.0, default=0.9)
-    """Largest yaw rate when turning in place."""
-    back_off_m: float = between(0.1, 3.0, default=0.5)
-    """How far the robot backs off once it does, before it tries the path again."""
-
-    def __post_init__(self) -> None:
-        if self.turn_until_deg >= self.turn_from_deg:
-            raise BadConfiguration(
-                f"local: turn_until_deg {self.turn_until_deg:g} must be below turn_from_deg {self.turn_from_deg:g}"
-            )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """What to do until the next frame."""
-
-    twist: Twist
-    """Velocity to command."""
-    outcome: Outcome
-    """Why."""
-    began: Pose2 | None = None
-    """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
-    arc: int | None = None
-    """Which of `candidates` it drives along; None for a motion that is none of them, such as turning in place."""
-    manoeuvre: Manoeuvre | None = None
-    """What is left of the manoeuvre that it belongs to."""
-
-
-IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
-BOXED_IN = Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
 
 
 def plan_motion(
@@ -132,7 +61,7 @@ def plan_motion(
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
     geometric = geometric[outside(geometric, profile, -cell_m / 2)]
-    near = _Surroundings(
+    near = Surroundings(
         obstacles=np.vstack([geometric, ruled, people.outlines()[outside(people.outlines(), profile, 0.0)]]),
         unseen=unseen[outside(unseen, profile, 0.0)],
         reach_m=cell_m * math.sqrt(0.5),
@@ -151,13 +80,13 @@ def plan_motion(
     return _facing(near, motion) if motion.outcome is Outcome.YIELD else motion
 
 
-def _aligned(near: _Surroundings, askew: float) -> Motion:
+def _aligned(near: Surroundings, askew: float) -> Motion:
     """Turn in place to the heading asked for; where there is no room to turn, stand."""
     turn = _turn(near, askew)
     return BOXED_IN if turn is None else dataclasses.replace(turn, outcome=Outcome.ALIGN)
 
 
-def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
+def _chosen(near: Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
     """Go on with what was begun, turn towards the path, follow it, manoeuvre or back off: the first that is called for."""
     rules = near.rules
     if previous.manoeuvre is not None and previous.began is not None:
@@ -189,14 +118,14 @@ def _chosen(near: _Surroundings, path: Points, pose: Pose2, previous: Motion) ->
     return (found and _manoeuvred(near, found, path, pose, pose)) or _back_off(near, pose)
 
 
-def _manoeuvred(near: _Surroundings, manoeuvre: Manoeuvre, path: Points, pose: Pose2, began: Pose2) -> Motion | None:
+def _manoeuvred(near: Surroundings, manoeuvre: Manoeuvre, path: Points, pose: Pose2, began: Pose2) -> Motion | None:
     """One tick of a manoeuvre; None where it is done, or no longer free, or leads nowhere because the path is another now."""
     steered = steer(manoeuvre, pose, braking_mps2=near.rules.braking_mps2)
     if steered is None:
         return None
     twist, left = steered
     poses = left.in_base(pose)
-    if float(np.hypot(*(path - _in_base(left.serves, pose)).T).min()) > PATH_LEFT_M:
+    if float(np.hypot(*(path - pose.from_parent(np.array(left.serves))).T).min()) > PATH_LEFT_M:
         return None
     if not (near.clear(poses[None]) > 0.5 * left.room_m).all() or not near.looked_at(poses[None]).all():
         return None
@@ -222,7 +151,7 @@ def _coming(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
     return np.stack([chord * np.cos(turned / 2), chord * np.sin(turned / 2), turned], axis=1)[None]
 
 
-def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
+def _beside_people(motion: Motion, near: Surroundings) -> Motion:
     """The same motion, no faster than the people near allow."""
     twist, most = motion.twist, allowed_mps(near.people, near.profile, near.manners)
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * near.profile.circumscribed_radius_m
@@ -234,7 +163,7 @@ def _beside_people(motion: Motion, near: _Surroundings) -> Motion:
     return dataclasses.replace(motion, twist=slower)
 
 
-def _facing(near: _Surroundings, motion: Motion) -> Motion:
+def _facing(near: Surroundings, motion: Motion) -> Motion:
     """Who waits for somebody turns to him before he leaves the picture: out of sight he could be anywhere."""
     nearest = min(near.people.restless.tolist(), key=lambda person: math.hypot(person[0], person[1]), default=(1.0, 0.0))
     bearing = math.atan2(nearest[1], nearest[0])
@@ -242,95 +171,7 @@ def _facing(near: _Surroundings, motion: Motion) -> Motion:
     return motion if turn is None else _beside_people(dataclasses.replace(motion, twist=turn.twist), near)
 
 
-def candidates(
-    *, geometric: Points, ruled: Points, profile: RobotProfile, rules: LocalRules, cell_m: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """The arcs that `plan_motion` chooses from, (A, S, 2) in the base frame, and (A,) how many poses of each are clear.
-
-    What stands near counts as there; people who walk and what is unseen do not, since they depend on speed and on the tick.
-    """
-    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
-    near = _Surroundings(
-        obstacles=np.vstack([geometric, ruled]),
-        unseen=np.empty((0, 2)),
-        reach_m=cell_m * math.sqrt(0.5),
-        profile=profile,
-        rules=rules,
-        people=NOBODY,
-        manners=MANNERS,
-    )
-    _, poses = arcs()
-    clear = near.clear(poses) > near.padding_m
-    return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
-
-
-class _Surroundings:
-    """What stands near, and how much room the footprint keeps to it along a motion."""
-
-    def __init__(
-        self,
-        *,
-        obstacles: Points,
-        unseen: Points,
-        reach_m: float,
-        profile: RobotProfile,
-        rules: LocalRules,
-        people: Bodies,
-        manners: PeopleRules,
-    ) -> None:
-        self.profile, self.rules, self.people, self.manners = profile, rules, people, manners
-        self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
-        here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
-        # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
-        # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
-        self.padding_m = float(np.clip(here - 0.002, 0.005, max(rules.padding_m, 0.005)))
-        # A thing may fill an unseen cell to its rim; where the body is nearer to one already, it must not come nearer yet.
-        self.veil_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
-
-    def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about `FAR_M`."""
-        half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
-        return np.asarray(clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
-
-    def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
-        return np.asarray(self._unseen_room(poses) > self.veil_m)
-
-    def _unseen_room(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        return clearances(self._unseen, poses, self.profile.length_m / 2, self.profile.width_m / 2)
-
-    def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
-        """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
-        tight = Tight(
-            obstacles=self._obstacles,
-            reach_m=self._reach_m,
-            unseen=self._unseen,
-            veil_m=self.veil_m,
-            profile=self.profile,
-            room_m=self.padding_m + 0.01,
-        )
-        return manoeuvre_along(path, tight, pose) or manoeuvre_to_see(path, tight, pose)
-
-    def turned_about(self) -> _Surroundings:
-        """The same place, seen from a robot that faces the other way."""
-        about = copy.copy(self)
-        about.people, about._obstacles, about._unseen = self.people.turned_about(), -self._obstacles, -self._unseen
-        return about
-
-    def without_people(self) -> _Surroundings:
-        """The same place with nobody walking about."""
-        alone = copy.copy(self)
-        alone.people = NOBODY
-        return alone
-
-    def all_seen(self) -> _Surroundings:
-        """The same place, as if the camera had been everywhere."""
-        seen = copy.copy(self)
-        seen._unseen = self._unseen[:0]
-        return seen
-
-
-def _follow(near: _Surroundings, path: Points) -> Motion | None:
+def _follow(near: Surroundings, path: Points) -> Motion | None:
     """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once.
 
     Where somebody walks the arcs are tried at several speeds: what is blocked by him now may be free a moment later.
@@ -364,7 +205,7 @@ def _follow(near: _Surroundings, path: Points) -> Motion | None:
 
 
 def _apart_from_people(
-    near: _Surroundings,
+    near: Surroundings,
     curvatures: Points,
     poses: npt.NDArray[np.float64],
     free: npt.NDArray[np.bool_],
@@ -385,7 +226,7 @@ def _apart_from_people(
     return best
 
 
-def _turn(near: _Surroundings, bearing: float, *, either_way: bool = True) -> Motion | None:
+def _turn(near: Surroundings, bearing: float, *, either_way: bool = True) -> Motion | None:
     """Turn in place towards the bearing, the long way round if the short one is blocked; None when neither is free."""
     for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing))[: 2 if either_way else 1]:
         headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(2.0))))
@@ -398,7 +239,7 @@ def _turn(near: _Surroundings, bearing: float, *, either_way: bool = True) -> Mo
     return None
 
 
-def _back_off(near: _Surroundings, began: Pose2) -> Motion:
+def _back_off(near: Surroundings, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly, over ground that was seen or driven before."""
     curvatures, poses = arcs()
     behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
@@ -410,7 +251,7 @@ def _back_off(near: _Surroundings, began: Pose2) -> Motion:
     return Motion(twist=twist, outcome=Outcome.BACK, began=began)
 
 
-def _retreat(near: _Surroundings, driven: Points) -> Motion | None:
+def _retreat(near: Surroundings, driven: Points) -> Motion | None:
     """Reverse along the driven path, (N, 2) in the base frame; None when that is blocked.
 
     Seen from a robot that faces the other way it is a path like any other: the footprint is the same from both ends.
@@ -422,7 +263,7 @@ def _retreat(near: _Surroundings, driven: Points) -> Motion | None:
     return Motion(twist=Twist(v_mps=-share * motion.twist.v_mps, w_radps=share * motion.twist.w_radps), outcome=Outcome.BACK)
 
 
-def _look_round(near: _Surroundings) -> Motion | None:
+def _look_round(near: Surroundings) -> Motion | None:
     """Turn on in place, to the left where that is free; None where neither way is."""
     for bearing in (LOOK_RAD, -LOOK_RAD):
         turn = _turn(near, bearing, either_way=False)
@@ -458,10 +299,4 @@ def _carrot(path_base: Points, lookahead_m: float) -> Points:
 def path_from(path_map: Points, pose: Pose2) -> Points:
     """(N, 2) the path from its point nearest to the robot on, in the base frame."""
     nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
-    return _in_base(path_map[nearest:], pose)
-
-
-def _in_base(points_map: Points | tuple[float, float], pose: Pose2) -> Points:
-    yaw = wrap_angle(pose.yaw_rad)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.asarray((np.asarray(points_map) - np.array([pose.x_m, pose.y_m])) @ np.array([[cos, -sin], [sin, cos]]))
+    return pose.from_parent(path_map[nearest:])

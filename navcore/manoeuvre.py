@@ -51,9 +51,7 @@ class Manoeuvre:
 
     def in_base(self, pose: Pose2) -> Points:
         """(K, 3) the poses in the base frame of a robot at a pose."""
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        offset = (self.poses[:, :2] - np.array([pose.x_m, pose.y_m])) @ np.array([[cos, -sin], [sin, cos]])
-        return np.column_stack([offset, self.poses[:, 2] - pose.yaw_rad])
+        return np.column_stack([pose.from_parent(self.poses[:, :2]), self.poses[:, 2] - pose.yaw_rad])
 
     def takes_s(self, pose: Pose2) -> Points:
         """(K,) seconds until a robot at a pose comes to each of its own, about."""
@@ -115,18 +113,13 @@ def _found(ends: Ends, place: Points | None, tight: Tight, pose: Pose2) -> Manoe
         parts.append(_in_parts(before, after, kind))
         ways += [kind if kind != TURNING else 2 * round(math.copysign(1, after[2] - before[2]))] * PARTS
     found = np.vstack(parts)
-    on_map = _on_map(np.vstack([found[:, :2], found[-1:, :2] if place is None else place[None]]), pose)
+    on_map = pose.to_parent(np.vstack([found[:, :2], found[-1:, :2] if place is None else place[None]]))
     return Manoeuvre(
         poses=np.column_stack([on_map[:-1], found[:, 2] + pose.yaw_rad]),
         ways=np.array(ways),
         room_m=tight.room_m,
         serves=(float(on_map[-1, 0]), float(on_map[-1, 1])),
     )
-
-
-def _on_map(points: Points, pose: Pose2) -> Points:
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
 
 
 def steer(manoeuvre: Manoeuvre, pose: Pose2, *, braking_mps2: float) -> tuple[Twist, Manoeuvre] | None:

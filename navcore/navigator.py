@@ -17,8 +17,9 @@ from navcore.config import NavigatorConfig
 from navcore.followed import Track
 from navcore.frame import Frame, check_frame
 from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
-from navcore.local_planner import IDLE, Motion, Outcome, Points, plan_motion
+from navcore.local_planner import Points, plan_motion
 from navcore.mask import Mask
+from navcore.motion import IDLE, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
@@ -315,8 +316,7 @@ class Navigator:
             angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
             outline = self._config.start_clear_m * np.column_stack([np.cos(angles), np.sin(angles)])
             self._placed = True
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        self.map.explored.tread(outline @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
+        self.map.explored.tread(pose.to_parent(outline))
 
 
 _REACH_M = 2.0

@@ -33,9 +33,7 @@ def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_
     reach = math.ceil(reach_m / grid.spec.resolution_m)
     top, left = max(row - reach, 0), max(col - reach, 0)
     cells = np.argwhere(mask[top : max(row + reach + 1, 0), left : max(col + reach + 1, 0)])
-    centres = grid.spec.centres(cells + np.array([top, left])) - np.array([pose.x_m, pose.y_m])
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return np.ascontiguousarray(centres @ np.array([[cos, -sin], [sin, cos]]))
+    return np.ascontiguousarray(pose.from_parent(grid.spec.centres(cells + np.array([top, left]))))
 
 
 def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
@@ -45,9 +43,7 @@ def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
 
 def without_area_of(ruled: npt.NDArray[np.bool_], spec: GridSpec, footprint: Points, pose: Pose2) -> npt.NDArray[np.bool_]:
     """(rows, cols) the ruled cells but for the connected areas that the footprint, (N, 2) in the base frame, stands in."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    corners = footprint @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m])
-    pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
+    pixels = (pose.to_parent(footprint) - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
     body = np.zeros(ruled.shape, dtype=np.uint8)
     cv2.fillConvexPoly(body, np.round(pixels * 256).astype(np.int32), 1, shift=8)
     _, areas = cv2.connectedComponents(ruled.view(np.uint8), connectivity=8)

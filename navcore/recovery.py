@@ -14,7 +14,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from navcore.local_planner import Motion, Outcome
+from navcore.motion import Motion, Outcome
 from navcore.robot import RobotProfile
 from navcore.settings import between
 from navcore.transform import Pose2, wrap_angle

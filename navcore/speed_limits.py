@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.local_planner import LocalRules, Motion
+from navcore.motion import LocalRules, Motion
 from navcore.robot import RobotProfile, Twist
 from navcore.transform import Pose2, wrap_angle
 from navcore.zones import Zone, ZoneKind
@@ -86,8 +86,7 @@ def _braking_mps(zone: Zone, room_m: float, rules: LocalRules) -> float:
 
 
 def _body(pose: Pose2, profile: RobotProfile) -> Polygon:
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return Polygon(profile.footprint() @ np.array([[cos, sin], [-sin, cos]]) + np.array([pose.x_m, pose.y_m]))
+    return Polygon(pose.to_parent(profile.footprint()))
 
 
 @lru_cache(maxsize=256)

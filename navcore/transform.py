@@ -54,6 +54,16 @@ class Pose2:
             x_m=-cos * self.x_m - sin * self.y_m, y_m=sin * self.x_m - cos * self.y_m, yaw_rad=wrap_angle(-self.yaw_rad)
         )
 
+    def from_parent(self, points: Matrix) -> Matrix:
+        """(N, 2) or (2,) points of the parent frame, expressed in the body's."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.asarray((points - np.array([self.x_m, self.y_m])) @ np.array([[cos, -sin], [sin, cos]]))
+
+    def to_parent(self, points: Matrix) -> Matrix:
+        """(N, 2) or (2,) points of the body's frame, expressed in the parent's."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x_m, self.y_m]))
+
     def distance_to(self, x_m: float, y_m: float) -> float:
         """Straight distance to a point of the parent frame, in metres."""
         return math.hypot(x_m - self.x_m, y_m - self.y_m)

@@ -138,11 +138,9 @@ def _reach(person: Track) -> tuple[float, ...]:
 def _seen_from(pose: Pose2, rows: list[tuple[float, ...]], columns: int) -> Floats:
     """(N, columns) the rows in the base frame: x, y and, if there are five columns, the velocity along both are turned."""
     array = np.array(rows).reshape(-1, columns)
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    array[:, :2] = (array[:, :2] - [pose.x_m, pose.y_m]) @ turn
+    array[:, :2] = pose.from_parent(array[:, :2])
     if columns == 5:
-        array[:, 2:4] = array[:, 2:4] @ turn
+        array[:, 2:4] = Pose2(x_m=0.0, y_m=0.0, yaw_rad=pose.yaw_rad).from_parent(array[:, 2:4])
     return array
 
 

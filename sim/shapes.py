@@ -102,8 +102,7 @@ def facing(yaw_rad: float) -> list[float]:
 
 def placed(polygon: Polygon, pose: Pose2) -> Polygon:
     """The polygon of a body's frame in the frame that its pose is given in."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return np.asarray(polygon @ np.array([[cos, sin], [-sin, cos]]) + (pose.x_m, pose.y_m))
+    return pose.to_parent(polygon)
 
 
 def _round_outline(radius_m: float) -> Polygon:

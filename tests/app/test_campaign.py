@@ -18,7 +18,7 @@ from app.ablation import pursue
 from app.campaign import Campaign
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
-from navcore.local_planner import Outcome
+from navcore.motion import Outcome
 from navcore.navigator import Route
 from navcore.path import NoPath, Reason
 from navcore.robot import HUSKY

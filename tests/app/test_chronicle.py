@@ -15,8 +15,8 @@ from app.pilot import Intent
 from navcore.beware import BewareClass, BewareList
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import IDLE
 from navcore.mission import Mission
+from navcore.motion import IDLE
 from navcore.navigator import Decision, Route
 from navcore.occupancy import Occupancy
 from navcore.path import Path, plan

@@ -8,7 +8,7 @@ import pytest
 from navcore.approach import towards
 from navcore.config import NavigatorConfig
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import Outcome
+from navcore.motion import Outcome
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, Reason

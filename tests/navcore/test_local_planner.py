@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 
 from navcore.followed import Track
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.local_planner import IDLE, LocalRules, Motion, Outcome, Points, candidates, path_from, plan_motion
+from navcore.local_planner import Points, path_from, plan_motion
+from navcore.motion import IDLE, LocalRules, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby
 from navcore.robot import HUSKY, STANDSTILL, Twist
+from navcore.surroundings import candidates
 from navcore.transform import Pose2
 from navcore.yielding import MANNERS, NOBODY, Bodies
 from tests.navcore.laws import law

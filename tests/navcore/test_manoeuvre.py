@@ -10,8 +10,9 @@ import pytest
 import shapely
 
 from navcore.followed import Track
-from navcore.local_planner import BOXED_IN, IDLE, LocalRules, Motion, Outcome, Points, plan_motion
+from navcore.local_planner import Points, plan_motion
 from navcore.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
+from navcore.motion import BOXED_IN, IDLE, LocalRules, Motion, Outcome
 from navcore.robot import HUSKY
 from navcore.search.lattice import REACH_M
 from navcore.transform import Pose2, wrap_angle

@@ -10,8 +10,8 @@ import pytest
 from navcore.config import NavigatorConfig
 from navcore.errors import BadFrame
 from navcore.grid import GridSpec
-from navcore.local_planner import Outcome
 from navcore.mask import Mask
+from navcore.motion import Outcome
 from navcore.navigator import Decision, Navigator, Order
 from navcore.occupancy import nearest_free
 from navcore.path import NoPath, Path, Reason

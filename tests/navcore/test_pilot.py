@@ -12,9 +12,9 @@ from app.pilot import Intent, Pilot
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.frame import Frame
-from navcore.local_planner import Motion, Outcome
 from navcore.mask import Mask
 from navcore.mission import Mission, Phase
+from navcore.motion import Motion, Outcome
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason

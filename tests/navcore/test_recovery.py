@@ -11,7 +11,8 @@ import numpy as np
 from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
 from navcore.grid import GridSpec
-from navcore.local_planner import IDLE, LocalRules, Motion, Outcome, Points, plan_motion
+from navcore.local_planner import Points, plan_motion
+from navcore.motion import IDLE, LocalRules, Motion, Outcome
 from navcore.navigator import Navigator, Order, Route
 from navcore.path import NoPath, Path
 from navcore.recovery import Means, Recovery, RecoveryRules, closed_way, trail_with

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from navcore.grid import GridSpec
-from navcore.local_planner import LocalRules, Motion, Outcome
+from navcore.motion import LocalRules, Motion, Outcome
 from navcore.robot import HUSKY, Twist
 from navcore.speed_limits import LAG_S, allowed_speed_mps, slowed, travel_time_s
 from navcore.transform import Pose2

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid import BoolGrid
-from navcore.local_planner import Outcome
+from navcore.motion import Outcome
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.transform import Pose2
 from navcore.way_out import way_out

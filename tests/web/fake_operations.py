@@ -24,9 +24,9 @@ from navcore.beware import BewareList, default_beware_list
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.frame import Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.local_planner import LocalRules
 from navcore.mask import Mask
 from navcore.mission import Mission, Phase
+from navcore.motion import LocalRules
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, plan
 from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist

@@ -1,0 +1,108 @@
+"""How much room the footprint keeps to what stands near, and to what was not seen yet, along any motion."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.arcs import arcs
+from navcore.clearances import clearances
+from navcore.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see
+from navcore.motion import LocalRules
+from navcore.near_cells import outside
+from navcore.robot import RobotProfile
+from navcore.transform import Pose2
+from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules
+
+Points = npt.NDArray[np.float64]
+
+
+class Surroundings:
+    """What stands near, and how much room the footprint keeps to it along a motion."""
+
+    def __init__(
+        self,
+        *,
+        obstacles: Points,
+        unseen: Points,
+        reach_m: float,
+        profile: RobotProfile,
+        rules: LocalRules,
+        people: Bodies,
+        manners: PeopleRules,
+    ) -> None:
+        self.profile, self.rules, self.people, self.manners = profile, rules, people, manners
+        self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
+        here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
+        # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
+        # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
+        self.padding_m = float(np.clip(here - 0.002, 0.005, max(rules.padding_m, 0.005)))
+        # A thing may fill an unseen cell to its rim; where the body is nearer to one already, it must not come nearer yet.
+        self.veil_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
+
+    def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about `FAR_M`."""
+        half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
+        return np.asarray(clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
+
+    def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
+        return np.asarray(self._unseen_room(poses) > self.veil_m)
+
+    def _unseen_room(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return clearances(self._unseen, poses, self.profile.length_m / 2, self.profile.width_m / 2)
+
+    def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
+        """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
+        tight = Tight(
+            obstacles=self._obstacles,
+            reach_m=self._reach_m,
+            unseen=self._unseen,
+            veil_m=self.veil_m,
+            profile=self.profile,
+            room_m=self.padding_m + 0.01,
+        )
+        return manoeuvre_along(path, tight, pose) or manoeuvre_to_see(path, tight, pose)
+
+    def turned_about(self) -> Surroundings:
+        """The same place, seen from a robot that faces the other way."""
+        about = copy.copy(self)
+        about.people, about._obstacles, about._unseen = self.people.turned_about(), -self._obstacles, -self._unseen
+        return about
+
+    def without_people(self) -> Surroundings:
+        """The same place with nobody walking about."""
+        alone = copy.copy(self)
+        alone.people = NOBODY
+        return alone
+
+    def all_seen(self) -> Surroundings:
+        """The same place, as if the camera had been everywhere."""
+        seen = copy.copy(self)
+        seen._unseen = self._unseen[:0]
+        return seen
+
+
+def candidates(
+    *, geometric: Points, ruled: Points, profile: RobotProfile, rules: LocalRules, cell_m: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """The arcs that `plan_motion` chooses from, (A, S, 2) in the base frame, and (A,) how many poses of each are clear.
+
+    What stands near counts as there; people who walk and what is unseen do not, since they depend on speed and on the tick.
+    """
+    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
+    near = Surroundings(
+        obstacles=np.vstack([geometric, ruled]),
+        unseen=np.empty((0, 2)),
+        reach_m=cell_m * math.sqrt(0.5),
+        profile=profile,
+        rules=rules,
+        people=NOBODY,
+        manners=MANNERS,
+    )
+    _, poses = arcs()
+    clear = near.clear(poses) > near.padding_m
+    return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
