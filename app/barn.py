@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def evaluate_barn(
     listed = _listed(suite, worlds, profile)[:count]
     campaign = Campaign(
         key="world",
-        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config_for(profile), seed),
+        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, _config(suite, profile), seed),
         holds="other worlds, another robot, seed or configuration",
         drive=partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed),
         drive_alone=partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed),
@@ -111,7 +112,7 @@ def drive_world(
         world.scenario,
         seed=seed,
         beware=NOTHING_TO_BEWARE,
-        config=config or config_for(profile),
+        config=config or _config(suite, profile),
         max_time_s=2 * world.limit_s,
         robot=profile,
     )
@@ -134,6 +135,12 @@ def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:
         "optimal_s": round(world.optimal_s, 3),
         "score": round(world.score(success=judge.there, seconds=judge.time_s), 4),
     }
+
+
+def _config(suite: str, profile: RobotProfile) -> NavigatorConfig:
+    """What moves in DynaBARN runs on its rails, over whoever stands there."""
+    config = config_for(profile)
+    return replace(config, people=replace(config.people, heedless=suite == "dynabarn"))
 
 
 def _listed(suite: str, path: Path, profile: RobotProfile) -> tuple[BarnWorld, ...]:

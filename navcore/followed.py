@@ -90,6 +90,8 @@ class Followed:
     id: int
     first: Cluster
     now_ns: int
+    heedless: bool = False
+    """Whether whatever moves is taken for somebody who walks, without asking whether it came where floor was seen."""
     x_m: float = 0.0
     y_m: float = 0.0
     vx_mps: float = 0.0
@@ -142,6 +144,8 @@ class Followed:
         self.vx_mps, self.vy_mps = self.vx_mps + gain[1] * off_x, self.vy_mps + gain[1] * off_y
         self.P = self.P - np.outer(gain, self.P[0])
         self.fresh += 0.5 * (cluster.fresh - self.fresh)
+        if self.first.cut and not cluster.cut:
+            self.first = cluster  # from here on one can tell how far he has come
         self._note(cluster, now_ns)
         speed = math.hypot(self.vx_mps, self.vy_mps)
         step_s = min(step_s, LONGEST_STEP_S)
@@ -203,7 +207,8 @@ class Followed:
             return speed > WALKS_MPS and (speed > 2 * math.sqrt(self.P[1, 1]) or came_m > MOVED_M)
         came_m = math.hypot(out_x, out_y)
         along = out_x * self.vx_mps + out_y * self.vy_mps > 0.7 * came_m * speed
-        return speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first)) and self.fresh > FRESH and along
+        came = self.fresh > FRESH or self.heedless
+        return came and along and speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first))
 
 
 def _noise_m(cluster: Cluster) -> float:

@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.arcs import ALONG_M, along, arcs
+from navcore.dodging import dodge, is_met
 from navcore.manoeuvre import Manoeuvre, steer
 from navcore.motion import BOXED_IN, LocalRules, Motion, Outcome
 from navcore.near_cells import outside, stands_in
 from navcore.robot import STANDSTILL, RobotProfile, Twist
-from navcore.surroundings import Surroundings
+from navcore.surroundings import Surroundings, coming
 from navcore.transform import Pose2, wrap_angle
 from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
 
@@ -41,6 +42,7 @@ def plan_motion(
     goal_yaw_rad: float | None = None,
     retreat_map: Points | None = None,
     look_round: bool = False,
+    now: Twist = STANDSTILL,
 ) -> Motion:
     """The motion that follows the path best without touching anything, and slower or not at all where people are near.
 
@@ -49,7 +51,7 @@ def plan_motion(
     `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
     as far as its cell's corners. `people` are kept clear of by the rules of `manners`. At the goal the robot turns in place to
     `goal_yaw_rad`, map frame, where one is asked for. With `retreat_map`, the (N, 2) driven path in the map frame, newest
-    first, the robot backs off along it instead; with `look_round` it turns on in place.
+    first, the robot backs off along it instead; with `look_round` it turns on in place. `now` is the velocity that it has.
     """
     path = path_from(path_map, pose)
     askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
@@ -75,7 +77,10 @@ def plan_motion(
     elif look_round:
         motion = _look_round(near) or BOXED_IN
     else:
-        motion = _aligned(near, askew) if at_goal else _chosen(near, path, pose, previous)
+        among = near.without_people() if manners.heedless else near
+        motion = _aligned(near, askew) if at_goal else _chosen(among, path, pose, previous)
+    if manners.heedless:
+        return dodge(near, path, now) if len(people.walking) and is_met(near, motion.twist, now) else motion
     motion = _beside_people(motion, near)
     return _facing(near, motion) if motion.outcome is Outcome.YIELD else motion
 
@@ -136,19 +141,10 @@ def _manoeuvred(near: Surroundings, manoeuvre: Manoeuvre, path: Points, pose: Po
         return Motion(twist=STANDSTILL, outcome=Outcome.YIELD, began=began, manoeuvre=left)
     for share in (1.0, 0.5, 0.25):
         slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-        coming = _coming(slower, near.profile)
-        if (near.clear(coming) > min(0.3 * left.room_m, near.padding_m)).all() and near.looked_at(coming).all():
+        soon = coming(slower, near.profile)
+        if (near.clear(soon) > min(0.3 * left.room_m, near.padding_m)).all() and near.looked_at(soon).all():
             return Motion(twist=slower, outcome=Outcome.MANOEUVRE, began=began, manoeuvre=left)
     return None
-
-
-def _coming(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
-    """(1, S, 3) where the robot comes, base frame, before a twist that is held until it expires has been braked."""
-    braking_s = max(abs(twist.v_mps) / profile.max_accel_mps2, abs(twist.w_radps) / profile.max_yaw_accel_radps2)
-    moments = np.linspace(0.0, HOLD_S + 0.5 * braking_s, 9)[1:]
-    turned = twist.w_radps * moments
-    chord = twist.v_mps * moments * np.sinc(turned / 2 / math.pi)
-    return np.stack([chord * np.cos(turned / 2), chord * np.sin(turned / 2), turned], axis=1)[None]
 
 
 def _beside_people(motion: Motion, near: Surroundings) -> Motion:
@@ -181,7 +177,8 @@ def _follow(near: Surroundings, path: Points) -> Motion | None:
     clear = near.clear(poses)
     free = (clear > near.padding_m) & near.looked_at(poses)
     progress, aside, askew = along(path, poses, rules.lookahead_m)
-    gain = progress - aside - 0.15 * askew - 0.6 * np.maximum(0.0, 0.25 - clear) - 0.02 * np.abs(curvatures)[:, None]
+    narrow = 0.6 * np.maximum(0.0, 0.25 - clear) + 2.0 * np.maximum(0.0, CLOSE * rules.padding_m - clear)
+    gain = progress - aside - 0.15 * askew - narrow - 0.02 * np.abs(curvatures)[:, None]
     free, gain, fastest = _apart_from_people(near, curvatures, poses, free, gain)
     arc, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
     goal_m = float(np.hypot(*path[-1]))
@@ -272,6 +269,8 @@ def _look_round(near: Surroundings) -> Motion | None:
     return None
 
 
+CLOSE = 2.4
+"""Nearer to anything than so many paddings the robot goes only where it gains by it: odometry and the map err by as much."""
 BACK_STEPS = 13
 """Of an arc's, the first 0.4 m, for reversing."""
 BACK_MPS = 0.2
@@ -280,8 +279,6 @@ PATH_LEFT_M = 0.5
 """A manoeuvre that serves a place farther than this from the path belongs to another."""
 FACE_RAD = math.radians(30.0)
 """So far off the middle of the picture may be whom the robot waits for."""
-HOLD_S = 0.25
-"""A twist is driven so long unless another comes."""
 LOOK_RAD = math.radians(30.0)
 """So far ahead of its heading a robot looks for room that turns on and on in place."""
 SPEEDS = (1.0, 0.6, 0.35)

@@ -25,6 +25,7 @@ class Outcome(StrEnum):
     BOXED_IN = "boxed in: no motion keeps clear of what stands near"
     IN_ZONE = "standing in a beware area"
     YIELD = "waiting for somebody to pass"
+    DODGE = "getting out of somebody's way"
     LOOK = "looking round for a way"
     GIVEN_UP = "given up: waiting, backing off and looking round have found no way"
 

@@ -26,7 +26,7 @@ from navcore.path import NoPath, Path, Reason, plan_in
 from navcore.people import PERSON, PeopleTracker
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
-from navcore.robot import STANDSTILL, RobotProfile
+from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.search.bits import Plane
 from navcore.search.free_space import FREE, FreeSpace
 from navcore.search.jump_points import Arena
@@ -106,7 +106,7 @@ class Navigator:
         self._route: tuple[tuple[object, ...], Route] | None = None
         self._motion = IDLE
         self._placed = False
-        self._tracker = PeopleTracker()
+        self._tracker = PeopleTracker(heedless=config.people.heedless)
         self._recovery, self._trail = Recovery(), NO_POINTS
         self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
 
@@ -119,7 +119,9 @@ class Navigator:
         self.remember(frame, labels, order, ground_m)
         occupancy = self.occupancy(order)
         route = self.route(occupancy, frame.pose, order)
-        motion = self.move(occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad)
+        motion = self.move(
+            occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad, now=frame.twist
+        )
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
@@ -169,6 +171,8 @@ class Navigator:
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         if outcome == NoPath(reason=Reason.UNREACHABLE):
             return self._nearer(occupancy, pose, goal) or self._laid(outcome, goal, space.across[FREE])
+        if outcome == NoPath(reason=Reason.GOAL_BLOCKED):
+            return self._beside(occupancy, start, goal) or self._laid(outcome, goal, space.across[FREE])
         return self._laid(outcome, goal, space.across[FREE])
 
     def _nearer(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route | None:
@@ -186,6 +190,21 @@ class Navigator:
             return None
         way = self._laid(path, spec.centre(*path.cells[-1]), self._occupancy.space.across[FREE])
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
+
+    def _beside(self, occupancy: Occupancy, start: Cell, goal: tuple[float, float]) -> Route | None:
+        """The way to beside a goal where something was seen to stand: from there one sees whether it still does.
+
+        None where there is none, and where an operator's zone is on the goal or near it: that does not go by looking.
+        """
+        grid, spec, (row, col) = occupancy.grid, self.map.spec, self.map.spec.cell(*goal)
+        reach = math.ceil(_BESIDE_M / spec.resolution_m)
+        window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
+        beside = nearest_free(occupancy.free, (row, col), _BESIDE_M / spec.resolution_m)
+        if beside is None or any(layer[window].any() for layer in (grid.zones, *(zone for _, zone in grid.wide_zones))):
+            return None
+        path = self._replanner.plan(start, beside, max_expansions=self._config.plan_budget)
+        way = self._laid(path, spec.centre(*beside), self._occupancy.space.across[FREE])
+        return dataclasses.replace(way, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
 
     def way_out(self, occupancy: Occupancy, pose: Pose2) -> Route:
         """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own."""
@@ -248,10 +267,11 @@ class Navigator:
         *,
         leaving: bool = False,
         goal_yaw_rad: float | None = None,
+        now: Twist = STANDSTILL,
     ) -> Motion:
         """The velocity that follows the route, touches nothing and is in nobody's way; standing without a route.
 
-        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for.
+        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for. `now` is the velocity that it has.
 
         A robot that is `leaving` may pass over the area it stands in, and over no other.
         """
@@ -280,6 +300,7 @@ class Navigator:
             goal_yaw_rad=goal_yaw_rad,
             retreat_map=self._trail if self._recovery.means is Means.BACK else None,
             look_round=self._recovery.means is Means.LOOK,
+            now=now,
         )
         if isinstance(route.outcome, NoPath) and self._motion.outcome in (Outcome.ARRIVED, Outcome.ALIGN):
             self._motion = IDLE  # where the way was closed, not at the goal
@@ -320,6 +341,7 @@ class Navigator:
 
 
 _REACH_M = 2.0
+_BESIDE_M = 1.5
 TAUT_M = 8.0
 """As far ahead as this the path is pulled taut; the local planner looks no further."""
 

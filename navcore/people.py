@@ -36,7 +36,9 @@ LONGEST_GAP_S = 2.0
 class PeopleTracker:
     """All that is followed: everything of a person's size; `follow` returns what of it is a person."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, heedless: bool = False) -> None:
+        """`heedless`: as in `PeopleRules`; better take something for a walker that is none than notice one late."""
+        self._heedless = heedless
         self._ground, self._followed, self._next_id = Ground(), list[Followed](), 1
         self._now_ns, self._trail = 0, list[Cells]()
 
@@ -87,7 +89,7 @@ class PeopleTracker:
                 taken.add(index)
         for index, cluster in enumerate(clusters):
             if index not in taken:
-                self._followed.append(Followed(id=self._next_id, first=cluster, now_ns=now_ns))
+                self._followed.append(Followed(id=self._next_id, first=cluster, now_ns=now_ns, heedless=self._heedless))
                 self._next_id += 1
 
     def _is_back(self, lost: Followed) -> bool:

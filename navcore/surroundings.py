@@ -13,7 +13,7 @@ from navcore.clearances import clearances
 from navcore.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see
 from navcore.motion import LocalRules
 from navcore.near_cells import outside
-from navcore.robot import RobotProfile
+from navcore.robot import RobotProfile, Twist
 from navcore.transform import Pose2
 from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules
 
@@ -106,3 +106,16 @@ def candidates(
     _, poses = arcs()
     clear = near.clear(poses) > near.padding_m
     return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
+
+
+def coming(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
+    """(1, S, 3) where the robot comes, base frame, before a twist that is held until it expires has been braked."""
+    braking_s = max(abs(twist.v_mps) / profile.max_accel_mps2, abs(twist.w_radps) / profile.max_yaw_accel_radps2)
+    moments = np.linspace(0.0, HOLD_S + 0.5 * braking_s, 9)[1:]
+    turned = twist.w_radps * moments
+    chord = twist.v_mps * moments * np.sinc(turned / 2 / math.pi)
+    return np.stack([chord * np.cos(turned / 2), chord * np.sin(turned / 2), turned], axis=1)[None]
+
+
+HOLD_S = 0.25
+"""A twist is driven so long unless another comes."""

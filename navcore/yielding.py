@@ -49,6 +49,9 @@ class PeopleRules:
     """From somebody's change of mind to the moment the wheels brake."""
     braking_mps2: float = between(0.5, 5.0, default=2.5)
     """Deceleration then; the platform's own is higher."""
+    heedless: bool = False
+    """Whether what moves about looks out for nobody, as vehicles on a track: standing still before it would be no help, so the
+    robot drives on where it will not be met and gets out of the way, and the rules above but for the room do not hold."""
 
 
 MANNERS = PeopleRules()
@@ -83,7 +86,7 @@ class Bodies:
         """As seen from a pose of the robot in the map frame."""
         moving = [person for person in people if _is_restless(person, rules)]
         standing = [person for person in people if person not in moving]
-        ways = [way for person in moving for way in _ways(person, rules)]
+        ways = [way for person in moving for way in (_ways(person, rules)[:1] if rules.heedless else _ways(person, rules))]
         return Bodies(
             walking=_seen_from(pose, ways, columns=5),
             standing=_seen_from(pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5),

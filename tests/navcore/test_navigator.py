@@ -94,12 +94,27 @@ def test_a_bad_frame_is_refused_and_changes_nothing(navigator: Navigator) -> Non
     np.testing.assert_array_equal(navigator.occupancy(ORDER).blocked, before.occupancy.blocked)
 
 
-def test_a_goal_inside_an_obstacle_or_outside_the_map_is_no_path_and_no_motion(navigator: Navigator) -> None:
-    for goal, reason in (((2.55, 0.0), Reason.GOAL_BLOCKED), ((99.0, 0.0), Reason.OUTSIDE)):
-        decision = navigator.tick(picture(WALL), dataclasses.replace(ORDER, goal=goal))
+def test_a_goal_outside_the_map_or_in_a_zone_is_no_path_and_no_motion(navigator: Navigator) -> None:
+    for goal, reason in (((99.0, 0.0), Reason.OUTSIDE), ((1.9, 0.2), Reason.GOAL_BLOCKED)):
+        decision = navigator.tick(picture(), dataclasses.replace(ORDER, goal=goal, zones=(ZONE,)))
         assert decision.route is not None
         assert decision.route.outcome == NoPath(reason=reason)
         assert decision.motion.twist == STANDSTILL
+
+
+def test_a_goal_where_something_stands_is_no_path_and_gone_up_to(navigator: Navigator) -> None:
+    low = dataclasses.replace(WALL, z=(0.0, 0.4))
+    decision = navigator.tick(picture(low), dataclasses.replace(ORDER, goal=(2.55, 0.0)))
+    assert decision.route is not None
+    assert decision.route.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+    assert np.hypot(*(decision.route.points[-1] - (2.55, 0.0))) < 1.5
+    row, col = navigator.map.spec.cell(*decision.route.points[-1])
+    assert not decision.occupancy.blocked[row, col]
+    assert decision.motion.twist != STANDSTILL
+    # Where it has gone away, so has the reason.
+    nearer = picture(stamp_ns=1, pose=Pose2(x_m=0.9, y_m=0.0, yaw_rad=0.0))
+    gone = navigator.tick(nearer, dataclasses.replace(ORDER, goal=(2.55, 0.0)))
+    assert gone.route is not None and isinstance(gone.route.outcome, Path)
 
 
 def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(navigator: Navigator) -> None:
