@@ -17,6 +17,9 @@ PriorOption = Annotated[
     Path | None,
     typer.Option("--prior", metavar="MAP.yaml", help="A Nav2 map; its obstacles count until the camera sees their floor free."),
 ]
+NavigationOption = Annotated[
+    Path | None, typer.Option("--navigation", metavar="FILE.toml", help="How the navigation is set, where not as it comes.")
+]
 LevelOption = Annotated[
     bool, typer.Option("--level", help="The poses' world of a recording has z up and its floor at 0: look for none.")
 ]

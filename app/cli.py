@@ -22,6 +22,7 @@ from app.arguments import (
     BewareOption,
     KeptOption,
     LevelOption,
+    NavigationOption,
     PriorOption,
     RandomOption,
     ZonesOption,
@@ -86,6 +87,7 @@ def console(
     backend: BackendOption = "auto",
     prior: PriorOption = None,
     kept: KeptOption = None,
+    navigation: NavigationOption = None,
     login: Annotated[
         bool, typer.Option("--login", help="Ask for a login on loopback too, e.g. behind a reverse proxy.")
     ] = False,
@@ -112,6 +114,7 @@ def console(
         choice=SegmenterChoice(kind=segmenter, weights=weights, engine=backend),
         prior=prior,
         kept=kept,
+        navigation=navigation,
         login=login,
         unattended=unattended,
     )
@@ -132,6 +135,7 @@ def drive(
     backend: BackendOption = "auto",
     prior: PriorOption = None,
     kept: KeptOption = None,
+    navigation: NavigationOption = None,
     random: RandomOption = False,
     zones: ZonesOption = None,
     ablation: AblationOption = Ablation.NONE,
@@ -142,6 +146,7 @@ def drive(
     from app.plots import plot_episode
     from app.segmenter import compose
     from app.task import Task, episode_of
+    from navcore.config import load_config
     from navcore.robot import HUSKY
     from sim.scenario import load_scenario
 
@@ -152,7 +157,8 @@ def drive(
         scenario=load_scenario(scenario), goals=goals, random=random, zones=zones, ablation=ablation, max_time_s=max_time
     )
     perception, listed = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)), beware_list(beware)
-    episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception)
+    config = None if navigation is None else load_config(navigation)
+    episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception, config=config)
     try:
         album = Album(episode)
         recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)

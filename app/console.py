@@ -27,7 +27,7 @@ from app.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.threads import Clockwork, Loop
 from navcore.beware import default_beware_list
-from navcore.config import NavigatorConfig
+from navcore.config import NavigatorConfig, load_config
 from navcore.grid import GridSpec
 from navcore.mission import Mission
 from navcore.navigator import Navigator
@@ -42,7 +42,6 @@ from web.server import ConsoleServer
 
 EXPIRY_S = 1.0
 """How often the zones' expiry is looked at."""
-NAVIGATOR = NavigatorConfig()
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -82,6 +81,8 @@ class ConsoleOptions:
     """A Nav2 map whose obstacles count until they are seen free."""
     kept: Path | None = None
     """The map of an earlier session; it is written again at the end."""
+    navigation: Path | None = None
+    """How the navigation is set, as of `load_config`; None for as it comes."""
     login: bool = False
     """Ask for a login on loopback too."""
     unattended: Unattended = "go on"
@@ -95,14 +96,15 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
     torch.set_num_threads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or taken_port(options.host, options.port))
+        config = NavigatorConfig() if options.navigation is None else load_config(options.navigation)
         store = Store(options.data)
         stack.callback(store.close)
         perception = compose(options.choice)
         warm_up(perception.segmenter)
-        back_end = _back_end(options)
+        back_end = _back_end(options, config)
         robot = back_end.robot
         stack.callback(robot.close)
-        pilot, began_ns = _pilot(store, back_end.spec, perception), robot.now_ns()
+        pilot, began_ns = _pilot(store, back_end.spec, perception, config), robot.now_ns()
         if back_end.faults:
             sabotage = Sabotage(pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
             sabotage.take_time(time.sleep)
@@ -119,7 +121,7 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
             robot_urdf=husky_urdf(),
             perception=perception,
             labelling=options.data / "labelling",
-            config=NAVIGATOR,
+            config=config,
         )
         expiry = Clockwork(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
         expiry.start()
@@ -150,15 +152,15 @@ def _first_admin(store: Store) -> str | None:
     return password
 
 
-def _back_end(options: ConsoleOptions) -> BackEnd:
+def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
     if options.recording is not None:
-        return recorded(options.recording, config=NAVIGATOR, level=options.level)
+        return recorded(options.recording, config=config, level=options.level)
     return simulated(options.scenario, seed=options.seed, profile=HUSKY)
 
 
-def _pilot(store: Store, spec: GridSpec, perception: Perception) -> Pilot:
+def _pilot(store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig) -> Pilot:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=NAVIGATOR)
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=config)
     intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
     return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
 

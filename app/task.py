@@ -52,9 +52,20 @@ class Task:
         return self.zones if self.zones is not None else ZONES * self.random
 
 
-def episode_of(task: Task, seed: int, *, robot: RobotProfile, beware: BewareList, perception: Perception | None) -> Episode:
-    """The episode of a seed: places and zones drawn, if so asked, on the world as the seed makes it."""
-    world, config = vary(task.scenario, seed), config_for(robot)
+def episode_of(
+    task: Task,
+    seed: int,
+    *,
+    robot: RobotProfile,
+    beware: BewareList,
+    perception: Perception | None,
+    config: NavigatorConfig | None = None,
+) -> Episode:
+    """The episode of a seed: places and zones drawn, if so asked, on the world as the seed makes it.
+
+    Without a configuration it is driven with the one that the robot starts with.
+    """
+    world, config = vary(task.scenario, seed), config or config_for(robot)
     margins_m = {entry.name: entry.margin_m for entry in beware.enabled}
     if task.random:
         world, config = _placed(world, seed, robot, config, margins_m)

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from navcore import dodging
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame, Intrinsics
@@ -48,3 +49,4 @@ def warm_up(segmenter: Segmenter | None = None) -> None:
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     free_of(somebody, poses, poses[..., 0].copy(), HUSKY, NavigatorConfig().people)
+    dodging.warm(HUSKY)

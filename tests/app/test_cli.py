@@ -114,6 +114,22 @@ def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
     assert "damaged" in answer.stderr
 
 
+def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "nav.toml"
+    file.write_text("[people]\nheedles = true\n")
+    refused = bewarenav("drive", "--scenario", "empty_room", "--navigation", str(file))
+    assert refused.returncode == 2
+    assert "nav.toml.people: unknown key 'heedles'" in refused.stderr
+    # A margin as wide as the ways are leaves no path: it is by this file that the robot was driven.
+    report, driven_m = tmp_path / "r.json", []
+    for margin_m in (0.15, 1.0):
+        file.write_text(f"safety_margin_m = {margin_m}\n")
+        options = ("--scenario", "clutter", "--segmenter", "colour", "--max-time", "12", "--report", str(report))
+        bewarenav("drive", "--navigation", str(file), *options)
+        driven_m.append(json.loads(report.read_text())["distance_m"])
+    assert 0.0 < driven_m[1] < driven_m[0] / 4
+
+
 def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:
     answer = bewarenav("drive", "--scenario", "empty_room", "--max-time", "3")
     assert answer.returncode == 1
