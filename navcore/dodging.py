@@ -55,7 +55,7 @@ def dodge(near: Surroundings, path: Floats, now: Twist) -> Motion:
             twist = Twist(v_mps=float(pairs[index, 0]), w_radps=float(pairs[index, 1]))
             soon = coming(twist, profile)
             if (near.clear(soon) > near.padding_m / 2).all() and near.looked_at(soon).all():
-                return Motion(twist=twist, outcome=Outcome.DODGE)
+                return Motion(twist=twist, outcome=Outcome.YIELD if twist == STANDSTILL else Outcome.DODGE)
     return Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
 
 

@@ -17,6 +17,7 @@ from navcore.config import NavigatorConfig
 from navcore.followed import Track
 from navcore.frame import Frame, check_frame
 from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
+from navcore.lanes import Lanes
 from navcore.local_planner import Points, plan_motion
 from navcore.mask import Mask
 from navcore.motion import IDLE, Motion, Outcome
@@ -74,6 +75,11 @@ class Route:
     track: Points
     """(K, 2) what the local planner follows: the path, pulled taut where the robot is next."""
 
+    @property
+    def length_m(self) -> float | None:
+        """Of the path; None without one."""
+        return None if isinstance(self.outcome, NoPath) else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Decision:
@@ -108,6 +114,7 @@ class Navigator:
         self._placed = False
         self._tracker = PeopleTracker(heedless=config.people.heedless)
         self._recovery, self._trail = Recovery(), NO_POINTS
+        self._lanes = Lanes()
         self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
 
     def tick(self, frame: Frame, order: Order) -> Decision:
@@ -121,6 +128,15 @@ class Navigator:
         route = self.route(occupancy, frame.pose, order)
         motion = self.move(
             occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad, now=frame.twist
+        )
+        self._lanes = self._lanes.after(
+            motion,
+            people,
+            frame.pose,
+            frame.stamp_ns,
+            way_m=None if route is None else route.length_m,
+            profile=self._profile,
+            manners=self._config.people,
         )
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
@@ -150,7 +166,7 @@ class Navigator:
         """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
         if self._closed[0] != order.goal:
             self._closed = (order.goal, ())
-        return self._occupancy.follow(order.beware, (*order.zones, *self._closed[1]))
+        return self._occupancy.follow(order.beware, (*order.zones, *self._closed[1], *self._lanes.zones))
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
         """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""

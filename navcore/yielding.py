@@ -45,6 +45,8 @@ class PeopleRules:
     """Nearer to somebody than this …"""
     near_mps: float = between(0.1, 1.0, default=0.5)
     """… no part of the body is faster than this."""
+    lane_s: float = between(0.5, 600.0, default=6.0)
+    """Who has kept the robot waiting for so long has his lane left to him, where the way beside it is hardly longer."""
     reaction_s: float = between(0.1, 1.0, default=0.45)
     """From somebody's change of mind to the moment the wheels brake."""
     braking_mps2: float = between(0.5, 5.0, default=2.5)
