@@ -19,7 +19,7 @@ NOTHING = 0
 """Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
 LARGEST_CLASS_ID = 62
 MAX_MARGIN_M = 2.0
-OPTIONAL = ("colour", "min_height_m", "min_size_m", "label")
+OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label")
 """Fields of an entry that an edit may take away, with None."""
 
 
@@ -57,6 +57,9 @@ class BewareClass:
     """The rule that finds it by colour; None when only a network can."""
     min_height_m: float | None = between(0.01, 2.0, default=None)
     """What a thing of this class rises above the floor at least; what is flat is a picture of it. None when it may be flat."""
+    max_height_m: float | None = between(0.01, 2.0, default=None)
+    """How high a thing of this class is at most; what has something higher right above it is a part of that, as the foot of a
+    chair, and that is in the way itself. None for a thing that may be as high as any."""
     min_size_m: float | None = between(0.01, 2.0, default=None)
     """What is seen of a thing of this class at once is at least so long; a network's speck is none. None for any size."""
     label: str | None = None

@@ -41,7 +41,7 @@ LONGEST_STEP_S = 0.3
 CUT_M = 0.3
 """As much of him may lie beyond the border of the picture: his middle is so much less certain then."""
 WIDER_PER_S, WIDEST_M = 0.1, 0.3
-"""Out of sight one who has walked takes up so much more room, for nobody knows."""
+"""Out of sight one who walks takes up so much more room, for nobody knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +176,7 @@ class Followed:
             y_m=self.y_m,
             vx_mps=self.vx_mps if self.walks else 0.0,
             vy_mps=self.vy_mps if self.walks else 0.0,
-            radius_m=self.radius_m + (min(WIDER_PER_S * unseen_s, WIDEST_M) if self.pace_mps > 0 else 0.0),
+            radius_m=self.radius_m + (min(WIDER_PER_S * unseen_s, WIDEST_M) if self.walks else 0.0),
             age_s=(now_ns - self.born_ns) / 1e9,
             last_seen_ns=self.seen_ns,
             unseen_s=unseen_s,

@@ -1,8 +1,8 @@
 """Who walks to and fro along the robot's way: where he walks is left to him, and the path leads beside it.
 
 People who walk are no part of the map, so the shortest path may lie in somebody's lane; he stops before the robot that waits
-there for him, and both wait. After a while his lane is closed like a zone, but only if the way beside it is hardly longer;
-else, or when it has served for long, it is opened again. A value with its transition, one for each tick.
+there for him, and both wait. After a while his lane is closed like a zone, until the robot has passed or nobody walks
+there any more, but only if the way beside it is hardly longer. A value with its transition, one for each tick.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ HERE_M = 1.0
 """Who has moved no farther than this still waits at the same place."""
 LONGER_M = 4.0
 """For a way longer by more than this the lane is not left."""
-CLOSED_S = 30.0
-"""So long a lane stays closed, and is not closed again after it was opened."""
+OPEN_S = 20.0
+"""A lane that was opened again is not closed for so long."""
+ANEW_S = 2.0
+"""So often what is closed follows where he walks, and where the robot is."""
 ROOM_M = 0.15
 """Beyond the circle that the robot turns in: there the lane ends, for the robot does not stand in what it closes."""
 SMALLEST_M2 = 0.05
@@ -50,7 +52,9 @@ class Lanes:
     waited_s: float = 0.0
     """… and for how long it has; negative while no lane is to be closed again."""
     now_ns: int = 0
+    """Stamp of the newest tick …"""
     closed_ns: int = 0
+    """… and of when the lanes were closed as they are."""
     before_m: float = 0.0
     """Length of the way when the lanes were closed."""
 
@@ -68,10 +72,12 @@ class Lanes:
         """With one more tick. `way_m` is the length of the way to the goal, None without one."""
         now = dataclasses.replace(self, now_ns=stamp_ns, walked=self._walked(people, pose, stamp_ns))
         if self.zones:
-            served = (stamp_ns - self.closed_ns) / 1e9 > CLOSED_S
-            if way_m is None or way_m > self.before_m + LONGER_M or served:
-                return dataclasses.replace(now, zones=(), waited_s=-CLOSED_S)
-            return now
+            passed = not now.walked or (self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > REMEMBERED_M)
+            if way_m is None or way_m > self.before_m + LONGER_M or passed:
+                return dataclasses.replace(now, zones=(), waited_s=-OPEN_S)
+            if (stamp_ns - self.closed_ns) / 1e9 < ANEW_S:
+                return now
+            return dataclasses.replace(now, zones=tuple(_lanes(now.walked, pose, profile, manners)), closed_ns=stamp_ns)
         moved = self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M
         step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
         gained_s = step_s if motion.outcome is Outcome.YIELD or self.waited_s < 0 else 0.0

@@ -343,6 +343,7 @@ class Navigator:
             # Before where it stands now: it has moved a little since it was boxed in, and must not stand in what it closes.
             self._closed = (order.goal, (*self._closed[1], closed_way(route.track, frame.pose, self._profile)))
         if self._recovery.means is Means.GIVE_UP:
+            self._closed = (order.goal, ())  # should one of the ways that were found closed be open again, it goes on
             return Motion(twist=STANDSTILL, outcome=Outcome.GIVEN_UP)
         return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN) if self._recovery.means is Means.WAIT else motion
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
+from navcore.overhung import without_overhung
 from navcore.relief import Heights, heights_above_floor, without_pictures, without_spills
 
 
@@ -66,9 +67,9 @@ class JointSegmenter:
     """A network and the colour rules together: what one of them claims stays claimed, except for pictures of things.
 
     A pixel is the network's where it is sure enough of an enabled class; else the colour rule's; else the network's, however
-    unsure. A network's region that depth shows to be a flat picture of something with height is dismissed before, and so is
-    what spills over the edge of a thing onto the floor behind it (`relief.py`). Rules marked `fallback` are for classes that
-    the network does not know.
+    unsure. A network's region that depth shows to be a flat picture of something with height is dismissed before, and so are
+    what spills over the edge of a thing onto the floor behind it (`relief.py`) and the foot of something higher
+    (`overhung.py`). Rules marked `fallback` are for classes that the network does not know.
     """
 
     def __init__(self, network: Segmenter) -> None:
@@ -80,6 +81,7 @@ class JointSegmenter:
         seen = self._network.segment(frame, beware)
         keep = without_pictures(seen.class_ids, frame, heights_m, beware)
         keep &= without_spills(seen.class_ids, frame)
+        keep &= without_overhung(seen.class_ids, frame, heights_m, beware)
         real = Labels(class_ids=np.where(keep, seen.class_ids, np.uint8(NOTHING)), confidence=seen.confidence)
         return joined(real, painted(frame, heights_m, filter(self._by_colour, beware.classes)), beware)
 

@@ -12,6 +12,8 @@ from navcore.config import NavigatorConfig
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
+from navcore.overhung import without_overhung
+from navcore.relief import heights_above_floor
 from navcore.robot import HUSKY, STANDSTILL
 from navcore.segment import ColourSegmenter, Segmenter
 from navcore.transform import Pose2, camera_mount
@@ -45,7 +47,9 @@ def warm_up(segmenter: Segmenter | None = None) -> None:
             twist=STANDSTILL,
         )
         navigator.tick(frame, Order(goal=(1.0, 1.0), beware=default_beware_list(), zones=()))
-    # Nobody walks before the wall; what looks out for people is compiled all the same.
+    # No network called anything there low, and nobody walks before the wall; what looks at such is compiled all the same.
+    low = np.full(depth_m.shape, max(entry.class_id for entry in default_beware_list().classes if entry.max_height_m), np.uint8)
+    without_overhung(low, frame, heights_above_floor(frame), default_beware_list())
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     free_of(somebody, poses, poses[..., 0].copy(), HUSKY, NavigatorConfig().people)

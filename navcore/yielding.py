@@ -159,10 +159,16 @@ def free_of(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfil
 
 
 def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleRules) -> int:
-    """Index of the last of (S, 3) poses, reached at (S,) times, where the robot can wait in nobody's way; −1 if none."""
+    """Index of the last of (S, 3) poses, reached at (S,) times, where the robot can wait in nobody's way; −1 if none.
+
+    Where it is in somebody's way already, one where it is no more so will do: else it would stay there for ever.
+    """
     half_length, half_width = profile.length_m / 2, profile.width_m / 2
-    room = _room(bodies.walking, poses[None], times_s[None], half_length, half_width, rules.waiting_s)[0]
-    return int(np.flatnonzero(room > rules.personal_m + ASIDE_M).max(initial=-1))
+    with_here = np.vstack([np.zeros((1, 3)), poses])[None], np.concatenate([[0.0], times_s])[None]
+    here, *room = _room(bodies.walking, *with_here, half_length, half_width, rules.waiting_s)[0].tolist()
+    enough = rules.personal_m + ASIDE_M
+    waiting = np.flatnonzero(np.array(room) > enough).max(initial=-1)
+    return int(waiting if waiting >= 0 or here > enough else np.flatnonzero(np.array(room) >= here).max(initial=-1))
 
 
 def allowed_mps(bodies: Bodies, profile: RobotProfile, rules: PeopleRules) -> float:

@@ -190,6 +190,7 @@ class BewareClassOut(BaseModel):
     min_confidence: float
     colour: ColourRuleOut | None
     min_height_m: float | None
+    max_height_m: float | None
     min_size_m: float | None
     label: str | None
     display: str

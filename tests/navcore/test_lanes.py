@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
 from navcore.followed import Track
-from navcore.lanes import CLOSED_S, LONGER_M, Lanes
+from navcore.lanes import LONGER_M, OPEN_S, REMEMBERED_M, REMEMBERED_S, Lanes
 from navcore.motion import Motion, Outcome
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.transform import Pose2
@@ -73,14 +73,15 @@ def test_where_there_is_no_way_beside_it_the_lane_is_opened_at_once_and_stays_op
     lanes = waited(Lanes(), MANNERS.lane_s + 0.2)
     opened = waited(lanes, TICK_S, way_m=way_m)
     assert not opened.zones
-    assert not waited(opened, CLOSED_S - 1.0).zones
-    assert waited(opened, CLOSED_S + MANNERS.lane_s + 1.0).zones
+    assert not waited(opened, OPEN_S - 1.0).zones
+    assert waited(opened, OPEN_S + MANNERS.lane_s + 1.0).zones
 
 
-def test_a_lane_that_has_served_for_long_is_opened() -> None:
+def test_a_lane_stays_closed_until_the_robot_has_passed_or_nobody_walks_there() -> None:
     lanes = waited(Lanes(), MANNERS.lane_s + 0.2)
-    assert waited(lanes, CLOSED_S - 1.0, motion=DRIVES).zones
-    assert not waited(lanes, CLOSED_S + 1.0, motion=DRIVES).zones
+    assert waited(lanes, 60.0, motion=DRIVES).zones
+    assert not waited(lanes, 1.0, motion=DRIVES, pose=Pose2(x_m=REMEMBERED_M + 0.5, y_m=-1.0, yaw_rad=0.0)).zones
+    assert not waited(lanes, REMEMBERED_S + 1.0, motion=DRIVES, unseen_s=1.0).zones
 
 
 def test_who_does_not_wait_or_comes_on_closes_nothing() -> None:

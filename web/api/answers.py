@@ -135,6 +135,7 @@ def _class_of(entry: BewareClass, found_by: str) -> BewareClassOut:
         min_confidence=entry.min_confidence,
         colour=None if rule is None else ColourRuleOut(**dataclasses.asdict(rule)),
         min_height_m=entry.min_height_m,
+        max_height_m=entry.max_height_m,
         min_size_m=entry.min_size_m,
         label=entry.label,
         display=palette.hex_colour(palette.class_colour(entry.class_id)),

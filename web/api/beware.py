@@ -80,6 +80,7 @@ def _entry(entry: BewareClassIn) -> BewareClass:
         min_confidence=entry.min_confidence,
         colour=_rule(entry.colour),
         min_height_m=entry.min_height_m,
+        max_height_m=entry.max_height_m,
         min_size_m=entry.min_size_m,
         label=entry.label,
     )

@@ -34,6 +34,7 @@ class BewareClassIn(Closed):
     min_confidence: Share = 0.5
     colour: ColourRuleIn | None = None
     min_height_m: Relief | None = Field(None, description="what is flatter is only a picture of it")
+    max_height_m: Relief | None = Field(None, description="what has something higher above it is a part of that")
     min_size_m: Relief | None = Field(None, description="what of it is seen at once and is shorter is only a speck")
     label: Name | None = Field(None, description="what the console calls it")
     display: StrictStr | None = Field(None, description="ignored: the console's own colour")
@@ -48,12 +49,13 @@ class BewareListIn(Closed):
 
 
 class BewarePatchIn(Closed):
-    """The fields of one class that change; null takes away `colour`, `min_height_m`, `min_size_m` or `label`."""
+    """The fields of one class that change; null takes away `colour`, the heights, `min_size_m` or `label`."""
 
     enabled: StrictBool | None = None
     margin_m: Margin | None = None
     min_confidence: Share | None = None
     colour: ColourRuleIn | None = None
     min_height_m: Relief | None = None
+    max_height_m: Relief | None = None
     min_size_m: Relief | None = None
     label: Name | None = None

@@ -1,0 +1,93 @@
+"""What lies right under something higher is a part of that: the foot of an office chair is no landmine.
+
+A network knows a thing by its look, and much that stands on the floor has a foot that looks like one. Where much of a region of
+a class has something above it that no thing of the class is as high as, the region is dismissed: what rises above it is an
+obstacle by itself.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navcore.beware import BewareList
+from navcore.frame import Frame
+from navcore.relief import BASELINE_M, DISPARITY_ERROR_PX, MIN_PIXELS, Heights, Mask
+from navcore.search.bits import compiled
+
+CELL_M, SIDE = 0.05, 240
+"""Columns that heights are compared in: cells of the map frame, so many to a side about the camera."""
+CEILING_M = 1.5
+"""What hangs higher is above the robot, too."""
+SHARE = 0.34
+"""Of a region that has something above it, for the whole to be a part of that."""
+CLEARLY_M = 0.08
+"""Higher than a thing of the class can be by as much: depth scatters."""
+
+
+def without_overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
+    """(H, W) which pixels keep their class: all but regions of a class with a `max_height_m` that lie under something higher.
+
+    `heights_m` is of `heights_above_floor`.
+    """
+    keep = np.ones(class_ids.shape, dtype=np.bool_)
+    low = [entry for entry in beware.classes if entry.max_height_m is not None and (class_ids == entry.class_id).any()]
+    if not low:
+        return keep
+    columns = _columns(frame.depth_m, frame.T_map_camera, _lens(frame))
+    for entry in low:
+        assert entry.max_height_m is not None
+        mask = class_ids == entry.class_id
+        tops = _tops(columns, heights_m, mask)
+        tops = np.asarray(cv2.dilate(tops, np.ones((3, 3), dtype=np.uint8)))  # the pixels of what is seen flatly lie far apart
+        count, regions, boxes, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+        for region in range(1, count):
+            left, top, width, height = boxes[region, :4]
+            window = np.s_[top : top + height, left : left + width]
+            inside = (regions[window] == region) & np.isfinite(heights_m[window]) & (columns[window] >= 0)
+            if int(inside.sum()) < MIN_PIXELS:
+                continue
+            away_m = float(np.median(frame.depth_m[window][inside]))
+            if away_m**2 * DISPARITY_ERROR_PX > CELL_M * frame.intrinsics.fx * BASELINE_M:
+                continue  # from so far one cannot tell what is above and what behind
+            foot_m = max(float(np.percentile(heights_m[window][inside], 10)), 0.0)
+            above = tops.ravel()[columns[window][inside]] > foot_m + entry.max_height_m + CLEARLY_M
+            if float(above.mean()) > SHARE:
+                keep[window] &= regions[window] != region
+    return keep
+
+
+def _lens(frame: Frame) -> npt.NDArray[np.float64]:
+    lens = frame.intrinsics
+    return np.array([lens.fx, lens.fy, lens.cx, lens.cy])
+
+
+@compiled
+def _columns(depth_m: Heights, t: npt.NDArray[np.float64], lens: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+    """(H, W) the column that each pixel lies in, row · `SIDE` + column; −1 for none."""
+    height, width = depth_m.shape
+    found = np.full((height, width), np.int32(-1))
+    for i in range(height):
+        b = (i - lens[3]) / lens[1]
+        for j in range(width):
+            depth = depth_m[i, j]
+            if depth > 0:
+                a = (j - lens[2]) / lens[0]
+                x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth / CELL_M + SIDE / 2
+                y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth / CELL_M + SIDE / 2
+                if 0 <= x < SIDE and 0 <= y < SIDE:
+                    found[i, j] = int(y) * SIDE + int(x)
+    return found
+
+
+@compiled
+def _tops(columns: npt.NDArray[np.int32], heights_m: Heights, mask: Mask) -> Heights:
+    """(SIDE, SIDE) the highest that is seen in each column of what is not of the class, up to the ceiling; 0 for nothing."""
+    tops = np.zeros((SIDE, SIDE), dtype=np.float32)
+    flat = tops.ravel()
+    for i in range(columns.shape[0]):
+        for j in range(columns.shape[1]):
+            if columns[i, j] >= 0 and not mask[i, j] and heights_m[i, j] <= CEILING_M:
+                flat[columns[i, j]] = max(flat[columns[i, j]], heights_m[i, j])
+    return tops
