@@ -177,6 +177,26 @@ def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_f
     assert math.dist((track.x_m, track.y_m), place) < 0.25
 
 
+def test_who_walks_in_from_the_border_of_the_picture_is_noticed_as_soon_as_anybody() -> None:
+    """First half of him is seen, whose middle is uncertain; how far he has come is told from where all of him was."""
+    came = {}
+    for start_y in (1.9, 1.0):  # at the border at 2 m, and well within the picture
+        seen = walk(PeopleTracker(), (2.0, start_y), (0.0, -0.9), 20)
+        whole = next(k for k in range(20) if start_y - 0.09 * k + 0.2 < 1.75)
+        came[start_y] = next(k for k, tracks in enumerate(seen) if tracks) - whole
+    assert came[1.9] <= came[1.0] + 2
+
+
+def test_who_stands_out_of_sight_takes_up_no_more_room() -> None:
+    tracker = PeopleTracker()
+    walk(tracker, (2.0, -0.4), (0.0, 0.6), 12)
+    for k in range(12, 60):
+        (last,) = follow(tracker, picture(somebody(2.0, 0.26), stamp_ns=k * TENTH_NS))
+    away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
+    (later,) = [follow(tracker, picture(pose=away, stamp_ns=(60 + k) * TENTH_NS)) for k in range(30)][-1]
+    assert later.radius_m == last.radius_m
+
+
 def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_forgotten() -> None:
     tracker = PeopleTracker()
     (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]

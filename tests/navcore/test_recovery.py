@@ -172,6 +172,17 @@ def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_t
     assert not isinstance(route.outcome, NoPath)  # the goal is not called unreachable
 
 
+def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    first, _ = stuck_for(navigator, here, 0.0, 7.0)
+    assert navigator._closed[1]
+    last, outcomes = stuck_for(navigator, here, 7.0, 40.0)
+    assert outcomes[-1] is Outcome.GIVEN_UP
+    assert not navigator._closed[1]
+    np.testing.assert_array_equal(last.track[-1], first.track[-1])
+
+
 def test_a_closed_way_lies_on_the_path_before_the_bumper_and_not_under_the_robot() -> None:
     corners = np.array(closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY).polygon)
     assert np.hypot(*corners.T).min() > HUSKY.circumscribed_radius_m  # whichever way it has turned
