@@ -103,7 +103,10 @@ class Lanes:
 def _lanes(
     walked: tuple[tuple[int, int, float, float], ...], pose: Pose2, profile: RobotProfile, manners: PeopleRules
 ) -> list[Zone]:
-    """The strips that people walked in, as wide as they are with the room that they are left, without the robot's own place."""
+    """The strips that people walked in, as wide as they are with the room that they are left, without the robot's own place.
+
+    One that lies all round the robot is none: it could not be left.
+    """
     lines = []
     for name in sorted({note[1] for note in walked}):
         places = [(x, y) for _, other, x, y in walked if other == name]
@@ -118,7 +121,7 @@ def _lanes(
             polygon=tuple((x, y) for x, y in part.exterior.coords[:-1]),
         )
         for index, part in enumerate(parts)
-        if isinstance(part, Polygon) and part.area > SMALLEST_M2
+        if isinstance(part, Polygon) and part.area > SMALLEST_M2 and not part.interiors
     ]
 
 

@@ -129,15 +129,7 @@ class Navigator:
         motion = self.move(
             occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad, now=frame.twist
         )
-        self._lanes = self._lanes.after(
-            motion,
-            people,
-            frame.pose,
-            frame.stamp_ns,
-            way_m=None if route is None else route.length_m,
-            profile=self._profile,
-            manners=self._config.people,
-        )
+        self.leave_lanes(motion, frame, route, people)
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
 
@@ -321,6 +313,14 @@ class Navigator:
         if isinstance(route.outcome, NoPath) and self._motion.outcome in (Outcome.ARRIVED, Outcome.ALIGN):
             self._motion = IDLE  # where the way was closed, not at the goal
         return self._motion
+
+    def leave_lanes(self, motion: Motion, frame: Frame, route: Route | None, people: tuple[Track, ...]) -> None:
+        """Whoever keeps the robot waiting where he walks to and fro gets his lane from the next tick on; see `lanes.py`."""
+        way_m = None if route is None else route.length_m
+        profile, manners = self._profile, self._config.people
+        self._lanes = self._lanes.after(
+            motion, people, frame.pose, frame.stamp_ns, way_m=way_m, profile=profile, manners=manners
+        )
 
     def limit(self, motion: Motion, frame: Frame, order: Order) -> Motion:
         """The same motion, as slow as the operator's speed limits want it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import pytest
 from shapely import Point, Polygon
@@ -66,6 +67,16 @@ def test_the_robot_can_turn_where_it_stands_and_does_not_stand_in_what_is_closed
     lanes = waited(Lanes(), MANNERS.lane_s + 0.2, pose=Pose2(x_m=2.5, y_m=0.0, yaw_rad=0.0))
     assert len(lanes.zones) == 2
     assert closed(lanes).distance(Point(2.5, 0.0)) > HUSKY.circumscribed_radius_m
+
+
+def test_what_people_have_walked_all_round_the_robot_is_not_closed() -> None:
+    lanes = Lanes()
+    for k in range(200):
+        angle, stamp_ns = 0.1 * k, lanes.now_ns + round(TICK_S * 1e9)
+        someone = dataclasses.replace(walker(0.0), x_m=1.2 * math.cos(angle), y_m=1.2 * math.sin(angle))
+        here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+        lanes = lanes.after(YIELDS, (someone,), here, stamp_ns, way_m=20.0, profile=HUSKY, manners=MANNERS)
+        assert not closed(lanes).contains(Point(0.0, 0.0))
 
 
 @pytest.mark.parametrize("way_m", [None, 20.0 + LONGER_M + 0.1])
