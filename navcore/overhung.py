@@ -22,6 +22,8 @@ CEILING_M = 1.5
 """What hangs higher is above the robot, too."""
 SHARE = 0.34
 """Of a region that has something above it, for the whole to be a part of that."""
+UNSURE_M = 0.07
+"""Where depth errs by more than this one cannot tell what is above from what is behind."""
 CLEARLY_M = 0.08
 """Higher than a thing of the class can be by as much: depth scatters."""
 
@@ -49,8 +51,8 @@ def without_overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: 
             if int(inside.sum()) < MIN_PIXELS:
                 continue
             away_m = float(np.median(frame.depth_m[window][inside]))
-            if away_m**2 * DISPARITY_ERROR_PX > CELL_M * frame.intrinsics.fx * BASELINE_M:
-                continue  # from so far one cannot tell what is above and what behind
+            if away_m**2 * DISPARITY_ERROR_PX > UNSURE_M * frame.intrinsics.fx * BASELINE_M:
+                continue
             foot_m = max(float(np.percentile(heights_m[window][inside], 10)), 0.0)
             above = tops.ravel()[columns[window][inside]] > foot_m + entry.max_height_m + CLEARLY_M
             if float(above.mean()) > SHARE:
