@@ -126,6 +126,7 @@ class Recorder:
             waypoints=route.waypoints if route else nowhere,
             driven=self._driven_points,
             people=decision.people,
+            closed=decision.closed,
             depth_m=frame.depth_m,
             prior=self._pilot.navigator.map.prior,
         )

@@ -18,7 +18,7 @@ from navcore.motion import Motion, Outcome
 from navcore.robot import RobotProfile
 from navcore.transform import Pose2
 from navcore.yielding import PeopleRules
-from navcore.zones import Zone
+from navcore.zones import OWN_COLOUR, Zone
 
 REMEMBERED_S, REMEMBERED_M = 20.0, 8.0
 """Where somebody walked so long ago, or so far from the robot, is no longer his lane."""
@@ -118,6 +118,7 @@ def _lanes(
         Zone(
             id=f"lane {index}",
             name="where somebody walks to and fro",
+            colour=OWN_COLOUR,
             polygon=tuple((x, y) for x, y in part.exterior.coords[:-1]),
         )
         for index, part in enumerate(parts)

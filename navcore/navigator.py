@@ -97,6 +97,8 @@ class Decision:
     """What to do until the next frame."""
     people: tuple[Track, ...] = ()
     """Who walks or stands about, and how."""
+    closed: tuple[Zone, ...] = ()
+    """Where the robot keeps out for a while of its own accord: a way that was found closed, or somebody's lane."""
 
 
 class Navigator:
@@ -124,14 +126,16 @@ class Navigator:
         ground_m = self.survey(frame)
         people = self.track(frame, labels, order, ground_m)
         self.remember(frame, labels, order, ground_m)
-        occupancy = self.occupancy(order)
+        occupancy, closed = self.occupancy(order), self.closed
         route = self.route(occupancy, frame.pose, order)
         motion = self.move(
             occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad, now=frame.twist
         )
         self.leave_lanes(motion, frame, route, people)
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
-        return Decision(frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people)
+        return Decision(
+            frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people, closed=closed
+        )
 
     def label(self, frame: Frame, order: Order) -> Labels:
         """Which pixels show something on the beware list."""
@@ -158,7 +162,12 @@ class Navigator:
         """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
         if self._closed[0] != order.goal:
             self._closed = (order.goal, ())
-        return self._occupancy.follow(order.beware, (*order.zones, *self._closed[1], *self._lanes.zones))
+        return self._occupancy.follow(order.beware, (*order.zones, *self.closed))
+
+    @property
+    def closed(self) -> tuple[Zone, ...]:
+        """Where the robot keeps out for a while of its own accord."""
+        return (*self._closed[1], *self._lanes.zones)
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
         """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""

@@ -18,7 +18,7 @@ from navcore.motion import Motion, Outcome
 from navcore.robot import RobotProfile
 from navcore.settings import between
 from navcore.transform import Pose2, wrap_angle
-from navcore.zones import Zone
+from navcore.zones import OWN_COLOUR, Zone
 
 Points = npt.NDArray[np.float64]
 
@@ -144,4 +144,4 @@ def closed_way(path: Points, at: Pose2, profile: RobotProfile) -> Zone:
     beyond = np.flatnonzero(away[nearest:] >= profile.circumscribed_radius_m + math.sqrt(2) * CLOSED_M + 0.05)
     x, y = path[nearest + beyond[0] if len(beyond) else -1].tolist()
     corners = ((x + a * CLOSED_M, y + b * CLOSED_M) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
-    return Zone(id=f"closed {x:.2f} {y:.2f}", name="a way that was found closed", polygon=tuple(corners))
+    return Zone(id=f"closed {x:.2f} {y:.2f}", name="a way that was found closed", polygon=tuple(corners), colour=OWN_COLOUR)

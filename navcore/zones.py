@@ -25,6 +25,8 @@ MAX_CORNERS = 1000
 MAX_ZONE_MARGIN_M = 2.0
 MIN_LIMIT_MPS, MAX_LIMIT_MPS = 0.05, 5.0
 COLOUR = re.compile(r"#[0-9a-f]{6}")
+OWN_COLOUR = "#8a929e"
+"""Of what the robot closes for itself, for a while."""
 
 
 class ZoneKind(StrEnum):

@@ -16,6 +16,7 @@ from navcore.occupancy import Occupancy
 from navcore.robot import Twist
 from navcore.safety import StopReason
 from navcore.transform import Matrix, Pose2
+from navcore.zones import Zone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +109,8 @@ class Picture:
     """(K, 2) where the robot has been."""
     people: tuple[Track, ...] = ()
     """Who walks or stands about, and how."""
+    closed: tuple[Zone, ...] = ()
+    """Where the robot keeps out for a while of its own accord, with the name of why."""
     depth_m: npt.NDArray[np.float32] | None = None
     """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not kept."""
     prior: Mask | None = None

@@ -10,6 +10,7 @@ import pytest
 from navcore.config import NavigatorConfig
 from navcore.errors import BadFrame
 from navcore.grid import GridSpec
+from navcore.lanes import Lanes
 from navcore.mask import Mask
 from navcore.motion import Outcome
 from navcore.navigator import Decision, Navigator, Order
@@ -115,6 +116,18 @@ def test_a_goal_where_something_stands_is_no_path_and_gone_up_to(navigator: Navi
     nearer = picture(stamp_ns=1, pose=Pose2(x_m=0.9, y_m=0.0, yaw_rad=0.0))
     gone = navigator.tick(nearer, dataclasses.replace(ORDER, goal=(2.55, 0.0)))
     assert gone.route is not None and isinstance(gone.route.outcome, Path)
+
+
+def test_somebodys_lane_bends_the_path_and_is_told_to_whoever_looks(navigator: Navigator) -> None:
+    straight = length_m(navigator.tick(picture(), ORDER))
+    at = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    navigator._lanes = Lanes(zones=(ZONE,), walked=((0, 1, 2.0, 0.0),), at=at, before_m=straight)
+    decision = navigator.tick(picture(stamp_ns=1), ORDER)
+    assert decision.closed == (ZONE,)
+    assert length_m(decision) > straight + 0.2
+    assert navigator.tick(picture(stamp_ns=30_000_000_000), ORDER).closed == (ZONE,)  # nobody has walked there for long …
+    after = navigator.tick(picture(stamp_ns=30_000_000_001), ORDER)
+    assert after.closed == () and length_m(after) == straight  # … so it is opened
 
 
 def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(navigator: Navigator) -> None:

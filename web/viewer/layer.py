@@ -29,7 +29,7 @@ class Snapshot:
     picture: Picture
     """Newest tick's values."""
     zones: tuple[Zone, ...]
-    """All stored zones."""
+    """All stored zones, and where the robot keeps out for a while of its own accord."""
     beware: BewareList
     """The list in force."""
     candidates: Callable[[], Candidates | None] = _nothing

@@ -179,7 +179,7 @@ class Viewer:
         snapshot = Snapshot(
             state=self._operations.state(),
             picture=picture,
-            zones=self._operations.zones.stored,
+            zones=(*self._operations.zones.stored, *picture.closed),
             beware=self._operations.beware.list,
             candidates=self._candidates,
             strength={str(name): share for name, share in self._show.strength.items()},
