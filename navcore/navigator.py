@@ -117,6 +117,7 @@ class Navigator:
         self._tracker = PeopleTracker(heedless=config.people.heedless)
         self._recovery, self._trail = Recovery(), NO_POINTS
         self._lanes = Lanes()
+        self._was_open: tuple[float, float] | None = None
         self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
 
     def tick(self, frame: Frame, order: Order) -> Decision:
@@ -177,6 +178,8 @@ class Navigator:
         if self._route is None or self._route[0] != key:
             route = self.way_out(occupancy, pose) if order.goal is None else self.plan(occupancy, pose, order.goal)
             self._route = (key, route)
+            if isinstance(route.outcome, Path):
+                self._was_open = order.goal
         return self._route[1]
 
     def plan(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
@@ -188,7 +191,7 @@ class Navigator:
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         if outcome == NoPath(reason=Reason.UNREACHABLE):
             return self._nearer(occupancy, pose, goal) or self._laid(outcome, goal, space.across[FREE])
-        if outcome == NoPath(reason=Reason.GOAL_BLOCKED):
+        if outcome == NoPath(reason=Reason.GOAL_BLOCKED) and self._was_open == goal and pose.distance_to(*goal) > _LOOK_M:
             return self._beside(occupancy, start, goal) or self._laid(outcome, goal, space.across[FREE])
         return self._laid(outcome, goal, space.across[FREE])
 
@@ -209,7 +212,7 @@ class Navigator:
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
 
     def _beside(self, occupancy: Occupancy, start: Cell, goal: tuple[float, float]) -> Route | None:
-        """The way to beside a goal where something was seen to stand: from there one sees whether it still does.
+        """The way to beside a goal that was open, and where something was seen from afar to stand by now: does it still?
 
         None where there is none, and where an operator's zone is on the goal or near it: that does not go by looking.
         """
@@ -367,7 +370,8 @@ class Navigator:
 
 
 _REACH_M = 2.0
-_BESIDE_M = 1.5
+_BESIDE_M, _LOOK_M = 1.5, 3.0
+"""So far beside a goal that is taken the robot would go, and from so far away it is sure of that."""
 TAUT_M = 8.0
 """As far ahead as this the path is pulled taut; the local planner looks no further."""
 

@@ -103,18 +103,31 @@ def test_a_goal_outside_the_map_or_in_a_zone_is_no_path_and_no_motion(navigator:
         assert decision.motion.twist == STANDSTILL
 
 
-def test_a_goal_where_something_stands_is_no_path_and_gone_up_to(navigator: Navigator) -> None:
-    low = dataclasses.replace(WALL, z=(0.0, 0.4))
-    decision = navigator.tick(picture(low), dataclasses.replace(ORDER, goal=(2.55, 0.0)))
+@pytest.mark.parametrize("x_m", [2.55, 4.35])
+def test_a_goal_in_an_obstacle_is_no_path_and_no_motion(navigator: Navigator, x_m: float) -> None:
+    wall = dataclasses.replace(WALL, x=(x_m - 0.05, x_m + 0.15))
+    decision = navigator.tick(picture(wall), dataclasses.replace(ORDER, goal=(x_m, 0.0)))
     assert decision.route is not None
     assert decision.route.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
-    assert np.hypot(*(decision.route.points[-1] - (2.55, 0.0))) < 1.5
-    row, col = navigator.map.spec.cell(*decision.route.points[-1])
-    assert not decision.occupancy.blocked[row, col]
-    assert decision.motion.twist != STANDSTILL
-    # Where it has gone away, so has the reason.
-    nearer = picture(stamp_ns=1, pose=Pose2(x_m=0.9, y_m=0.0, yaw_rad=0.0))
-    gone = navigator.tick(nearer, dataclasses.replace(ORDER, goal=(2.55, 0.0)))
+    assert decision.motion.twist == STANDSTILL
+
+
+def test_a_goal_that_proves_to_be_taken_on_the_way_there_is_gone_up_to_and_looked_at(navigator: Navigator) -> None:
+    goal, low = (4.35, 0.0), dataclasses.replace(WALL, x=(4.3, 4.5), z=(0.0, 0.4))
+    order = dataclasses.replace(ORDER, goal=goal)
+    navigator.tick(picture(), order)
+    taken = navigator.tick(picture(low, stamp_ns=1), order)
+    assert taken.route is not None
+    assert taken.route.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+    assert np.hypot(*(taken.route.points[-1] - goal)) < 1.5
+    row, col = navigator.map.spec.cell(*taken.route.points[-1])
+    assert not taken.occupancy.blocked[row, col]
+    assert taken.motion.twist != STANDSTILL
+    # From nearer it says so, and stands …
+    nearer = Pose2(x_m=1.5, y_m=0.0, yaw_rad=0.0)
+    assert navigator.tick(picture(low, pose=nearer, stamp_ns=2), order).motion.twist == STANDSTILL
+    # … until what stood there has gone away.
+    gone = navigator.tick(picture(pose=Pose2(x_m=2.5, y_m=0.0, yaw_rad=0.0), stamp_ns=3), order)
     assert gone.route is not None and isinstance(gone.route.outcome, Path)
 
 
