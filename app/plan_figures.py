@@ -74,7 +74,7 @@ def _answer(pilot: Pilot, frame: Frame, goal: tuple[float, float]) -> tuple[bool
     began_s = time.perf_counter()
     pilot.change_mission(lambda mission: mission.add(*goal, pilot.navigator.map.spec).start())
     pilot.think(frame, clock=lambda: frame.stamp_ns)
-    verdict = pilot.command(frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+    verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
     return verdict.twist != STANDSTILL, verdict.reasons, time.perf_counter() - began_s
 
 
@@ -135,7 +135,7 @@ def zone_under_robot(trials: int) -> Figure:
         pilot.change_mission(lambda mission: mission.pause().leave())
         pilot.trust_pose()
         pilot.think(frame, clock=lambda: frame.stamp_ns)
-        verdict = pilot.command(frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+        verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
         left += verdict.twist != STANDSTILL
     return Figure(trials=trials, measured=f"{stood} stood with a reason; {left} moved once told to leave", met=stood == trials)
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from navcore.grid import BoolGrid, Cell
 from navcore.search.free_space import FreeSpace
-from navcore.search.jump_points import FOUND, TIMEOUT, Arena, find
+from navcore.search.jump_points import FAR, FOUND, GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE, Arena, find
 
 SQRT2 = math.sqrt(2.0)
 
@@ -65,18 +65,25 @@ def plan(blocked: BoolGrid, start: Cell, goal: Cell, *, max_expansions: int | No
     return plan_in(space, Arena(space), start, goal, max_expansions=max_expansions)
 
 
-def plan_in(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
-    """The same over a grid that is packed already, in memory that is kept from one search to the next."""
-    if not (space.contains(start) and space.contains(goal)):
-        return NoPath(reason=Reason.OUTSIDE)
-    if not space.is_free(start):
-        return NoPath(reason=Reason.START_BLOCKED)
-    if not space.is_free(goal):
-        return NoPath(reason=Reason.GOAL_BLOCKED)
-    status, cells, diagonal = find(space, arena, start, goal, _ENDLESS if max_expansions is None else max_expansions)
-    if status != FOUND:
-        return NoPath(reason=Reason.TIMEOUT if status == TIMEOUT else Reason.UNREACHABLE)
-    return Path(cells=cells, length=len(cells) - 1 - diagonal + diagonal * SQRT2)
+def plan_in(
+    space: FreeSpace, arena: Arena, start: Cell, goal: Cell, *, max_expansions: int | None = None, guess: int = FAR
+) -> Path | NoPath:
+    """The same over a grid that is packed already, in memory that is kept from one search to the next.
+
+    `guess` is a length, in units of `navcore.search.jump_points`, that the path is probably shorter than; it only saves time.
+    """
+    budget = _ENDLESS if max_expansions is None else max_expansions
+    status, cells, diagonal = find(space, arena, start, goal, budget, guess)
+    if status == FOUND:
+        return Path(cells=cells, length=len(cells) - 1 - diagonal + diagonal * SQRT2)
+    return NoPath(reason=_REASONS[status])
 
 
+_REASONS = {
+    UNREACHABLE: Reason.UNREACHABLE,
+    TIMEOUT: Reason.TIMEOUT,
+    OUTSIDE: Reason.OUTSIDE,
+    START_BLOCKED: Reason.START_BLOCKED,
+    GOAL_BLOCKED: Reason.GOAL_BLOCKED,
+}
 _ENDLESS = 1 << 62

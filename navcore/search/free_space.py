@@ -7,7 +7,8 @@ west reads words of `across` and one south or north words of `along`. Each stack
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
 * BACK: the same for a walk towards lower cells;
 * VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line,
-  once searches have asked for a line several times (`look_along`). Word 0 of a line counts that; until then nothing is in vain;
+  once searches have asked for a line several times (`look_along`). Word 0 of a line counts that; until then nothing is in vain.
+  VAIN_AHEAD's line 0 has a bit for each line of the other stack that was forgotten again (`navcore.search.slopes`);
 * SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
 
 A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
@@ -49,6 +50,8 @@ PATIENCE = np.uint64(16)
 """How often a line is asked about before it pays to look along all of it."""
 MANY = 64
 """Where more than one word in so many differs, everything is made anew instead of word by word."""
+MOST_SLOPING = 2**19
+"""A plane of `FreeSpace.sloping` has no more words than this; on larger grids diagonals take turns."""
 
 
 class FreeSpace:
@@ -66,6 +69,10 @@ class FreeSpace:
         self.rows, self.cols = rows, cols
         self.across: Planes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
         self.along: Planes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
+        diagonals, words = 64 * (blocks(rows) + blocks(cols)), blocks(rows)
+        slots = 1 << min((diagonals - 1).bit_length(), (MOST_SLOPING // words).bit_length() - 1)
+        self.sloping: Planes = np.zeros((4, slots, words), dtype=np.uint64)
+        """How far diagonal walks go, as far as it is known (`navcore.search.slopes`)."""
         self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
         """Set bits are cells that a standing path needs free."""
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
@@ -140,14 +147,14 @@ def complement(plane: Plane, rows: int, cols: int) -> None:
 @compiled
 def _rebuild(across: Planes, along: Planes) -> None:
     transpose(across[FREE], along[FREE])
-    for planes in (across, along):
-        mark_stops(planes, PAD, planes.shape[1] - PAD, 0, planes.shape[2])
+    mark_stops(across, along, PAD, across.shape[1] - PAD, 0, across.shape[2])
+    mark_stops(along, across, PAD, along.shape[1] - PAD, 0, along.shape[2])
     mark_squares(across, PAD - 1, across.shape[1] - PAD, 0, across.shape[2] - 1)
 
 
 @compiled
-def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> None:
-    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1."""
+def mark_stops(planes: Planes, others: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the other stack."""
     free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
     one, rest = np.uint64(1), np.uint64(63)
     low, high = max(left, 1), min(right, planes.shape[2] - 1)
@@ -161,7 +168,7 @@ def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> 
             opens = up & ~(up << one | free[above, before] >> rest) | down & ~(down << one | free[below, before] >> rest)
             closes = up & ~(up >> one | free[above, after] << rest) | down & ~(down >> one | free[below, after] << rest)
             ahead[here, word], back[here, word] = opens | walls, closes | walls
-        forget(planes, line)
+        forget(planes, others, line)
         if left == 0:
             ahead[line, 0] = back[line, 0] = ALL
         if right == planes.shape[2]:
@@ -169,9 +176,10 @@ def mark_stops(planes: Planes, first: int, last: int, left: int, right: int) -> 
 
 
 @inlined
-def forget(planes: Planes, line: int) -> None:
-    """Have no walk of a line known to be in vain."""
+def forget(planes: Planes, others: Planes, line: int) -> None:
+    """Have no walk of a line known to be in vain, and do not trust what was built on that."""
     if planes[VAIN_AHEAD, line, 0] >= PATIENCE:
+        others[VAIN_AHEAD, 0, line >> 6] |= ONE << np.uint64(line & 63)
         for word in range(planes.shape[2]):
             planes[VAIN_AHEAD, line, word] = planes[VAIN_BACK, line, word] = 0
     planes[VAIN_AHEAD, line, 0] = 0
@@ -249,10 +257,10 @@ def write_word(
 def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
     """Renew the marks around free cells that were written in rows first … last-1 and columns left … right-1 of the planes."""
     over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
-    mark_stops(across, over, under, (left - 1) >> 6, (right >> 6) + 1)
+    mark_stops(across, along, over, under, (left - 1) >> 6, (right >> 6) + 1)
     mark_squares(across, first - 1, last, (left - 1) >> 6, ((right - 1) >> 6) + 1)
     over, under = max(left - 1, PAD), min(right + 1, along.shape[1] - PAD)
-    mark_stops(along, over, under, (first - 1) >> 6, (last >> 6) + 1)
+    mark_stops(along, across, over, under, (first - 1) >> 6, (last >> 6) + 1)
 
 
 @compiled

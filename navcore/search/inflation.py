@@ -56,7 +56,8 @@ class InflatedGrid:
 
     def set_cells(self, radius: int, cells: Ints, occupied: bool) -> None:
         """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the grid."""
-        self._make_room((radius,))
+        if radius not in self._radii:
+            self._make_room((radius,))
         self._follow(set_bits(self._raw[self._radii.index(radius)], cells, occupied))
 
     def _take_fresh(self) -> None:

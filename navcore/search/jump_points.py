@@ -10,7 +10,8 @@ arranged in our own way:
 * A cell reached again at equal length from another side is not dropped: the directions that this side adds are walked too.
 * The open list is a ring of buckets, each a sixteenth of a cell wide. Inside a bucket the order is last in, first out; a cell
   may be opened twice, and the search ends at the first bucket behind the best path known.
-* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not taken (`FreeSpace`).
+* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not taken (`FreeSpace`); cells
+  from which there is no other are passed by many at a time (`navcore.search.slopes`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import Cell
-from navcore.search.bits import ONE, PAD, compiled, highest, inlined, lean, lowest
+from navcore.search.bits import ALL, ONE, PAD, compiled, highest, inlined, lean, lowest
 from navcore.search.free_space import (
     AHEAD,
     BACK,
@@ -30,10 +31,10 @@ from navcore.search.free_space import (
     FreeSpace,
     Planes,
     bit_of,
-    forget,
     look_along,
 )
 from navcore.search.legs import fewest_turns, lay
+from navcore.search.slopes import passable, settle, survey
 
 Memory = npt.NDArray[np.int64]
 
@@ -42,20 +43,28 @@ UNIT = 1 << SHIFT
 """Length of a straight step: 2^38, so that paths of 2^25 cells still have a length."""
 ROOT = 388736063997
 """Length of a diagonal step: √2 · 2^38, rounded."""
-FAR = np.int64(2**62)
+FAR = 1 << 62
+"""Longer than any path."""
 
 EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (1 << bit for bit in range(8))
 ANYWHERE = 255
 
-FOUND, UNREACHABLE, TIMEOUT, FULL = 0, 1, 2, 3
+FOUND, UNREACHABLE, TIMEOUT, OUTSIDE, START_BLOCKED, GOAL_BLOCKED, FULL = range(7)
+"""How a search ended; the last: its memory did not suffice."""
 
 # A search's memory is one array of int64, so that handing it on costs little: first some counters …
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LAST, LACKING, RING, SLOTS, ROOM = range(14)
-# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty …
-HEADS = 16
+PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND = range(11)
+# … and what does not change …
+RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(11, 18)
+# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty, and a bit for each that is not …
+HEADS = 24
 # … then the hash table with a row of four for every cell the search has reached: (stamp, cell), length from the start, the
 # parent's cell, and bits for the walks wanted (0 to 7) and done (8 to 15); then the queue: (next entry of the bucket, row).
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
+IN_ONE_GO = 64
+"""After so many steps of a diagonal it is seen whether the path is too long by now."""
+ON_FOOT, FARTHER = 2, 32
+"""Steps of a diagonal taken cell by cell: at first, since there are seldom more among many obstacles; where not surveyed."""
 FINE = 4
 """Buckets to a cell of length: 2^4."""
 
@@ -66,7 +75,7 @@ class Arena:
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:
         # One walk away from the goal lengthens a path's estimate by less than three times the grid's sides.
         self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
-        self._cells = cells
+        self._sides, self._cells = (space.rows, space.cols), cells
         self.memory = self._new()
 
     def grow(self) -> None:
@@ -75,48 +84,62 @@ class Arena:
         self.memory = self._new()
 
     def _new(self) -> Memory:
-        memory = np.zeros(HEADS + self._ring + 2 * self._cells * 4 + 2 * self._cells, dtype=np.int64)
+        table = HEADS + self._ring + (self._ring >> 6)
+        queue = table + 2 * self._cells * 4
+        memory = np.zeros(queue + 2 * self._cells, dtype=np.int64)
         memory[RING], memory[SLOTS], memory[ROOM] = self._ring, 2 * self._cells, 2 * self._cells
+        memory[TABLE], memory[QUEUE] = table, queue
+        memory[ROWS], memory[COLS] = self._sides
         return memory
 
 
-def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search between two free cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
+def find(
+    space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int, guess: int = FAR
+) -> tuple[int, npt.NDArray[np.int64], int]:
+    """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
 
     There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
-    is given up.
+    is given up. If the path is shorter than `guess`, in units, it is found sooner; if it is not, there is a second search.
     """
     while True:
-        outcome = search(
-            space.across,
-            space.along,
-            arena.memory,
-            (start[0] + PAD) << 16 | (start[1] + PAD),
-            (goal[0] + PAD) << 16 | (goal[1] + PAD),
-            budget,
-        )
-        if outcome[0] != FULL:
+        outcome = search(space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, guess)
+        if outcome[0] == FULL:
+            arena.grow()
+        elif outcome[0] == UNREACHABLE and guess < FAR:
+            guess = FAR
+        else:
             return outcome
-        arena.grow()
 
 
 @compiled
 def search(
     across: Planes,
     along: Planes,
+    sloping: Planes,
     memory: Memory,
-    start: int,
-    goal: int,
+    start_row: int,
+    start_col: int,
+    goal_row: int,
+    goal_col: int,
     budget: int,
+    bound: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search on memory that the caller owns; cells are (row + PAD) << 16 | (col + PAD). FULL if the memory does not suffice."""
-    begin(memory, start, goal)
+    """Search for a path shorter than `bound` on memory that the caller owns.
+
+    The ends come number by number, since a tuple costs a microsecond to hand on.
+    """
+    start, goal = number_of(across, memory, start_row, start_col), number_of(across, memory, goal_row, goal_col)
+    if start <= 0 or goal <= 0:
+        status = OUTSIDE if min(start, goal) < 0 else START_BLOCKED if start == 0 else GOAL_BLOCKED
+        return status, np.empty((0, 2), dtype=np.int64), 0
+    begin(memory, start, goal, bound)
+    settle(across, along)
     saved = mark_goal(across, along, goal)
     want(memory, claim(memory, start, start, 0), ANYWHERE)
-    status = run(across, along, memory, budget)
+    status = run(across, along, sloping, memory, budget)
     unmark_goal(across, along, goal, saved)
-    for bucket in range(memory[BUCKET], memory[LAST] + 1):
-        memory[HEADS + (bucket & (memory[RING] - 1))] = 0
+    while memory[WAITING] > 0:
+        pop(memory)
     if status == FOUND:
         cells = trace(across, memory, start, goal)
         return FOUND, cells, (memory[BEST] - (len(cells) - 1) * UNIT) // (ROOT - UNIT)
@@ -124,11 +147,19 @@ def search(
 
 
 @inlined
-def begin(memory: Memory, start: int, goal: int) -> None:
+def number_of(across: Planes, memory: Memory, row: int, col: int) -> int:
+    """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it is blocked, -1 if outside."""
+    if not (0 <= row < memory[ROWS] and 0 <= col < memory[COLS]):
+        return -1
+    return (row + PAD) << 16 | (col + PAD) if bit_of(across, FREE, row + PAD, col + PAD) else 0
+
+
+@inlined
+def begin(memory: Memory, start: int, goal: int, bound: int) -> None:
     """Set the counters for a new search."""
     memory[STAMP] += 1
-    memory[BEST] = FAR
-    for counter in (PUSHED, WAITING, REACHED, BUCKET, LAST, LACKING):
+    memory[BEST] = memory[BOUND] = bound
+    for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING):
         memory[counter] = 0
     memory[GOAL_ROW], memory[GOAL_COL] = goal >> 16, goal & 0xFFFF
     memory[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
@@ -155,8 +186,6 @@ def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.u
     for plane in (AHEAD, BACK):
         across[plane, row, col >> 6] |= ONE << np.uint64(col & 63)
         along[plane, col, row >> 6] |= ONE << np.uint64(row & 63)
-    forget(across, row)
-    forget(along, col)
     return saved
 
 
@@ -166,8 +195,6 @@ def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64
     row, col = goal >> 16, goal & 0xFFFF
     across[AHEAD, row, col >> 6], across[BACK, row, col >> 6] = saved[0], saved[1]
     along[AHEAD, col, row >> 6], along[BACK, col, row >> 6] = saved[2], saved[3]
-    forget(across, row)
-    forget(along, col)
 
 
 @inlined
@@ -178,7 +205,7 @@ def row_of(memory: Memory, key: int) -> int:
     """
     slot = ((key >> 16) * 40503 + key) & (memory[SLOTS] - 1)
     while True:
-        at = HEADS + memory[RING] + 4 * slot
+        at = memory[TABLE] + 4 * slot
         held = memory[at + KEY]
         if held == key or held >> 32 != key >> 32:
             return int(at)
@@ -227,39 +254,53 @@ def push(memory: Memory, bucket: int, at: int) -> None:
         return
     memory[PUSHED] += 1
     memory[WAITING] += 1
-    memory[LAST] = max(memory[LAST], bucket)
-    head = HEADS + (bucket & (memory[RING] - 1))
-    memory[HEADS + memory[RING] + 4 * memory[SLOTS] + entry] = memory[head] << 32 | at
-    memory[head] = entry + 1
+    place = bucket & (memory[RING] - 1)
+    memory[memory[QUEUE] + entry] = memory[HEADS + place] << 32 | at
+    memory[HEADS + place] = entry + 1
+    memory[HEADS + memory[RING] + (place >> 6)] |= 1 << (place & 63)
+
+
+@inlined
+def pop(memory: Memory) -> int:
+    """Take a row of the table out of the first bucket that has one."""
+    ring, place = HEADS + memory[RING], memory[BUCKET] & (memory[RING] - 1)
+    word = place >> 6
+    bits = np.uint64(memory[ring + word]) & (ALL << np.uint64(place & 63))
+    while bits == 0:
+        word = (word + 1) & ((memory[RING] >> 6) - 1)
+        bits = np.uint64(memory[ring + word])
+    first = 64 * word + lowest(bits)
+    memory[BUCKET] += (first - place) & (memory[RING] - 1)
+    entry = memory[memory[QUEUE] + memory[HEADS + first] - 1]
+    memory[HEADS + first] = entry >> 32
+    if entry >> 32 == 0:
+        memory[ring + word] &= ~(1 << (first & 63))
+    memory[WAITING] -= 1
+    return int(entry & 0xFFFFFFFF)
 
 
 @lean
-def run(across: Planes, along: Planes, memory: Memory, budget: int) -> int:
+def run(across: Planes, along: Planes, sloping: Planes, memory: Memory, budget: int) -> int:
     """Open bucket after bucket until none can hold a shorter path."""
-    while memory[WAITING] > 0 and memory[BUCKET] <= (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
-        head = HEADS + (memory[BUCKET] & (memory[RING] - 1))
-        if memory[head] == 0:
-            memory[BUCKET] += 1
-            continue
-        entry = memory[HEADS + memory[RING] + 4 * memory[SLOTS] + memory[head] - 1]
-        memory[head] = entry >> 32
-        memory[WAITING] -= 1
-        at = entry & 0xFFFFFFFF
+    while memory[WAITING] > 0:
+        at = pop(memory)
+        if memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
+            break
         walks = memory[at + WALKS]
         todo = walks & ~(walks >> 8) & 0xFF
         if todo == 0:
             continue
         memory[at + WALKS] = walks | todo << 8
-        budget -= open_cell(across, along, memory, at, todo)
+        budget -= open_cell(across, along, sloping, memory, at, todo)
         if memory[LACKING]:
             return FULL
         if budget < 0:
             return TIMEOUT
-    return FOUND if memory[BEST] < FAR else UNREACHABLE
+    return FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
 
 
 @inlined
-def open_cell(across: Planes, along: Planes, memory: Memory, at: int, todo: int) -> int:
+def open_cell(across: Planes, along: Planes, sloping: Planes, memory: Memory, at: int, todo: int) -> int:
     """Walk from a cell in the directions asked for; returns how many straight walks and diagonal steps that took."""
     cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
     row, col = cell >> 16, cell & 0xFFFF
@@ -275,7 +316,7 @@ def open_cell(across: Planes, along: Planes, memory: Memory, at: int, todo: int)
             walk_col(along, memory, row, col, side, cell, length)
     for corner in range(4):
         if todo & (SOUTH_EAST << corner):
-            count += walk_diagonal(across, along, memory, row, col, corner, cell, length)
+            count += walk_diagonal(across, along, sloping, memory, row, col, corner, cell, length)
     return count
 
 
@@ -357,6 +398,7 @@ def walk_col(
 def walk_diagonal(
     across: Planes,
     along: Planes,
+    sloping: Planes,
     memory: Memory,
     row: int,
     col: int,
@@ -370,39 +412,39 @@ def walk_diagonal(
     """
     west, north = corner & 1, corner >> 1
     step_row, step_col = 1 - 2 * north, 1 - 2 * west
-    count, room = 0, steps_to_goal(memory, row, col, step_row, step_col)
-    while True:
-        steps, open_row, open_col = slide(across, along, row, col, west, north, room - count)
+    goal_row, goal_col = memory[GOAL_ROW], memory[GOAL_COL]
+    count, on_foot = 0, ON_FOOT
+    while bit_of(across, SQUARE, row - north, col - west) != 0:
+        most = min(steps_until(row, goal_row, step_row), steps_until(col, goal_col, step_col), IN_ONE_GO)
+        if on_foot:
+            steps = slide(across, along, row, col, west, north, min(most, on_foot))
+        else:
+            steps = passable(across, along, sloping, row, col, west, north, most)
         row += steps * step_row
         col += steps * step_col
         length += steps * ROOT
         count += steps
-        if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
+        if length + octile(row - goal_row, col - goal_col) >= memory[BEST]:
             return count
-        if count == room:
+        if row == goal_row and col == goal_col:
             claim(memory, row << 16 | col, parent, length)
             return count
-        if not (open_row or open_col):
-            return count
-        if open_row and not is_vain(across, VAIN_AHEAD + west, row, col):
+        vain_row = row != goal_row and is_vain(across, VAIN_AHEAD + west, row, col)
+        vain_col = col != goal_col and is_vain(along, VAIN_AHEAD + north, col, row)
+        if not vain_row:
             walk_row(across, memory, row, col, west, parent, length)
-        if open_col and not is_vain(along, VAIN_AHEAD + north, col, row):
+        if not vain_col:
             walk_col(along, memory, row, col, north, parent, length)
+        if vain_row and vain_col:
+            if not on_foot:
+                survey(across, along, sloping, row, col, west, north, goal_row << 16 | goal_col)
+            on_foot = 0 if on_foot else FARTHER
+    return count
 
 
 @inlined
-def steps_to_goal(memory: Memory, row: int, col: int, step_row: int, step_col: int) -> int:
-    """Diagonal steps from a cell to the goal; more than any grid has if it does not lie in that direction."""
-    steps = (memory[GOAL_ROW] - row) * step_row
-    return steps if steps > 0 and steps == (memory[GOAL_COL] - col) * step_col else 1 << 30
-
-
-@inlined
-def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: int, most: int) -> tuple[int, bool, bool]:
-    """Walk diagonally, at most so many steps, to the next cell from which a straight walk may lead somewhere.
-
-    Returns the steps taken, and whether it is the walk along the row, or along the column; neither if the way ends before.
-    """
+def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: int, most: int) -> int:
+    """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or where the way ends."""
     step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
     plane_row, plane_col = np.uint64(VAIN_AHEAD + west), np.uint64(VAIN_AHEAD + north)
     line, at, steps = np.uint64(row), np.uint64(col), 0
@@ -415,8 +457,15 @@ def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: i
         vain_row = across[plane_row, line, at >> shift] >> (at & low)
         vain_col = along[plane_col, at, line >> shift] >> (line & low)
         if (vain_row & vain_col & ONE) == 0:
-            return steps, (vain_row & ONE) == 0, (vain_col & ONE) == 0
-    return steps, False, False
+            break
+    return steps
+
+
+@inlined
+def steps_until(at: int, goal: int, step: int) -> int:
+    """Steps until a walk comes to the goal's row or column; more than any grid has if it does not."""
+    steps = (goal - at) * step
+    return steps if steps > 0 else 1 << 30
 
 
 @inlined

@@ -9,12 +9,16 @@ import numpy.typing as npt
 
 from navcore.grid import Cell
 from navcore.path import SQRT2, NoPath, Path, Reason, plan_in
-from navcore.search.bits import ONE, PAD, Plane, compiled
+from navcore.search.bits import ONE, PAD, Plane, compiled, lean
 from navcore.search.free_space import FreeSpace, Planes
-from navcore.search.jump_points import ROOT, UNIT, Arena, octile
+from navcore.search.jump_points import FAR, ROOT, UNIT, Arena, octile
 from navcore.search.legs import is_clear, lay
 
 Ints = npt.NDArray[np.int64]
+
+NOWHERE: Ints = np.empty((0, 2), dtype=np.int64)
+DETOUR = 12 * UNIT
+"""A change mostly makes the path no longer than this; a search that may assume so does not look far aside."""
 
 
 @dataclass(slots=True, eq=False)
@@ -57,7 +61,7 @@ class Replanner:
         if self._still_unreachable(start, goal):
             return NoPath(reason=Reason.UNREACHABLE)
         self.searches += 1
-        outcome = plan_in(self._space, self._arena, start, goal, max_expansions=max_expansions)
+        outcome = plan_in(self._space, self._arena, start, goal, max_expansions=max_expansions, guess=self._guess(goal))
         if isinstance(outcome, NoPath) and outcome.reason is Reason.TIMEOUT:
             return outcome
         outcome = self._joined(outcome, goal)
@@ -76,6 +80,11 @@ class Replanner:
             standing.at, standing.path = at, _path(standing.cells[at:], int(standing.left[at]))
         return standing.path
 
+    def _guess(self, goal: Cell) -> int:
+        """A length that the new path is probably shorter than: mostly a little of the old one's has been found blocked."""
+        standing = self._standing
+        return FAR if standing is None or standing.goal != goal else int(standing.left[standing.at]) + DETOUR
+
     def _still_unreachable(self, start: Cell, goal: Cell) -> bool:
         space = self._space
         return self._failure == (start, goal) and space.notes[0] == 0 and space.is_free(start) and space.is_free(goal)
@@ -89,14 +98,13 @@ class Replanner:
         return outcome if len(cells) == 0 else Path(cells=cells, length=outcome.length)
 
     def _stand(self, outcome: Path | NoPath, start: Cell, goal: Cell) -> None:
-        space = self._space
-        if self._standing is not None:
-            string(space.tripwire, self._standing.cells, False)
+        space, old = self._space, NOWHERE if self._standing is None else self._standing.cells
+        new = outcome.cells if isinstance(outcome, Path) else NOWHERE
+        restring(space.tripwire, old, new)
         space.notes[:] = 0
         self._standing, self._failure = None, None
         if isinstance(outcome, Path):
-            self._standing = Standing(path=outcome, cells=outcome.cells, left=lengths_left(outcome.cells), at=0, goal=goal)
-            string(space.tripwire, outcome.cells, True)
+            self._standing = Standing(path=outcome, cells=new, left=lengths_left(new), at=0, goal=goal)
         elif outcome.reason is Reason.UNREACHABLE:
             self._failure = (start, goal)
 
@@ -140,9 +148,20 @@ def lengths_left(cells: Ints) -> Ints:
 
 
 @compiled
-def string(tripwire: Plane, cells: Ints, on: bool) -> None:
-    """Set or clear the wire at every cell that has to stay free: those of the path and those beside its diagonal steps."""
-    for index in range(len(cells)):
+def restring(tripwire: Plane, old: Ints, new: Ints) -> None:
+    """Move the wire from one path to another; where both end alike, it stays."""
+    before, after = len(old), len(new)
+    while before > 0 and after > 0 and old[before - 1, 0] == new[after - 1, 0] and old[before - 1, 1] == new[after - 1, 1]:
+        before, after = before - 1, after - 1
+    # The first cell of what is alike is come to in another way. No two other steps of a shortest path share a cell beside them.
+    string(tripwire, old, before + 1, False)
+    string(tripwire, new, after + 1, True)
+
+
+@lean
+def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
+    """Set or clear the wire at all that has to stay free for the first cells: these and what is beside their diagonal steps."""
+    for index in range(min(until, len(cells))):
         before = max(index - 1, 0)
         for row, col in (
             (cells[index, 0], cells[index, 1]),

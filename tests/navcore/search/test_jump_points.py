@@ -71,6 +71,20 @@ def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, se
         np.testing.assert_array_equal(free.cells, bounded.cells)
 
 
+@law(60)
+@given(grids(), SEEDS, st.integers(-30, 30))
+def test_a_guess_at_the_length_right_or_wrong_leaves_the_path_alone(blocked: BoolGrid, seed: int, units: int) -> None:
+    generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
+    start, goal = (free_cell(generator, blocked) for _ in range(2))
+    if start is None or goal is None:
+        return
+    status, cells, _ = find(space, Arena(space), start, goal, 1 << 40)
+    for guess in (0, 1, max(len(cells) - 1 + units, 0) * UNIT, 2 * len(cells) * UNIT):
+        guessed = find(space, Arena(space, cells=4), start, goal, 1 << 40, guess)
+        assert guessed[0] == status
+        np.testing.assert_array_equal(guessed[1], cells)
+
+
 def turns(path: Path) -> int:
     steps = np.diff(path.cells, axis=0)
     return int((np.diff(steps, axis=0) != 0).any(axis=1).sum())

@@ -11,7 +11,7 @@ from navcore.grid import BoolGrid, Cell
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.search.free_space import FreeSpace
 from navcore.search.jump_points import octile
-from navcore.search.replanner import Replanner, lengths_left
+from navcore.search.replanner import NOWHERE, Replanner, lengths_left, restring
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells
 from tests.navcore.test_path import assert_is_a_path
@@ -75,6 +75,24 @@ class Drive:
             assert_is_a_path(outcome, self.blocked, self.start, self.goal)
             return True
         return False
+
+
+@law(60)
+@given(grids(SIDES), SEEDS)
+def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    goal, wire, old = free_cell(generator, blocked), np.zeros_like(FreeSpace.of(blocked).tripwire), NOWHERE
+    for _ in range(4):
+        start = free_cell(generator, blocked)
+        if start is None or goal is None:
+            return
+        outcome, expected = plan(blocked, start, goal), np.zeros_like(wire)
+        new = outcome.cells if isinstance(outcome, Path) else NOWHERE
+        restring(wire, old, new)
+        restring(expected, NOWHERE, new)
+        np.testing.assert_array_equal(wire, expected)
+        blocked[tuple(some_cells(generator, blocked.shape, 6).T)] = True
+        old = new
 
 
 @law(250)
