@@ -22,7 +22,8 @@ from navcore.learning.dataset import DatasetWriter
 from navcore.learning.dataset_card import Split
 from navcore.learning.pictures import read_depth, read_grey, read_rgb
 from navcore.learning.recipe import Recipe
-from navcore.learning.training import fresh_network, training_loss
+from navcore.learning.start import fresh_network
+from navcore.learning.training import training_loss
 
 bench = typer.Typer(help="Figures of the training.", no_args_is_help=True)
 SIZES = (Size(height=256, width=320), Size(height=256, width=448))

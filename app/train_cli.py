@@ -18,7 +18,8 @@ def train(
     recipe: Annotated[Path | None, typer.Argument(metavar="RECIPE.toml", help="Without it the defaults are taken.")] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where model, state and report go.")] = Path("runs/train"),
     start: Annotated[
-        Path | None, typer.Option(metavar="FILE.safetensors", help="Weights to go on from, e.g. to add your own pictures.")
+        Path | None,
+        typer.Option(metavar="FILE.safetensors", help="Weights to go on from, e.g. to add your own pictures or classes."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; at most one epoch was lost.")] = False,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",

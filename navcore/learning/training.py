@@ -18,8 +18,7 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from navcore.errors import BadConfiguration
-from navcore.esanet import EsaNet, build
-from navcore.esanet.variants import variant_named
+from navcore.esanet import EsaNet
 from navcore.esanet.weights import TrainedNetwork, WeightsCard, digest, save
 from navcore.learning.batches import Batch, Pictures, epoch_batches, training_batch
 from navcore.learning.dataset import Dataset
@@ -29,6 +28,7 @@ from navcore.learning.metrics import count_pixels, logarithmic_weights, mean_iou
 from navcore.learning.ranks import Ranks
 from navcore.learning.recipe import Recipe, learning_rate, momentum
 from navcore.learning.run_state import Epoch, RunState, read_state, write_state
+from navcore.learning.start import fresh_network, taught_network
 
 _STEPS_TAKEN = "encoder_rgb.bn1.num_batches_tracked"
 MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
@@ -84,7 +84,8 @@ class Training:
         self._pictures = Pictures(dataset, "train", cache_mb=surroundings.cache_mb)
         self._selection = None if recipe.selection == "last" else Pictures(dataset, recipe.selection, cache_mb=256)
         self.steps = len(self._batches(0))
-        network = _taught(start, self.card()) if start else fresh_network(recipe, len(dataset.card.class_names))
+        card = self.card()
+        network = taught_network(start, recipe, card) if start else fresh_network(recipe, card.num_classes)
         self.network = network.to(surroundings.device)
         self.network = self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.SGD(
@@ -228,23 +229,6 @@ def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16
     logits = [output.float().contiguous() for output in outputs]
     losses = pyramid_losses(logits, batch.labels.to(device), weights)
     return losses[0] + losses[1] + losses[2] + losses[3]
-
-
-def fresh_network(recipe: Recipe, num_classes: int) -> EsaNet:
-    """The network before it has learned anything; the same for the same seed."""
-    with torch.random.fork_rng():
-        torch.manual_seed(recipe.seed)
-        if recipe.he_init:
-            return build(recipe.variant, num_classes, width=recipe.width)
-        return EsaNet(variant_named(recipe.variant), num_classes, width=recipe.width)
-
-
-def _taught(start: TrainedNetwork, card: WeightsCard) -> EsaNet:
-    """The network to go on from; raises `BadConfiguration` when it is not of the kind that `card` describes."""
-    if start.card.architecture != card.architecture or start.card.class_names != card.class_names:
-        told, wanted = (f"{of.variant} × {of.width:g} for {', '.join(of.class_names):.200}" for of in (start.card, card))
-        raise BadConfiguration(f"training: cannot start from a network {told}; recipe and data ask for {wanted}")
-    return start.network
 
 
 def class_weights(recipe: Recipe, dataset: Dataset) -> npt.NDArray[np.float64]:

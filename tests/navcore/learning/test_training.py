@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import multiprocessing
 import os
 import pickle
@@ -23,6 +24,7 @@ from navcore.learning.evaluation import Looking, evaluate, predict
 from navcore.learning.metrics import confusion_matrix, count_pixels, median_frequency_weights
 from navcore.learning.recipe import Recipe, learning_rate, momentum
 from navcore.learning.run_state import Epoch, RunState
+from navcore.learning.start import fresh_network, taught_network
 from navcore.learning.training import (
     MODEL_NAME,
     STATE_NAME,
@@ -31,7 +33,6 @@ from navcore.learning.training import (
     Training,
     Watcher,
     class_weights,
-    fresh_network,
     training_loss,
 )
 from tests.navcore.learning.made import NAMES, data_set, tiny_recipe
@@ -244,9 +245,27 @@ def test_a_run_goes_on_from_trained_weights(tmp_path: Path) -> None:
         begun(recipe, tmp_path / "d", out).resume()
 
 
+def test_what_was_learned_is_carried_over_to_other_classes(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
+    start = weights.load(tmp_path / "first" / MODEL_NAME)
+    kept = start.card.class_names[1]
+    card = dataclasses.replace(start.card, num_classes=3, class_names=("puddle", kept, "ladder"))
+    recipe = tiny_recipe(epochs=1)
+    taught, fresh = taught_network(start, recipe, card).state_dict(), fresh_network(recipe, 3).state_dict()
+    learned = start.network.state_dict()
+    others = [key for key in taught if taught[key].shape == learned[key].shape]
+    assert all(torch.equal(taught[key], learned[key]) for key in others)
+    per_class = taught.keys() - others
+    assert "decoder.conv_out.weight" in per_class and len(per_class) < 20
+    for key in per_class:
+        assert torch.equal(taught[key][1], learned[key][1])
+        assert torch.equal(taught[key][[0, 2]], fresh[key][[0, 2]])
+
+
 def test_a_run_does_not_start_from_another_kind_of_network(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
     start = weights.load(tmp_path / "first" / MODEL_NAME)
-    with pytest.raises(BadConfiguration, match=r"r18 × 0\.125 .* ask for r18 × 0\.25|cannot start from a network"):
+    with pytest.raises(BadConfiguration, match=r"r18-nbt1d × 0\.125; the recipe asks for r18-nbt1d × 0\.25"):
         Training(tiny_recipe(width=0.25), load_dataset(tmp_path / "d"), tmp_path, HERE, start=start)

@@ -1,0 +1,57 @@
+"""The network a run begins with: fresh, or what another has learned, carried over to other classes where they differ."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import torch
+
+from navcore.errors import BadConfiguration
+from navcore.esanet import EsaNet, build
+from navcore.esanet.architecture import Architecture
+from navcore.esanet.variants import variant_named
+from navcore.esanet.weights import TrainedNetwork, WeightsCard
+from navcore.learning.recipe import Recipe
+
+
+def fresh_network(recipe: Recipe, num_classes: int) -> EsaNet:
+    """The network before it has learned anything; the same for the same seed."""
+    with torch.random.fork_rng():
+        torch.manual_seed(recipe.seed)
+        if recipe.he_init:
+            return build(recipe.variant, num_classes, width=recipe.width)
+        return EsaNet(variant_named(recipe.variant), num_classes, width=recipe.width)
+
+
+def taught_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> EsaNet:
+    """A network for the classes of `card` that knows what `start` knows, and begins afresh with the classes it does not.
+
+    Raises `BadConfiguration` when the two differ in more than their classes.
+    """
+    known, wanted = start.card, card
+    if (known.variant, known.width) != (wanted.variant, wanted.width):
+        told, asked = (f"{of.variant} × {of.width:g}" for of in (known, wanted))
+        raise BadConfiguration(f"training: cannot start from a network {told}; the recipe asks for {asked}")
+    if known.class_names == wanted.class_names:
+        return start.network
+    network = fresh_network(recipe, wanted.num_classes)
+    rows = [(wanted.class_names.index(name), known.class_names.index(name)) for name in _both(known, wanted)]
+    by_class = _per_class(wanted.architecture)
+    learned, tensors = start.network.state_dict(), network.state_dict()
+    for key, tensor in tensors.items():
+        if key not in by_class:
+            tensor.copy_(learned[key])
+            continue
+        for row, old_row in rows:
+            tensor[row].copy_(learned[key][old_row])
+    return network
+
+
+def _both(known: WeightsCard, wanted: WeightsCard) -> list[str]:
+    return [name for name in wanted.class_names if name in known.class_names]
+
+
+def _per_class(architecture: Architecture) -> set[str]:
+    """The tensors with a row for each class: those whose shape another number of classes would change."""
+    other = dataclasses.replace(architecture, num_classes=architecture.num_classes + 1).skeleton().state_dict()
+    return {key for key, tensor in architecture.skeleton().state_dict().items() if tensor.shape != other[key].shape}
