@@ -65,19 +65,31 @@ class Judge:
 
 
 def evaluate_barn(
-    suite: str, worlds: Path | None, *, robot: str, count: int | None, seed: int, workers: int, out: Path
+    suite: str,
+    worlds: Path | None,
+    *,
+    robot: str,
+    count: int | None,
+    seed: int,
+    workers: int,
+    out: Path,
+    config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json` and returns it."""
+    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json` and returns it.
+
+    Without a configuration they are driven with the one that the robot starts with.
+    """
     if worlds is None:
         raise BadConfiguration(f"the suite {suite} needs --worlds FILE.json, the file of its worlds")
     profile = load_profile(robot)
-    listed = _listed(suite, worlds, profile)[:count]
+    listed, config = _listed(suite, worlds, profile)[:count], _fitted(suite, config or config_for(profile))
+    drive = partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed, config=config)
     campaign = Campaign(
         key="world",
-        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, _config(suite, profile), seed),
+        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config, seed),
         holds="other worlds, another robot, seed or configuration",
-        drive=partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed),
-        drive_alone=partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed),
+        drive=drive,
+        drive_alone=drive,
     )
     reports = campaign.run([world.id for world in listed], workers=workers, out=out)
     summary = summarise(suite, profile, reports)
@@ -112,7 +124,7 @@ def drive_world(
         world.scenario,
         seed=seed,
         beware=NOTHING_TO_BEWARE,
-        config=config or _config(suite, profile),
+        config=config or _fitted(suite, config_for(profile)),
         max_time_s=2 * world.limit_s,
         robot=profile,
     )
@@ -137,9 +149,8 @@ def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:
     }
 
 
-def _config(suite: str, profile: RobotProfile) -> NavigatorConfig:
+def _fitted(suite: str, config: NavigatorConfig) -> NavigatorConfig:
     """What moves in DynaBARN runs on its rails, over whoever stands there."""
-    config = config_for(profile)
     return replace(config, people=replace(config.people, heedless=suite == "dynabarn"))
 
 

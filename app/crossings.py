@@ -131,13 +131,20 @@ COLUMNS = (
 
 
 def evaluate_crossings(
-    *, seeds: Iterable[int], workers: int, out: Path, beware: BewareList, max_time_s: float = PATIENCE_S
+    *,
+    seeds: Iterable[int],
+    workers: int,
+    out: Path,
+    beware: BewareList,
+    max_time_s: float = PATIENCE_S,
+    config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
     """Drive one crossing a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
-    drive = partial(drive_crossing, beware=beware, max_time_s=max_time_s)
+    config = config or NavigatorConfig()
+    drive = partial(drive_crossing, beware=beware, max_time_s=max_time_s, config=config)
     campaign = Campaign(
         key="seed",
-        rules=("crossings", draw_crossing(0), beware.classes, max_time_s, NavigatorConfig()),
+        rules=("crossings", draw_crossing(0), beware.classes, max_time_s, config),
         holds="another campaign, beware list or time limit",
         drive=drive,
         drive_alone=drive,
@@ -148,10 +155,12 @@ def evaluate_crossings(
     return summary
 
 
-def drive_crossing(seed: int, *, beware: BewareList, max_time_s: float) -> dict[str, Any]:
+def drive_crossing(
+    seed: int, *, beware: BewareList, max_time_s: float, config: NavigatorConfig | None = None
+) -> dict[str, Any]:
     """The report of the crossing of a seed, and what was drawn."""
     crossing = draw_crossing(seed)
-    episode = Episode(crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s)
+    episode = Episode(crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s, config=config)
     try:
         report = episode.run()
     finally:

@@ -237,8 +237,8 @@ class Episode:
             self.arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
-        now_ns, newest = self.simulator.now_ns(), self.simulator.newest_frame()
-        verdict = self.pilot.command(now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest)
+        newest = self.simulator.newest_frame()
+        verdict = self.pilot.command(self.simulator.now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest)
         self.on_verdict(self.now_s, verdict)
         pose = self.simulator.true_pose()
         self.driven.append((pose.x_m, pose.y_m))

@@ -19,7 +19,7 @@ from app.segmenter_choice import SegmenterChoice
 from app.summary import summarise, tables_of
 from app.task import Task, episode_of
 from navcore.beware import BewareList
-from navcore.config import config_for
+from navcore.config import NavigatorConfig, config_for
 from navcore.robot import load_profile
 
 NEEDS_NO_SEGMENTER = (Ablation.NO_SEMANTICS, Ablation.ORACLE)
@@ -37,6 +37,8 @@ class Evaluation:
     """What it must not touch."""
     out: Path
     """Where reports and figures go."""
+    config: NavigatorConfig
+    """How its navigation is set."""
     drawn: frozenset[int] = frozenset()
     """Seeds whose figures are drawn, beside those that fail."""
 
@@ -51,21 +53,24 @@ def evaluate_scenario(
     perception: Perception | None = None,
     robot: str = "husky",
     draw_first: int = 1,
+    config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
     """Drive one episode a seed, keep each as it ends, print tables, write `summary.json` and figures; returns the summary.
 
-    The figures of the first `draw_first` episodes and of all that fail lie in `out/figures/seed-…`.
+    Without a configuration they are driven with the one that the robot starts with. The figures of the first `draw_first`
+    episodes and of all that fail lie in `out/figures/seed-…`.
     """
     perception = perception or colour_perception()
     # Each worker makes the same segmenter again, with the engine that was found, and keeps to one thread.
     choice = dataclasses.replace(perception.choice, threads=1)
     profile = load_profile(robot)
     seen_by = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
-    common = Evaluation(task=task, robot=robot, beware=beware, out=out, drawn=frozenset(seeds[:draw_first]))
+    config, drawn = config or config_for(profile), frozenset(seeds[:draw_first])
+    common = Evaluation(task=task, robot=robot, beware=beware, out=out, config=config, drawn=drawn)
     campaign = Campaign(
         key="seed",
-        rules=(task, beware.classes, profile, config_for(profile), seen_by),
-        holds="another world, task, ablation, robot, beware list, segmenter or time limit",
+        rules=(task, beware.classes, profile, config, seen_by),
+        holds="another world, task, ablation, robot, configuration, beware list, segmenter or time limit",
         drive=partial(_drive, common=common, perception=perception),
         drive_alone=partial(_drive_alone, common=common, choice=choice),
     )
@@ -100,7 +105,7 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str
     from app.plots import plot_episode
 
     profile = load_profile(common.robot)
-    episode = episode_of(common.task, seed, robot=profile, beware=common.beware, perception=perception)
+    episode = episode_of(common.task, seed, robot=profile, beware=common.beware, perception=perception, config=common.config)
     try:
         album = Album(episode)
         report = episode.run()

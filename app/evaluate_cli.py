@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console as Terminal
 
-from app.arguments import Ablation, AblationOption, BewareOption, RandomOption, ZonesOption, beware_list
+from app.arguments import Ablation, AblationOption, BewareOption, NavigationOption, RandomOption, ZonesOption, beware_list
 from app.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from navcore.errors import BadConfiguration
 
@@ -36,6 +36,7 @@ def evaluate(
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
     backend: BackendOption = "auto",
+    navigation: NavigationOption = None,
     random: RandomOption = False,
     zones: ZonesOption = None,
     ablation: AblationOption = Ablation.NONE,
@@ -47,16 +48,21 @@ def evaluate(
     from app.barn import SUITES, evaluate_barn
     from app.crossings import evaluate_crossings
     from app.segmenter import compose
+    from navcore.config import load_config
+    from navcore.robot import load_profile
 
     if suite in (*SUITES, "crossings", "finding") and (random or zones is not None or ablation is not Ablation.NONE):
         raise BadConfiguration(f"--random, --zones and --ablation are for scenarios, {suite!r} is a suite of its own")
+    if suite == "finding" and navigation is not None:
+        raise BadConfiguration("--navigation is for what drives, and in the suite 'finding' nothing does")
+    config = None if navigation is None else load_config(navigation, load_profile(robot))
     if suite in SUITES:
         into = out or Path("runs") / f"{suite}-{robot}"
-        verdict = evaluate_barn(suite, worlds, robot=robot, count=episodes, seed=seed, workers=workers, out=into)
+        verdict = evaluate_barn(suite, worlds, robot=robot, count=episodes, seed=seed, workers=workers, out=into, config=config)
         sys.exit(0 if verdict["success_rate"] == 1.0 else 1)
     if suite == "crossings":
         seeds, into = range(seed, seed + (episodes or 200)), out or Path("runs") / suite
-        verdict = evaluate_crossings(seeds=seeds, workers=workers, out=into, beware=beware_list(beware))
+        verdict = evaluate_crossings(seeds=seeds, workers=workers, out=into, beware=beware_list(beware), config=config)
         sys.exit(0 if verdict["drove_into_somebody"] == 0 else 1)
     choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
     if suite == "finding":
@@ -81,6 +87,7 @@ def evaluate(
         beware=beware_list(beware),
         perception=None if ablation in NEEDS_NO_SEGMENTER else compose(choice),
         draw_first=figures,
+        config=config,
     )
     sys.exit(0 if summary["success_rate"] == 1.0 else 1)
 

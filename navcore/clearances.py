@@ -13,12 +13,7 @@ Points = npt.NDArray[np.float64]
 
 def clearances(obstacles: Points, poses: npt.NDArray[np.float64], half_length: float, half_width: float) -> Points:
     """(A, S) least distance from the footprint to any obstacle point on the way to each pose, at most `FAR_M`."""
-    # Points that no pose comes near are left out. Single precision is good to a micrometre here.
-    reach = float(np.hypot(half_length, half_width)) + FAR_M
-    low, high = poses[..., :2].min(axis=(0, 1)) - reach, poses[..., :2].max(axis=(0, 1)) + reach
-    near = obstacles[((obstacles >= low) & (obstacles <= high)).all(axis=1)]
-    lanes = np.full((2, -(-len(near) // LANES), LANES), 1e6, dtype=np.float32)
-    lanes.reshape(2, -1)[:, : len(near)] = near.T
+    lanes = _lanes(obstacles, poses, math.hypot(half_length, half_width) + FAR_M)
     return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
 
 
@@ -27,6 +22,24 @@ FAR_M = 0.5
 LANES = 32
 """Points are looked at so many at a time, which the compiler makes vectors of."""
 Lanes = npt.NDArray[np.float32]
+
+
+@numba.njit(cache=True, nogil=True)
+def _lanes(obstacles: Points, poses: npt.NDArray[np.float64], reach: float) -> Lanes:
+    """(2, B, LANES) x and y of the points, without those that no pose comes near; single precision is good to a micrometre."""
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for a in range(poses.shape[0]):
+        for s in range(poses.shape[1]):
+            low_x, high_x = min(low_x, poses[a, s, 0]), max(high_x, poses[a, s, 0])
+            low_y, high_y = min(low_y, poses[a, s, 1]), max(high_y, poses[a, s, 1])
+    lanes, count = np.full((2, -(-len(obstacles) // LANES), LANES), np.float32(1e6)), 0
+    for n in range(len(obstacles)):
+        x, y = obstacles[n, 0], obstacles[n, 1]
+        if low_x - reach <= x <= high_x + reach and low_y - reach <= y <= high_y + reach:
+            lanes[0, count // LANES, count % LANES], lanes[1, count // LANES, count % LANES] = x, y
+            count += 1
+    return lanes[:, : -(-count // LANES)]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -41,9 +41,9 @@ class NavigatorConfig:
     """How it behaves beside people."""
 
 
-def load_config(path: Path) -> NavigatorConfig:
-    """The configuration of a file; raises `BadConfiguration`."""
-    return from_table(NavigatorConfig, read_toml(path), path.name)
+def load_config(path: Path, robot: RobotProfile = HUSKY) -> NavigatorConfig:
+    """The configuration that a robot starts with, but for what a file says otherwise; raises `BadConfiguration`."""
+    return from_table(NavigatorConfig, read_toml(path), path.name, config_for(robot))
 
 
 def config_for(robot: RobotProfile) -> NavigatorConfig:

@@ -1,7 +1,7 @@
 """From the path to a velocity: motion primitives, scored against what stands near, with the robot's oriented footprint.
 
-The primitives are arcs of constant curvature that start at the robot, forward and backward, and turning in place. A primitive
-is driven only as far as the padded footprint stays clear of every occupied cell along it; zones and beware points count like
+The primitives, arcs or Falco's paths, start at the robot; backward there are arcs alone, and it turns in place. A primitive is
+driven only as far as the padded footprint stays clear of every occupied cell along it; zones and beware points count like
 walls. Where no primitive leads on, one after the other may: then a manoeuvre is searched for, and carried through.
 """
 
@@ -13,15 +13,17 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.arcs import ALONG_M, along, arcs
+from navcore.arcs import arcs
 from navcore.dodging import dodge, is_met
+from navcore.following import follow
 from navcore.manoeuvre import Manoeuvre, steer
-from navcore.motion import BOXED_IN, LocalRules, Motion, Outcome
+from navcore.motion import ARRIVED, BOXED_IN, LocalRules, Motion, Outcome
 from navcore.near_cells import outside, stands_in
+from navcore.primitives import all_arcs
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.surroundings import Surroundings, coming
 from navcore.transform import Pose2, wrap_angle
-from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of, place_to_wait
+from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of
 
 Points = npt.NDArray[np.float64]
 
@@ -56,9 +58,10 @@ def plan_motion(
     path = path_from(path_map, pose)
     askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
     # Wheels that skid carry a turning robot off the spot; it does not drive back for every centimetre.
-    at_goal = float(np.hypot(*path[-1])) <= rules.arrival_m * (DRIFT if previous.outcome is Outcome.ALIGN else 1.0)
-    if at_goal and abs(askew) <= math.radians(rules.aligned_deg):
-        return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
+    goal_m, aligned = float(np.hypot(*path[-1])), abs(askew) <= math.radians(rules.aligned_deg)
+    at_goal = goal_m <= rules.arrival_m * (DRIFT if previous.outcome is Outcome.ALIGN else 1.0)
+    if at_goal and aligned:
+        return ARRIVED
     if stands_in(ruled, profile, cell_m):
         return Motion(twist=STANDSTILL, outcome=Outcome.IN_ZONE)
     # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
@@ -78,7 +81,9 @@ def plan_motion(
         motion = _look_round(near) or BOXED_IN
     else:
         among = near.without_people() if manners.heedless else near
-        motion = _aligned(near, askew) if at_goal else _chosen(among, path, pose, previous)
+        motion = _aligned(near, askew) if at_goal else _chosen(among, path, pose, previous, now)
+        if goal_m <= rules.nearly_m and motion.outcome in AWKWARD and previous.began is None:
+            motion = ARRIVED if aligned else _aligned(near, askew)
     if manners.heedless:
         return dodge(near, path, now) if len(people.walking) and is_met(near, motion.twist, now) else motion
     motion = _beside_people(motion, near)
@@ -91,7 +96,7 @@ def _aligned(near: Surroundings, askew: float) -> Motion:
     return BOXED_IN if turn is None else dataclasses.replace(turn, outcome=Outcome.ALIGN)
 
 
-def _chosen(near: Surroundings, path: Points, pose: Pose2, previous: Motion) -> Motion:
+def _chosen(near: Surroundings, path: Points, pose: Pose2, previous: Motion, now: Twist) -> Motion:
     """Go on with what was begun, turn towards the path, follow it, manoeuvre or back off: the first that is called for."""
     rules = near.rules
     if previous.manoeuvre is not None and previous.began is not None:
@@ -102,19 +107,23 @@ def _chosen(near: Surroundings, path: Points, pose: Pose2, previous: Motion) -> 
         motion = _back_off(near, previous.began)
         if motion.outcome is Outcome.BACK:
             return motion
-    carrot = _carrot(path, rules.lookahead_m)
-    bearing = math.atan2(carrot[1], carrot[0])
+    bearing = _bearing(path, rules.lookahead_m)
     turning = previous.outcome is Outcome.TURN
     if abs(bearing) > math.radians(rules.turn_until_deg if turning else rules.turn_from_deg):
         turn = _turn(near, bearing)
         if turn is not None:
             return turn
-    follow = _follow(near, path)
-    if follow is not None:
-        return follow
-    if len(near.people.walking) and _follow(near.without_people(), path):
+    among = near.primitives(path, now)
+    motion = follow(near, path, among)
+    if motion is None and among.pursued:
+        # Close to things an arc may lead on where none of the longer paths is free.
+        among = all_arcs()
+        motion = follow(near, path, among)
+    if motion is not None:
+        return motion
+    if len(near.people.walking) and follow(near.without_people(), path, among):
         return Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
-    if abs(bearing) > math.radians(rules.turn_until_deg) and _follow(near.all_seen(), path):
+    if abs(bearing) > math.radians(rules.turn_until_deg) and follow(near.all_seen(), path, among):
         # What the path leads over was not looked at yet.
         turn = _turn(near, bearing)
         if turn is not None:
@@ -167,70 +176,11 @@ def _facing(near: Surroundings, motion: Motion) -> Motion:
     return motion if turn is None else _beside_people(dataclasses.replace(motion, twist=turn.twist), near)
 
 
-def _follow(near: Surroundings, path: Points) -> Motion | None:
-    """Drive the arc that gets furthest along the path while staying near it; None when every arc is blocked at once.
-
-    Where somebody walks the arcs are tried at several speeds: what is blocked by him now may be free a moment later.
-    """
-    rules = near.rules
-    curvatures, poses = arcs()
-    clear = near.clear(poses)
-    free = (clear > near.padding_m) & near.looked_at(poses)
-    progress, aside, askew = along(path, poses, rules.lookahead_m)
-    narrow = 0.6 * np.maximum(0.0, 0.25 - clear) + 2.0 * np.maximum(0.0, CLOSE * rules.padding_m - clear)
-    gain = progress - aside - 0.15 * askew - narrow - 0.02 * np.abs(curvatures)[:, None]
-    free, gain, fastest = _apart_from_people(near, curvatures, poses, free, gain)
-    arc, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
-    goal_m = float(np.hypot(*path[-1]))
-    if not np.isfinite(gain[arc, step]) or progress[arc, step] < min(0.05, 0.5 * goal_m):
-        return None
-    free_m = float(ALONG_M[free[arc]].max())
-    if len(near.people.walking) and not free[arc, -1]:
-        waiting = place_to_wait(near.people, poses[arc][free[arc]], ALONG_M[free[arc]] / fastest, near.profile, near.manners)
-        if waiting < 0:
-            return None
-        fastest = min(fastest, math.sqrt(2 * rules.braking_mps2 * float(ALONG_M[waiting])))
-    # free_m ends where the padding would be touched; the padding itself is what is left after braking.
-    speed = min(
-        fastest,
-        math.sqrt(2 * rules.braking_mps2 * max(free_m - 0.04, 0.02)),
-        math.sqrt(2 * 0.5 * rules.braking_mps2 * goal_m) + 0.02,
-        near.profile.max_speed_mps * (0.3 + 2.0 * float(clear[arc, : step + 1].min())),
-        rules.turn_rate_radps / max(abs(float(curvatures[arc])), 1e-6),
-    )
-    return Motion(twist=Twist(v_mps=speed, w_radps=speed * float(curvatures[arc])), outcome=Outcome.FOLLOW, arc=int(arc))
-
-
-def _apart_from_people(
-    near: Surroundings,
-    curvatures: Points,
-    poses: npt.NDArray[np.float64],
-    free: npt.NDArray[np.bool_],
-    gain: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], float]:
-    """Which (A, S) poses are free of people too, what they gain, and at which speed: of those tried the one that gains most."""
-    fastest = near.profile.max_speed_mps
-    if not len(near.people.walking):
-        return free, np.where(free, gain, -np.inf), fastest
-    best = None
-    for share in SPEEDS:
-        speeds = np.minimum(share * fastest, near.rules.turn_rate_radps / np.maximum(np.abs(curvatures), 1e-6))
-        clear = free & free_of(near.people, poses, ALONG_M / speeds[:, None], near.profile, near.manners)
-        gained = np.where(clear, gain - 0.3 * (1 - share), -np.inf)
-        if best is None or gained.max() > best[1].max():
-            best = clear, gained, share * fastest
-    assert best is not None
-    return best
-
-
 def _turn(near: Surroundings, bearing: float, *, either_way: bool = True) -> Motion | None:
     """Turn in place towards the bearing, the long way round if the short one is blocked; None when neither is free."""
     for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing))[: 2 if either_way else 1]:
         headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(2.0))))
-        poses = np.zeros((1, len(headings), 3))
-        poses[0, :, 2] = headings
-        # Turning sweeps the corners past what stands beside the robot; half the padding is enough where it barely moves.
-        if (near.clear(poses) > near.padding_m / 2).all() and near.looked_at(poses).all():
+        if near.may_turn_to(headings[None]).all():
             rate = min(near.rules.turn_rate_radps, 0.15 + 1.5 * abs(angle))
             return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rate, angle)), outcome=Outcome.TURN)
     return None
@@ -253,7 +203,7 @@ def _retreat(near: Surroundings, driven: Points) -> Motion | None:
 
     Seen from a robot that faces the other way it is a path like any other: the footprint is the same from both ends.
     """
-    motion = _follow(near.turned_about(), -driven) if len(driven) > 1 else None
+    motion = follow(near.turned_about(), -driven, all_arcs()) if len(driven) > 1 else None
     if motion is None:
         return None
     share = min(1.0, BACK_MPS / max(motion.twist.v_mps, BACK_MPS))
@@ -269,8 +219,6 @@ def _look_round(near: Surroundings) -> Motion | None:
     return None
 
 
-CLOSE = 2.4
-"""Nearer to anything than so many paddings the robot goes only where it gains by it: odometry and the map err by as much."""
 BACK_STEPS = 13
 """Of an arc's, the first 0.4 m, for reversing."""
 BACK_MPS = 0.2
@@ -281,16 +229,16 @@ FACE_RAD = math.radians(30.0)
 """So far off the middle of the picture may be whom the robot waits for."""
 LOOK_RAD = math.radians(30.0)
 """So far ahead of its heading a robot looks for room that turns on and on in place."""
-SPEEDS = (1.0, 0.6, 0.35)
-"""Shares of the full speed at which the way past somebody is tried."""
+AWKWARD = (Outcome.MANOEUVRE, Outcome.BACK, Outcome.BOXED_IN)
 DRIFT = 2.0
 """While it turns to its heading the robot may be so many times as far from the goal as when it arrived."""
 
 
-def _carrot(path_base: Points, lookahead_m: float) -> Points:
-    """(2,) the point of the path that lies `lookahead_m` further along it, or its end."""
+def _bearing(path_base: Points, lookahead_m: float) -> float:
+    """Of the point of the path that lies `lookahead_m` further along it, or of its end."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path_base, axis=0).T))])
-    return np.asarray(path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)])
+    carrot = path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)]
+    return math.atan2(carrot[1], carrot[0])
 
 
 def path_from(path_map: Points, pose: Pose2) -> Points:

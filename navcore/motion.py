@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Literal
 
 from navcore.errors import BadConfiguration
 from navcore.manoeuvre import Manoeuvre
+from navcore.primitives import Primitives
 from navcore.robot import STANDSTILL, Twist
 from navcore.settings import between
 from navcore.transform import Pose2
@@ -34,12 +36,16 @@ class Outcome(StrEnum):
 class LocalRules:
     """How the local planner moves."""
 
+    primitives: Literal["arcs", "falco"] = "arcs"
+    """What the next motion is chosen from: arcs of constant curvature, or Falco's paths and, where none is free, the arcs."""
     padding_m: float = between(0.0, 0.5, default=0.05)
     """Room kept around the footprint wherever the robot has it."""
     lookahead_m: float = between(0.2, 3.0, default=0.8)
     """How far ahead on the path the robot aims."""
     arrival_m: float = between(0.02, 0.3, default=0.12)
     """A goal this near is reached."""
+    nearly_m: float = between(0.0, 0.5, default=0.25)
+    """And one this near where the robot would have to manoeuvre to come nearer."""
     aligned_deg: float = between(1.0, 45.0, default=5.0)
     """A heading this near to the one asked for is reached."""
     braking_mps2: float = between(0.1, 5.0, default=0.8)
@@ -52,6 +58,11 @@ class LocalRules:
     """Largest yaw rate when turning in place."""
     back_off_m: float = between(0.1, 3.0, default=0.5)
     """How far the robot backs off once it does, before it tries the path again."""
+
+    @property
+    def reach_m(self) -> float:
+        """What stands farther away than this from the body is of no account."""
+        return 2.0 if self.primitives == "arcs" else 4.25
 
     def __post_init__(self) -> None:
         if self.turn_until_deg >= self.turn_from_deg:
@@ -72,9 +83,12 @@ class Motion:
     """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
     arc: int | None = None
     """Which of `candidates` it drives along; None for a motion that is none of them, such as turning in place."""
+    among: Primitives | None = None
+    """What it was chosen from, where that was not the arcs."""
     manoeuvre: Manoeuvre | None = None
     """What is left of the manoeuvre that it belongs to."""
 
 
+ARRIVED = Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
 IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
 BOXED_IN = Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)

@@ -295,10 +295,11 @@ class Navigator:
 
         A robot that is `leaving` may pass over the area it stands in, and over no other.
         """
-        reach = _REACH_M + self._profile.circumscribed_radius_m
+        reach = self._config.local.reach_m + self._profile.circumscribed_radius_m
         around = occupancy.around(pose, reach)
-        hard, forbidden = hard_cells(around)
+        (hard, forbidden), rules = hard_cells(around), self._config.local
         if leaving:
+            rules = dataclasses.replace(rules, nearly_m=0.0)  # near the end of the way out is still inside
             forbidden = without_area_of(forbidden, around.spec, self._profile.footprint(), pose)
         ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
@@ -313,7 +314,7 @@ class Navigator:
             pose=pose,
             previous=self._motion,
             profile=self._profile,
-            rules=self._config.local,
+            rules=rules,
             cell_m=around.spec.resolution_m,
             people=Bodies.of(people, pose, self._config.people),
             manners=self._config.people,
@@ -369,7 +370,6 @@ class Navigator:
         self.map.explored.tread(pose.to_parent(outline))
 
 
-_REACH_M = 2.0
 _BESIDE_M, _LOOK_M = 1.5, 3.0
 """So far beside a goal that is taken the robot would go, and from so far away it is sure of that."""
 TAUT_M = 8.0

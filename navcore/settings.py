@@ -27,8 +27,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
 
-def from_table(kind: type[T], table: object, where: str) -> T:
-    """Build the dataclass `kind` from a TOML table.
+def from_table(kind: type[T], table: object, where: str, usual: T | None = None) -> T:
+    """Build the dataclass `kind` from a TOML table; what that leaves out is as in `usual`, or else as it is by default.
 
     `where` is the key path shown in errors, e.g. `office.toml: people[0]`. Types follow the annotations: float (an
     integer will do), int, bool, str, nested dataclasses, tuples of those, `Literal` and optionals. Ranges live in the
@@ -44,7 +44,9 @@ def from_table(kind: type[T], table: object, where: str) -> T:
     values = {}
     for name, field in fields.items():
         if name in table:
-            values[name] = _value(hints[name], table[name], f"{where}.{name}", field.metadata)
+            values[name] = _value(hints[name], table[name], f"{where}.{name}", field.metadata, getattr(usual, name, None))
+        elif usual is not None:
+            values[name] = getattr(usual, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise BadConfiguration(f"{where}: key {name!r} is missing")
     return kind(**values)
@@ -55,10 +57,10 @@ def between(low: float, high: float, **default: Any) -> Any:
     return dataclasses.field(metadata={"low": low, "high": high}, **default)
 
 
-def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any]) -> Any:
+def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any], usual: Any = None) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType or origin is typing.Union:
-        return _value(next(a for a in arguments if a is not types.NoneType), value, where, metadata)
+        return _value(next(a for a in arguments if a is not types.NoneType), value, where, metadata, usual)
     if origin is typing.Literal:
         if value not in arguments:
             raise BadConfiguration(f"{where}: expected one of {', '.join(map(repr, arguments))}, got {value!r}")
@@ -71,7 +73,7 @@ def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, A
         inner = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
         return tuple(_value(a, v, f"{where}[{i}]", metadata) for i, (a, v) in enumerate(zip(inner, value, strict=True)))
     if dataclasses.is_dataclass(hint):
-        return from_table(hint, value, where)  # type: ignore[arg-type]
+        return from_table(hint, value, where, usual)  # type: ignore[arg-type]
     if hint is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_INT:
         value = float(value)
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _LARGEST_INT:

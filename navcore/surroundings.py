@@ -8,11 +8,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.arcs import arcs
 from navcore.clearances import clearances
 from navcore.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see
 from navcore.motion import LocalRules
 from navcore.near_cells import outside
+from navcore.primitives import Primitives, all_arcs, likeliest
 from navcore.robot import RobotProfile, Twist
 from navcore.transform import Pose2
 from navcore.yielding import MANNERS, NOBODY, Bodies, PeopleRules
@@ -55,6 +55,33 @@ class Surroundings:
     def _unseen_room(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return clearances(self._unseen, poses, self.profile.length_m / 2, self.profile.width_m / 2)
 
+    def may_turn_to(self, headings: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """(A, S) whether the body can turn in place through all of (A, S) headings, row by row, up to each."""
+        poses = np.zeros((*headings.shape, 3))
+        poses[..., 2] = headings
+        # Turning sweeps the corners past what stands beside the robot; half the padding is enough where it barely moves.
+        return np.asarray((self.clear(poses) > self.padding_m / 2) & self.looked_at(poses))
+
+    def primitives(self, path: Points, now: Twist) -> Primitives:
+        """What to choose from, to follow a path, (N, 2) in the base frame, at the velocity that the robot has."""
+        if self.rules.primitives == "arcs":
+            return all_arcs()
+        room_m = self._reach_m + self.rules.padding_m / 2
+        return likeliest(
+            self._obstacles[outside(self._obstacles, self.profile, room_m)],
+            self.falco_headings(),
+            path,
+            body_m=(self.profile.length_m / 2, self.profile.width_m / 2),
+            room_m=room_m,
+            speed=now.v_mps / self.profile.max_speed_mps,
+        )
+
+    def falco_headings(self) -> npt.NDArray[np.bool_]:
+        """(36,) to which of `HEADINGS_RAD` the body can turn in place, the shorter way."""
+        half = np.radians(np.arange(2.0, 181.0, 2.0))
+        left, right = self.may_turn_to(np.stack([half, -half]))[:, 4::5]
+        return np.concatenate([right[::-1], [True], left[:-1]])
+
     def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
         """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
         tight = Tight(
@@ -87,11 +114,18 @@ class Surroundings:
 
 
 def candidates(
-    *, geometric: Points, ruled: Points, profile: RobotProfile, rules: LocalRules, cell_m: float
+    *,
+    geometric: Points,
+    ruled: Points,
+    profile: RobotProfile,
+    rules: LocalRules,
+    cell_m: float,
+    among: Primitives | None = None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """The arcs that `plan_motion` chooses from, (A, S, 2) in the base frame, and (A,) how many poses of each are clear.
+    """What `plan_motion` chooses from, (A, S, 2) in the base frame, and (A,) how many poses of each are clear.
 
-    What stands near counts as there; people who walk and what is unseen do not, since they depend on speed and on the tick.
+    These are the arcs, unless a motion was chosen `among` others. What stands near counts as there; people who walk and what
+    is unseen do not, since they depend on speed and on the tick.
     """
     geometric = geometric[outside(geometric, profile, -cell_m / 2)]
     near = Surroundings(
@@ -103,7 +137,7 @@ def candidates(
         people=NOBODY,
         manners=MANNERS,
     )
-    _, poses = arcs()
+    poses = (among or all_arcs()).poses
     clear = near.clear(poses) > near.padding_m
     return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.barn import Judge, drive_world, evaluate_barn, verdict
+from navcore.config import config_for
 from navcore.errors import BadConfiguration
 from navcore.robot import Twist, load_profile
 from sim.barn import load_worlds
@@ -41,6 +43,17 @@ def test_a_world_is_driven_scored_and_not_driven_twice(tmp_path: Path, capsys: p
     assert "time_s" in capsys.readouterr().out
     with pytest.raises(BadConfiguration, match="another --out"):
         evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, workers=1, out=out)
+
+
+def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_campaign(tmp_path: Path) -> None:
+    usual = config_for(load_profile("jackal"))
+    falco = replace(usual, local=replace(usual.local, primitives="falco"))
+    options: dict[str, Any] = {"robot": "jackal", "count": 1, "seed": 0, "workers": 1, "out": tmp_path / "out"}
+    summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=falco, **options)
+    assert (summary["success_rate"], summary["score"]) == (1.0, 0.5)
+    assert summary["min_clearance_m"] > 0.03
+    with pytest.raises(BadConfiguration, match="another --out"):
+        evaluate_barn("barn", tmp_path / "worlds.json", **options)
 
 
 def judged(tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, **meta: object) -> dict[str, Any]:

@@ -120,6 +120,8 @@ def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(
     refused = bewarenav("drive", "--scenario", "empty_room", "--navigation", str(file))
     assert refused.returncode == 2
     assert "nav.toml.people: unknown key 'heedles'" in refused.stderr
+    assert "nav.toml.people: unknown key 'heedles'" in bewarenav("evaluate", "clutter", "--navigation", str(file)).stderr
+    assert "nothing does" in bewarenav("evaluate", "finding", "--navigation", str(file)).stderr
     # A margin as wide as the ways are leaves no path: it is by this file that the robot was driven.
     report, driven_m = tmp_path / "r.json", []
     for margin_m in (0.15, 1.0):

@@ -16,15 +16,16 @@ from navcore.followed import Track
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.local_planner import Points, path_from, plan_motion
 from navcore.motion import IDLE, LocalRules, Motion, Outcome
-from navcore.near_cells import hard_cells, nearby
+from navcore.near_cells import hard_cells, nearby, outside
 from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.surroundings import candidates
+from navcore.surroundings import Surroundings, candidates
 from navcore.transform import Pose2
 from navcore.yielding import MANNERS, NOBODY, Bodies
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
-RULES = LocalRules()
+RULES, FALCO = LocalRules(), LocalRules(primitives="falco")
+BOTH = pytest.mark.parametrize("rules", [RULES, FALCO], ids=["arcs", "falco"])
 NONE: Points = np.empty((0, 2))
 AHEAD: Points = np.column_stack([np.linspace(0, 3, 31), np.zeros(31)])
 HOLD_S = 0.25
@@ -126,7 +127,7 @@ def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
     return pose, mask & ~ruled, ruled, path, TURNING if rng.random() < 0.3 else IDLE
 
 
-def decision_in(seed: int) -> tuple[Motion, Pose2, BoolGrid]:
+def decision_in(seed: int, rules: LocalRules = RULES) -> tuple[Motion, Pose2, BoolGrid]:
     pose, geometric, ruled, path, previous = world(seed)
     grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
     motion = decide(
@@ -134,37 +135,58 @@ def decision_in(seed: int) -> tuple[Motion, Pose2, BoolGrid]:
         ruled=nearby(ruled, grid, pose, 2.6),
         path=path,
         previous=previous,
+        rules=rules,
     )
     return motion, pose, geometric | ruled
 
 
-@pytest.mark.parametrize("batch", range(6))
-def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int) -> None:
+@pytest.mark.parametrize(("batch", "rules"), [*((batch, RULES) for batch in range(6)), (0, FALCO)])
+def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int, rules: LocalRules) -> None:
     touched = {}
     for seed in range(200 * batch, 200 * (batch + 1)):
-        motion, pose, mask = decision_in(seed)
+        motion, pose, mask = decision_in(seed, rules)
         count = newly_touched(motion.twist, pose, mask)
         if count:
             touched[seed] = (count, motion.outcome.name, motion.twist)
     assert not touched
 
 
-def test_the_arc_that_is_driven_is_one_of_the_candidates_and_free_where_it_begins() -> None:
+@BOTH
+def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules: LocalRules) -> None:
     driven = 0
     for seed in range(120):
-        motion, pose, _ = decision_in(seed)
+        motion, pose, _ = decision_in(seed, rules)
         if motion.outcome is not Outcome.FOLLOW:
             assert motion.arc is None
             continue
         _, geometric, ruled, _, _ = world(seed)
         grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
         near = [nearby(mask, grid, pose, 2.6) for mask in (geometric, ruled)]
-        points, free = candidates(geometric=near[0], ruled=near[1], profile=HUSKY, rules=LocalRules(), cell_m=0.1)
+        points, free = candidates(geometric=near[0], ruled=near[1], profile=HUSKY, rules=rules, cell_m=0.1, among=motion.among)
         assert motion.arc is not None and free[motion.arc] > 0
-        # An arc's first point lies so little ahead that its last one tells the side it bends to.
-        assert np.sign(motion.twist.w_radps) == np.sign(points[motion.arc, -1, 1].round(9))
+        if motion.among is None:
+            # An arc's first point lies so little ahead that its last one tells the side it bends to.
+            assert np.sign(motion.twist.w_radps) == np.sign(points[motion.arc, -1, 1].round(9))
+        else:
+            bend = motion.among.bends_1pm[motion.arc]
+            assert motion.twist.w_radps == pytest.approx(bend * motion.twist.v_mps)
         driven += 1
     assert driven > 20
+
+
+def test_falcos_paths_begin_at_the_headings_that_the_body_can_turn_to() -> None:
+    """Where the body fits beside a thing its corners may still not get past it."""
+
+    def headings(*posts: tuple[float, float]) -> list[int]:
+        near = Surroundings(
+            obstacles=np.array(posts), unseen=NONE, reach_m=0.07, profile=HUSKY, rules=FALCO, people=NOBODY, manners=MANNERS
+        )
+        return [10 * (at - 18) for at in np.flatnonzero(near.falco_headings()).tolist()]
+
+    assert headings((5.0, 5.0)) == list(range(-180, 180, 10))
+    assert headings((0.36, 0.55)) == list(range(-80, 11, 10))  # met by turning left, and by the rear after a right turn
+    assert headings((0.36, -0.55)) == list(range(-10, 81, 10))
+    assert headings((0.36, 0.55), (0.36, -0.55)) == [-10, 0, 10]
 
 
 def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:
@@ -230,11 +252,24 @@ def ring(reach_x: float, reach_y: float) -> Points:
     return np.vstack([*([[v, s * reach_y] for v in x] for s in (-1, 1)), *([[s * reach_x, v] for v in y] for s in (-1, 1))])
 
 
+@BOTH
 @pytest.mark.parametrize("path", [AHEAD, -AHEAD], ids=["ahead", "behind"])
-def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points) -> None:
+def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points, rules: LocalRules) -> None:
     for walls in (ring(0.57, 0.42), ring(0.62, 0.45)):
-        assert stands(decide(geometric=walls, path=path), Outcome.BOXED_IN)
-        assert stands(decide(ruled=walls, path=path), Outcome.BOXED_IN)
+        assert stands(decide(geometric=walls, path=path, rules=rules), Outcome.BOXED_IN)
+        assert stands(decide(ruled=walls, path=path, rules=rules), Outcome.BOXED_IN)
+
+
+@BOTH
+def test_a_zone_is_as_hard_as_a_wall(rules: LocalRules) -> None:
+    differ = 0
+    for seed in range(60):
+        points = np.random.default_rng(seed).uniform(-2.5, 2.5, (6, 2))
+        points = points[outside(points, HUSKY, 0.0)]
+        as_wall, as_zone = decide(geometric=points, rules=rules), decide(ruled=points, rules=rules)
+        assert (as_wall.twist, as_wall.outcome) == (as_zone.twist, as_zone.outcome)
+        differ += as_wall.twist != decide(rules=rules).twist
+    assert differ > 10
 
 
 def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
@@ -248,19 +283,31 @@ def test_a_rule_within_the_body_stops_the_robot_and_geometric_noise_within_it_do
     assert decide(geometric=within).outcome is Outcome.FOLLOW
 
 
-def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
+@BOTH
+def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalRules) -> None:
     beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
-    assert decide(path=-AHEAD).outcome is Outcome.TURN
-    assert decide(path=-AHEAD, unseen=beside).outcome is not Outcome.TURN
+    assert decide(path=-AHEAD, rules=rules).outcome is Outcome.TURN
+    assert decide(path=-AHEAD, unseen=beside, rules=rules).outcome is not Outcome.TURN
     wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
-    assert 0.0 < decide(unseen=wall).twist.v_mps < decide().twist.v_mps
-    assert stands(decide(unseen=ring(0.51, 0.36)), Outcome.BOXED_IN)
+    assert 0.0 < decide(unseen=wall, rules=rules).twist.v_mps < decide(rules=rules).twist.v_mps
+    assert stands(decide(unseen=ring(0.51, 0.36), rules=rules), Outcome.BOXED_IN)
 
 
 @pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])
 def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(distance: float, arrived: bool) -> None:
-    motion = decide(path=np.array([[distance, 0.0]]))
+    motion = decide(path=np.array([[0.0, 0.0], [distance, 0.0]]))
     assert stands(motion, Outcome.ARRIVED) == arrived
+
+
+@pytest.mark.parametrize(("behind_m", "nearly_m", "arrived"), [(0.2, 0.25, True), (0.3, 0.25, False), (0.2, 0.0, False)])
+def test_for_the_last_hand_width_the_robot_does_not_manoeuvre(behind_m: float, nearly_m: float, arrived: bool) -> None:
+    x = np.arange(-2.0, 2.0, 0.1)
+    corridor = np.vstack([np.column_stack([x, np.full(len(x), side)]) for side in (-0.55, 0.55)])
+    motion = decide(geometric=corridor, path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
+    assert motion.outcome in ((Outcome.ARRIVED,) if arrived else (Outcome.MANOEUVRE, Outcome.BACK))
+    assert (motion.twist == STANDSTILL) is arrived
+    in_the_open = decide(path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
+    assert in_the_open.outcome is Outcome.TURN
 
 
 def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> None:
@@ -277,7 +324,7 @@ def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_
     for distance, turns in ((0.2, True), (0.3, False)):
         motion = decide(path=np.array([[distance, 0.0]]), previous=aligning, goal_yaw_rad=1.5)
         assert (motion.outcome is Outcome.ALIGN) == turns
-    assert decide(path=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5).outcome is not Outcome.ALIGN
+    assert decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
 
 
 def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> None:
@@ -290,6 +337,28 @@ def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
     speeds = [decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps for x in (2.4, 1.6, 0.8)]
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] > speeds[-1]
+
+
+@BOTH
+def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(rules: LocalRules) -> None:
+    walls = [*((x, y) for x in np.arange(-1, 3, 0.1) for y in (-0.8, 0.8)), *((4.6, y) for y in np.arange(-0.8, 4, 0.1))]
+    walls += [*((x, -0.8) for x in np.arange(3, 4.6, 0.1)), *((2.9, y) for y in np.arange(0.8, 4, 0.1))]
+    corner = np.array([[0, 0], [3.3, 0], [3.75, 0.45], [3.75, 3.5]])
+    along = np.linspace(0, 1, 70)
+    path = np.column_stack([np.interp(along, [0, 0.48, 0.57, 1], corner[:, axis]) for axis in (0, 1)])
+    cells, pose, motion = np.array(walls), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE
+    bodies, standing = shapely.box(*(cells - 0.05).T, *(cells + 0.05).T), 0
+    for _ in range(200):
+        motion = plan_motion(
+            geometric=pose.from_parent(cells), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
+            profile=HUSKY, rules=rules, cell_m=0.1, now=motion.twist,
+        )  # fmt: skip
+        if motion.outcome is Outcome.ARRIVED:
+            break
+        standing += motion.twist == STANDSTILL
+        pose = simulated(motion.twist, pose)[20]  # after 0.1 s
+        assert not shapely.intersects(footprints([pose])[0], bodies).any()
+    assert motion.outcome is Outcome.ARRIVED and standing == 0
 
 
 BEHIND = [
@@ -359,7 +428,7 @@ def crossing(x: float, y: float, vx: float, vy: float) -> Bodies:
     return Bodies(walking=np.array([[x, y, vx, vy, 0.3]]), standing=np.empty((0, 5)))
 
 
-def closest(people: Bodies, *, care: bool) -> tuple[float, float, float, set[Outcome]]:
+def closest(people: Bodies, *, care: bool, rules: LocalRules = RULES) -> tuple[float, float, float, set[Outcome]]:
     """A drive past somebody: least room to him while the robot moves, its x and his y at that moment, and what was decided."""
     pose, motion, period_s = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE, 0.1
     path = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)])
@@ -375,7 +444,7 @@ def closest(people: Bodies, *, care: bool) -> tuple[float, float, float, set[Out
             pose=pose,
             previous=motion,
             profile=HUSKY,
-            rules=RULES,
+            rules=rules,
             cell_m=0.1,
             people=Bodies.of((track,) if care else (), pose),
         )
@@ -397,9 +466,12 @@ CROSSINGS = [
 ]
 
 
+@BOTH
 @pytest.mark.parametrize("person", CROSSINGS)
-def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(person: tuple[float, float, float, float]) -> None:
-    assert closest(crossing(*person), care=True)[0] > 0.2
+def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(
+    person: tuple[float, float, float, float], rules: LocalRules
+) -> None:
+    assert closest(crossing(*person), care=True, rules=rules)[0] > 0.2
     assert closest(crossing(*person), care=False)[0] <= 0.05  # the control
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 
 from navcore.beware import BewareClass, BewareList, ColourRule, default_beware_list, load_beware_list
-from navcore.config import NavigatorConfig, load_config
+from navcore.config import NavigatorConfig, config_for, load_config
 from navcore.errors import BadConfiguration
+from navcore.motion import LocalRules
+from navcore.robot import load_profile
 from navcore.settings import between, from_table
 
 CUP = {"name": "cup", "class_id": 1}
@@ -172,3 +174,14 @@ def test_an_empty_file_is_the_default_configuration(tmp_path: Path) -> None:
     assert load_config(file) == NavigatorConfig()
     file.write_text("safety_margin_m = 0.25\n[points]\nmin_support = 4\n")
     assert (load_config(file).safety_margin_m, load_config(file).points.min_support) == (0.25, 4)
+
+
+def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> None:
+    file, jackal = tmp_path / "nav.toml", load_profile("jackal")
+    file.write_text('[local]\nprimitives = "falco"\n')
+    usual = config_for(jackal)
+    assert usual.local.padding_m != LocalRules().padding_m
+    assert load_config(file, jackal) == replace(usual, local=replace(usual.local, primitives="falco"))
+    file.write_text('[local]\nprimitives = "dwa"\n')
+    with pytest.raises(BadConfiguration, match=r"nav\.toml\.local\.primitives: expected one of 'arcs', 'falco'"):
+        load_config(file)
