@@ -1,0 +1,45 @@
+"""The navigation core. Its compiled code is kept on the disk from one start to the next, anew when its source has changed.
+
+numba notices that a function has changed, but not that one has which is compiled into it, nor a constant from another file:
+after an update the old machine code would run on. So each version of the source that is compiled has a folder of its own,
+unless NUMBA_CACHE_DIR names one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+_COMPILED = re.compile(rb"^@(numba\.njit|compiled|lean|inlined|instruction)\b", re.MULTILINE)
+_IMPORTED = re.compile(rb"^from (navcore\.[\w.]+) import", re.MULTILINE)
+_KEPT = 3
+"""So many versions' code is kept."""
+
+
+def _version(package: Path) -> str:
+    """Of the files that hold compiled functions, and of those that they import from."""
+    texts = {file: file.read_bytes() for file in sorted(package.rglob("*.py"))}
+    holding = [file for file, text in texts.items() if _COMPILED.search(text)]
+    imported = {name.decode() for file in holding for name in _IMPORTED.findall(texts[file])}
+    files = {*holding, *((package.parent / name.replace(".", "/")).with_suffix(".py") for name in imported)}
+    return hashlib.blake2b(b"".join(texts.get(file, b"") for file in sorted(files)), digest_size=8).hexdigest()
+
+
+def _keep_compiled_code(package: Path) -> None:
+    """Say where numba is to keep it; where nothing can be written numba finds a place by itself."""
+    with suppress(OSError):
+        folder = package / "__pycache__" / f"compiled-{_version(package)}"
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)
+        versions = sorted(folder.parent.glob("compiled-*"), key=lambda other: other.stat().st_mtime)
+        for old in versions[:-_KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    _keep_compiled_code(Path(__file__).parent)

@@ -45,13 +45,16 @@ Heights = npt.NDArray[np.float64]
 def ground_heights(frame: Frame, max_slope: float) -> Image:
     """(H, W) height in metres, above the plane on which the robot stands, of the ground below what each pixel measured.
 
-    `max_slope` is the rise per metre up to which it is ground that goes on, not a step; with 0 the ground is that plane.
+    `max_slope` is the rise per metre up to which it is ground that goes on, not a step; with 0 the ground is that plane. The
+    heights are read-only.
     """
     if max_slope > 0:
         cells = cell_heights(frame, max_slope)
         if cells.any():
             lens = frame.intrinsics
-            return np.asarray(_per_pixel(frame.depth_m, frame.T_base_camera, lens.fx, lens.fy, lens.cx, lens.cy, cells))
+            heights = _per_pixel(frame.depth_m, frame.T_base_camera, lens.fx, lens.fy, lens.cx, lens.cy, cells)
+            heights.flags.writeable = False  # as those of flat ground: to compiled code that is a type of its own
+            return np.asarray(heights)
     return flat(frame.depth_m.shape)
 
 

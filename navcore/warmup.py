@@ -3,54 +3,102 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 
-from navcore import dodging
-from navcore.beware import default_beware_list
+from navcore import dodging, falco
+from navcore.approach import towards
+from navcore.beware import NOTHING, BewareClass, BewareList, default_beware_list
+from navcore.cloud_map import MapRules
 from navcore.config import NavigatorConfig
+from navcore.contact import near_points, time_to_contact
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
+from navcore.manoeuvre import Tight, manoeuvre_along
 from navcore.navigator import Navigator, Order
 from navcore.overhung import without_overhung
 from navcore.relief import heights_above_floor
-from navcore.robot import HUSKY, STANDSTILL
-from navcore.segment import ColourSegmenter, Segmenter
-from navcore.transform import Pose2, camera_mount
+from navcore.robot import HUSKY, STANDSTILL, Twist
+from navcore.segment import ColourSegmenter, Finder, Labels, Segmenter
+from navcore.transform import Pose2
 from navcore.yielding import NOBODY, free_of
+from navcore.zones import Zone
+
+WALL_M = 2.0
+"""So far before the first picture's robot stands a wall, with a thing at its foot."""
 
 
 def warm_up(segmenter: Segmenter | None = None) -> None:
-    """Run two ticks over a made-up picture of a red wall: loads the compiled code from its cache, or compiles it.
+    """Drive a made-up robot towards a made-up wall: loads the compiled code from its cache, or compiles it.
 
     The segmenter that is to drive runs too, by default the colour rules: a network's first pictures take longest.
     """
-    intrinsics = Intrinsics(width=32, height=24, fx=16.0, fy=16.0, cx=15.5, cy=11.5)
-    depth_m, rgb = np.full((24, 32), 2.0, dtype=np.float32), np.zeros((24, 32, 3), dtype=np.uint8)
-    rgb[..., 0] = 200
-    # Read-only as the real ones are: to the compiler that is a type of its own.
-    depth_m.flags.writeable = rgb.flags.writeable = False
+    beware = default_beware_list()
+    for number in range(2):
+        (segmenter or ColourSegmenter()).segment(_picture(stamp_ns=number, x_m=0.5 * number), beware)
+    _warm_kernels()
+
+
+@cache
+def _warm_kernels() -> None:
+    beware, goal = default_beware_list(), (1.0, 1.0)
+    frames = [_picture(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))]
     navigator = Navigator(
-        spec=GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.05),
+        spec=GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05),
         profile=HUSKY,
-        segmenter=segmenter or ColourSegmenter(),
-        config=NavigatorConfig(),
+        segmenter=_Doubtful(),
+        config=NavigatorConfig(map=MapRules(budget_mb=0.01)),
     )
-    for stamp_ns, x_m in ((0, 0.0), (1, 0.5)):
-        frame = Frame(
-            stamp_ns=stamp_ns,
-            rgb=rgb,
-            depth_m=depth_m,
-            intrinsics=intrinsics,
-            T_base_camera=camera_mount(x_m=0.3, y_m=0.0, z_m=0.6, pitch_down_rad=0.2),
-            pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
-            twist=STANDSTILL,
-        )
-        navigator.tick(frame, Order(goal=(1.0, 1.0), beware=default_beware_list(), zones=()))
-    # No network called anything there low, and nobody walks before the wall; what looks at such is compiled all the same.
-    low = np.full(depth_m.shape, max(entry.class_id for entry in default_beware_list().classes if entry.max_height_m), np.uint8)
-    without_overhung(low, frame, heights_above_floor(frame), default_beware_list())
+    for frame in frames:
+        decision = navigator.tick(frame, Order(goal=goal, beware=beware, zones=()))
+    here = Zone(id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
+    navigator.tick(frame, Order(goal=None, leave=True, beware=beware, zones=(here,)))
+    # What such a drive seldom or never meets.
+    spec, people = navigator.map.spec, NavigatorConfig().people
+    towards(
+        decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0, max_expansions=10_000
+    )
+    tight = Tight(
+        obstacles=np.array([[WALL_M, 0.0]]), reach_m=0.04, unseen=np.empty((0, 2)), veil_m=0.0, profile=HUSKY, room_m=0.06
+    )
+    manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
+    near_points(_picture(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # ground that rises
+    time_to_contact(near_points(frame), Twist(v_mps=0.5, w_radps=0.1), HUSKY)
+    without_overhung(_Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware)
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
-    free_of(somebody, poses, poses[..., 0].copy(), HUSKY, NavigatorConfig().people)
+    free_of(somebody, poses, poses[..., 0].copy(), HUSKY, people)
     dodging.warm(HUSKY)
+    falco.warm()
+
+
+class _Doubtful:
+    """Takes all that is red for a low thing, and is not sure of it: what a network's labels go through is compiled too."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """The same class wherever it is red."""
+        low = max(entry.class_id for entry in beware.classes if entry.max_height_m)
+        class_ids = np.where(frame.rgb[..., 0] > 0, np.uint8(low), np.uint8(NOTHING))
+        return Labels(class_ids=class_ids, confidence=np.where(class_ids > 0, np.float32(0.7), np.float32(1.0)))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Nothing in earnest."""
+        return Finder.NOTHING
+
+
+def _picture(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
+    """A wall, grey above and red at its foot, and the floor before it."""
+    lens, mount = Intrinsics(width=160, height=120, fx=80.0, fy=80.0, cx=79.5, cy=59.5), HUSKY.camera.T_base_camera
+    columns, rows = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
+    rays = np.stack([(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1) @ mount[:3, :3].T
+    with np.errstate(divide="ignore"):
+        floor_m = np.where(rays[..., 2] < 0, (mount[2, 3] - floor_z_m) / -rays[..., 2], np.inf)
+    wall_m = (WALL_M - x_m - mount[0, 3]) / rays[..., 0]
+    depth_m = np.minimum(floor_m, wall_m).astype(np.float32)
+    rgb = np.zeros((*depth_m.shape, 3), dtype=np.uint8)
+    rgb[(wall_m < floor_m) & (rows > lens.height // 2), 0] = 200
+    # Read-only as the real ones are: to the compiler that is a type of its own.
+    depth_m.flags.writeable = rgb.flags.writeable = False
+    pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+    return Frame(stamp_ns=stamp_ns, rgb=rgb, depth_m=depth_m, intrinsics=lens, T_base_camera=mount, pose=pose, twist=STANDSTILL)

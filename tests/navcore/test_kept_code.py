@@ -1,0 +1,48 @@
+"""Compiled code belongs to the version of the source that it was compiled from."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+import navcore
+from navcore import _keep_compiled_code, _version
+
+SOURCE = Path(navcore.__file__).parent
+
+
+def edited(package: Path, file: str) -> str:
+    """The version after a comment was added to a file."""
+    with (package / file).open("a", encoding="utf-8") as text:
+        text.write("\n# one more word\n")
+    return _version(package)
+
+
+def test_a_change_to_what_is_compiled_or_goes_into_it_makes_another_version(tmp_path: Path) -> None:
+    package = tmp_path / "navcore"
+    shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__", "*.safetensors"))
+    first = _version(package)
+    assert edited(package, "navigator.py") == first  # holds nothing that is compiled, and nothing compiled reads it
+    files = ("search/jump_points.py", "search/bits.py", "arcs.py", "beware.py")
+    assert len({first, *(edited(package, file) for file in files)}) == 1 + len(files)
+
+
+def test_the_code_of_a_few_versions_is_kept_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = tmp_path / "kernel.py"
+    for number in range(5):
+        kernel.write_text(f"@compiled\ndef f():\n    return {number}\n", encoding="utf-8")
+        monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+        _keep_compiled_code(tmp_path)
+    kept = list((tmp_path / "__pycache__").iterdir())
+    assert len(kept) == 3
+    assert (tmp_path / "__pycache__" / f"compiled-{_version(tmp_path)}") in kept
+
+
+def test_where_nothing_can_be_written_numba_is_left_to_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (tmp_path / "__pycache__").write_text("no folder", encoding="utf-8")
+    _keep_compiled_code(tmp_path)
+    assert "NUMBA_CACHE_DIR" not in os.environ

@@ -1,0 +1,71 @@
+"""Nothing is compiled while a robot drives: what Python calls of the compiled code, `warm_up` has called before."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import json
+import pkgutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from types import ModuleType
+
+from numba.core.dispatcher import Dispatcher
+
+import navcore
+from app.drills import drill
+from navcore.warmup import warm_up
+
+OTHERS = {
+    "navcore.search.free_space._replace",  # only benches and tests change a space but through its layers
+    "navcore.search.free_space._set_cells",
+    "navcore.esanet.preprocess._look_up",  # of the network, which runs while warming up where there is one
+    "navcore.esanet.winners._most_likely",
+}
+
+
+def kernels() -> dict[str, Dispatcher]:
+    """The compiled functions that are called from Python somewhere in `navcore`, by name."""
+    found = {}
+    for info in pkgutil.walk_packages(navcore.__path__, "navcore."):
+        module = importlib.import_module(info.name)
+        for name in called(ast.parse(inspect.getsource(module)), module):
+            kernel = getattr(module, name)
+            found[f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"] = kernel
+    return found
+
+
+def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
+    """Names of compiled functions that are read outside of compiled functions."""
+    for part in ast.iter_child_nodes(node):
+        if isinstance(part, ast.Name) and isinstance(getattr(module, part.id, None), Dispatcher):
+            yield part.id
+        if not (isinstance(part, ast.FunctionDef) and isinstance(getattr(module, part.name, None), Dispatcher)):
+            yield from called(part, module)
+
+
+def report() -> None:
+    """Print what was not compiled after warming up, and what was compiled anew, for other types, during a drive."""
+    compiled = kernels()
+    warm_up()
+    before = {name: len(kernel.signatures) for name, kernel in compiled.items()}
+    drill(seed=0, until_s=4.0)
+    anew = [name for name, kernel in compiled.items() if len(kernel.signatures) > before[name]]
+    cold = [name for name, count in before.items() if count == 0]
+    sys.stdout.write(json.dumps({"cold": cold, "anew": anew, "all": len(compiled)}))
+
+
+def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
+    # In a process of its own: in this one other tests have called them.
+    ran = subprocess.run(
+        [sys.executable, "-c", "from tests.system.test_warmup import report; report()"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads(ran.stdout.splitlines()[-1])
+    assert found["all"] > 40
+    assert set(found["cold"]) <= OTHERS
+    assert found["anew"] == []
