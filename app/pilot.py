@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from app.occupant import occupant
 from navcore.beware import BewareList
 from navcore.by_hand import keeps_out
-from navcore.contact import NO_POINTS, near_points
+from navcore.contact import Nearby
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.frame import Frame
 from navcore.mission import Mission, Phase
@@ -86,7 +86,7 @@ class Pilot:
         # Two observers of the same frames: one for what enters the map, one for the gate, which hears of a frame first and
         # waits for no tick.
         self._mapped, self._watched = Senses(), Senses()
-        self._near = NO_POINTS
+        self._near = Nearby()
         self._pushing_ns: int | None = None
         self._corrected: dict[int, Pose2] = {}
 
@@ -165,7 +165,7 @@ class Pilot:
 
     def command(
         self,
-        now_ns: int,
+        clock: Callable[[], int],
         period_s: float,
         send: Callable[[Twist], None] = lambda twist: None,
         *,
@@ -173,14 +173,16 @@ class Pilot:
     ) -> Verdict:
         """Decide what to send now, `period_s` after the last time, and send it. `newest` is the last frame that came in.
 
+        `clock` gives the time in ns. It is read last of all: what has expired while this waited or looked is not sent.
+
         A mission that does not drive never moves the robot. Deciding and sending are one step against `change`: once a stop, a
         cancel or a zone is acknowledged, nothing decided before it is sent any more.
         """
         with self._lock:
             if period_s * 1e9 > COMMAND_LIFE_NS:
                 self._sent = STANDSTILL  # the driver has forgotten the last command by now
-            self._watch(now_ns, newest)
-            verdict = self._verdict(now_ns, period_s)
+            self._watch(clock(), newest)
+            verdict = self._verdict(clock(), period_s)
             self._sent = verdict.twist
             send(verdict.twist)
         return verdict
@@ -193,13 +195,16 @@ class Pilot:
     def trust_pose(self) -> None:
         """The operator says that the next frame's pose and stamp are true, whatever came before."""
         with self._lock:
+            if self.pose_in_doubt:
+                self._near = Nearby()  # where it was is not told by this pose; else what is out of sight is still there
             self._mapped = self._watched = Senses()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
         """Look at the newest frame, independently of the tick, and at whether the wheels obey."""
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile)
-            self._near = near_points(newest)
+            if self._watched.believes_newest:
+                self._near = self._near.after(newest)
         held = self._pushing_ns is not None and now_ns - self._pushing_ns >= BLOCKED_NS
         if self._intent.mission.phase not in MOVING:
             self._pushing_ns = None
@@ -225,7 +230,7 @@ class Pilot:
             stopped_by=intent.stopped_by,
             command=command,
             senses=self._watched,
-            near=self._near,
+            near=self._near.points,
             pushing_ns=self._pushing_ns,
         )
         verdict = guard(facts, sent=self._sent, period_s=period_s, profile=self.profile)
@@ -252,7 +257,7 @@ class Pilot:
     def _obstacles(self, intent: Intent, thought: Thought) -> list[StopReason]:
         """Why the planners, rather than the gate, keep the robot where it is."""
         found = []
-        if thought.bad_frame is not None:
+        if thought.bad_frame is not None and not self._watched.malformed:  # then the gate has said so
             found.append(StopReason(cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {thought.bad_frame}."))
         if thought.failure is not None:
             found.append(StopReason(cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."))

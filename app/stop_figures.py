@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -110,6 +111,10 @@ def frozen_console(trials: int) -> Figure:
     )
 
 
+def _standing_at(stamp_ns: int) -> Callable[[], int]:
+    return lambda: stamp_ns
+
+
 def malformed_frames(trials: int) -> Figure:
     """Row 4: frames with something wrong in them, and what got through."""
     pilot, rng, good = standing_pilot(), np.random.default_rng(4), first_picture()
@@ -118,12 +123,13 @@ def malformed_frames(trials: int) -> Figure:
     for number in range(trials):
         frame = spoilt(good, number, rng)
         pilot.trust_pose()
+        clock = _standing_at(frame.stamp_ns)
         try:
-            decision = pilot.think(frame, clock=lambda stamp=frame.stamp_ns: stamp)  # type: ignore[misc]
+            decision = pilot.think(frame, clock=clock)
         except Exception:
             escaped += 1
             continue
-        verdict = pilot.command(frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+        verdict = pilot.command(clock, COMMAND_PERIOD_S, newest=frame)
         refused += decision is None and pilot.thought.bad_frame is not None
         numbers = (verdict.twist.v_mps, verdict.twist.w_radps)
         escaped += not all(map(math.isfinite, numbers)) or decision is not None

@@ -90,7 +90,7 @@ class Loop:
             now = time.monotonic()
             try:
                 newest = self._robot.newest_frame()
-                self._on_verdict(self._pilot.command(self._robot.now_ns(), now - last, self._robot.send, newest=newest))
+                self._on_verdict(self._pilot.command(self._robot.now_ns, now - last, self._robot.send, newest=newest))
             except Exception:
                 log.exception("the command thread goes on, and sends zero")
                 self._robot.send(STANDSTILL)

@@ -1,13 +1,15 @@
-"""How soon a motion would end in contact, by the newest depth picture alone: no map, no planner, no memory.
+"""How soon a motion would end in contact, by the newest depth pictures alone: no map, no planner.
 
 Only what is higher than 10 cm above the ground and lies in what the footprint sweeps along the commanded arc counts, plus a
-little room, and only where several pixels agree; and the edge beyond which the ground drops. The camera looks ahead: of what
-stands beside or behind the robot this knows nothing.
+little room, and only where several pixels agree; and the edge beyond which the ground drops. The camera does not see what is
+right before the robot's corners, or low before its front: what has just gone out of sight there is remembered for a while. Of
+what was never seen this knows nothing.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,7 @@ from navcore.frame import Frame
 from navcore.robot import RobotProfile, Twist
 from navcore.search.bits import compiled
 from navcore.terrain import FARTHEST_M, Image, ground_heights
+from navcore.transform import Pose2, invert
 
 NearPoints = npt.NDArray[np.float32]
 
@@ -39,18 +42,53 @@ REACTION_S = 0.25
 """From the moment a thing is there to the moment the wheels brake: next picture, next command, and the link."""
 AFTER_FRAME_S = 0.15
 """The same from the capture of a picture that is late."""
+REMEMBERED_NS = 5_000_000_000
+"""What went out of sight is taken to be where it was for so long."""
 CREEP_MPS = 0.03
 """If it may move no faster than this, the robot stands."""
 NO_POINTS: NearPoints = np.empty((0, 2), dtype=np.float32)
 
 
 def near_points(frame: Frame) -> NearPoints:
-    """(N, 2) x and y in the base frame of the pixels that show something to run into; none of a malformed frame."""
+    """(N, 2) x and y in the base frame of the pixels that show something to run into, of a frame that passes `check_frame`."""
     lens, mount = frame.intrinsics, frame.T_base_camera.astype(np.float32)
-    whole = frame.depth_m.shape == (lens.height, lens.width) and frame.depth_m.dtype == np.float32
-    if not (whole and lens.fx > 0 and lens.fy > 0):
-        return NO_POINTS  # refused by name elsewhere, and the robot stands for it
     return np.asarray(_near(frame.depth_m, ground_heights(frame, SLOPE), mount, lens.fx, lens.fy, lens.cx, lens.cy))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nearby:
+    """What there is to run into; a value with its transition, one for each picture."""
+
+    points: NearPoints = field(default_factory=lambda: NO_POINTS)
+    """(N, 2) x and y in the base frame: what the newest picture shows, and what went out of sight before it …"""
+    seen_ns: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """… and (N,) stamps of the pictures that showed it."""
+    pose: Pose2 | None = None
+    """T_map_base of the newest picture, by odometry."""
+
+    def after(self, frame: Frame) -> Nearby:
+        """With one more picture, one that passes `check_frame`: what it looks at no more stays for `REMEMBERED_NS`."""
+        shown = near_points(frame)
+        stamps = np.full(len(shown), frame.stamp_ns)
+        if self.pose is None or not len(self.points):
+            return Nearby(points=shown, seen_ns=stamps, pose=frame.pose)
+        moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
+        age_ns = frame.stamp_ns - self.seen_ns
+        kept = ~_in_sight(moved, frame) & (np.hypot(*moved.T) < REACH_M) & (age_ns >= 0) & (age_ns < REMEMBERED_NS)
+        return Nearby(
+            points=np.vstack([shown, moved[kept].astype(np.float32)]),
+            seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
+            pose=frame.pose,
+        )
+
+
+def _in_sight(points: npt.NDArray[np.float64], frame: Frame) -> npt.NDArray[np.bool_]:
+    """(N,) whether the picture shows the lowest thing that counts at each of (N, 2) places, base frame."""
+    lens, T_camera_base = frame.intrinsics, invert(frame.T_base_camera)
+    x, y, z = T_camera_base[:3, :3] @ np.vstack([points.T, np.full(len(points), LOWEST_M)]) + T_camera_base[:3, 3:]
+    ahead = np.maximum(z, 1e-6)
+    u, v = lens.fx * x / ahead + lens.cx, lens.fy * y / ahead + lens.cy
+    return np.asarray((z > 0) & (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1))
 
 
 def time_to_contact(points: NearPoints, twist: Twist, profile: RobotProfile) -> float:

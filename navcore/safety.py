@@ -139,6 +139,8 @@ def _sensor_objections(facts: Facts) -> list[StopReason]:
         age_s = (facts.now_ns - senses.fresh_ns) / 1e9
         text = f"The camera has shown the same picture for {age_s:.2f} s, at most {FRAME_LIFE_NS / 1e9:g} s are allowed."
         found.append(StopReason(cause=Cause.STUCK_CAMERA, text=text))
+    if senses.malformed:
+        found.append(StopReason(cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {senses.malformed}."))
     if senses.doubt is not None:
         found.append(StopReason(cause=_DOUBTS[senses.doubt], text=senses.why))
     return found

@@ -11,7 +11,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from navcore.frame import Frame
+from navcore.errors import BadFrame
+from navcore.frame import Frame, check_frame
 from navcore.robot import RobotProfile
 from navcore.transform import wrap_angle
 
@@ -58,6 +59,8 @@ class Senses:
     """Why the newest is not believed; None when it is."""
     why: str = ""
     """The same for the operator, with figures."""
+    malformed: str = ""
+    """What is wrong with the newest frame itself, whatever came before it; empty when nothing is."""
     reach: Way = Way(m=0.0, rad=0.0)
     """While the pose is in doubt: how far from the trusted one it can be by now."""
     steady: int = 0
@@ -71,6 +74,11 @@ class Senses:
     def repeats(self) -> bool:
         """Whether the newest frame shows, bit for bit, what an earlier one showed."""
         return self.newest is not None and self.newest.stamp_ns != self.fresh_ns
+
+    @property
+    def believes_newest(self) -> bool:
+        """Whether the newest frame can be true: well formed, where and when the robot can be."""
+        return self.newest is not None and self.doubt is None and not self.malformed
 
     def after(self, frame: Frame, profile: RobotProfile) -> Senses:
         """With one more frame; the same one again changes nothing."""
@@ -101,7 +109,8 @@ class Senses:
         """The same, but for what the newest frame shows."""
         depth, rgb = (pixels.reshape(-1)[::EVERY_PX].tobytes() for pixels in (frame.depth_m, frame.rgb))
         same = self.newest is not None and (depth == self.depth or rgb == self.rgb)
-        return dataclasses.replace(self, newest=frame, fresh_ns=self.fresh_ns if same else frame.stamp_ns, depth=depth, rgb=rgb)
+        fresh_ns = self.fresh_ns if same else frame.stamp_ns
+        return dataclasses.replace(self, newest=frame, fresh_ns=fresh_ns, malformed=_malformed(frame), depth=depth, rgb=rgb)
 
     def _believe(self, frame: Frame) -> Senses:
         trusted = frame if _is_somewhere(frame) else self.trusted
@@ -157,6 +166,14 @@ def _moved(before: Frame, after: Frame) -> tuple[float, float]:
 
 def _gap_s(before: Frame, after: Frame) -> float:
     return min(max((after.stamp_ns - before.stamp_ns) / 1e9, 0.0), LONGEST_S)
+
+
+def _malformed(frame: Frame) -> str:
+    try:
+        check_frame(frame)
+    except BadFrame as error:
+        return str(error)
+    return ""
 
 
 def _is_somewhere(frame: Frame) -> bool:

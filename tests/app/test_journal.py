@@ -15,6 +15,7 @@ from app.drills import standing_pilot
 from app.insight import LiveInsight
 from app.journal import Journal
 from app.labelling import LabellingFolder
+from app.pilot import Pilot
 from app.recorder import Recorder
 from app.storage import Store
 from app.storage.database import Database
@@ -52,8 +53,8 @@ def test_a_restart_goes_on_counting_and_tells_what_is_from_earlier(tmp_path: Pat
     store.close()
 
 
-def insight_of(store: Store, folder: Path) -> LiveInsight:
-    pilot = standing_pilot()
+def insight_of(store: Store, folder: Path, pilot: Pilot | None = None) -> LiveInsight:
+    pilot = pilot or standing_pilot()
     return LiveInsight(
         pilot=pilot,
         recorder=Recorder(pilot=pilot, store=store, referee=None, scenario="bench"),

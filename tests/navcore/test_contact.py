@@ -10,9 +10,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.contact import AHEAD_M, NO_POINTS, NearPoints, allowed_share, braking_s, near_points, time_to_contact
+from navcore.contact import (
+    AHEAD_M,
+    NO_POINTS,
+    REMEMBERED_NS,
+    Nearby,
+    NearPoints,
+    allowed_share,
+    braking_s,
+    near_points,
+    time_to_contact,
+)
 from navcore.robot import HUSKY, STANDSTILL, Command, Twist
 from navcore.safety import Cause, Facts, Verdict, guard
+from navcore.transform import Pose2
 from tests.navcore.laws import law
 from tests.navcore.scene import Box, picture
 
@@ -81,9 +92,28 @@ def test_pictures_give_the_points_of_what_stands_higher_than_10_cm() -> None:
 def test_a_picture_without_depth_gives_no_points(fill: float) -> None:
     frame = picture()
     assert len(near_points(dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)))) == 0
-    assert near_points(dataclasses.replace(frame, depth_m=frame.depth_m[:3])) is NO_POINTS
-    no_lens = dataclasses.replace(frame.intrinsics, fx=0.0)
-    assert near_points(dataclasses.replace(frame, intrinsics=no_lens)) is NO_POINTS
+
+
+def at(x_m: float) -> Pose2:
+    return Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+
+
+def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_looked_at_again_or_is_old() -> None:
+    thin = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))  # before the front's right corner
+    near = Nearby().after(picture(thin))
+    assert np.abs(near.points - near_points(picture(thin))).max() == 0
+    for number in range(1, 20):
+        near = near.after(picture(thin, pose=at(0.05 * number), stamp_ns=number * 100_000_000))
+    blind = near_points(picture(thin, pose=at(0.95)))
+    front = near.points[(near.points[:, 0] < 0.62) & (near.points[:, 1] < -0.2)]
+    assert len(blind) < len(near.points)
+    assert len(front) > 20 and front[:, 0].min() == pytest.approx(1.5 - 0.95, abs=0.02)
+    assert time_to_contact(near.points, FULL, HUSKY) < 0.06
+    gone = near.after(picture(pose=at(0.95), stamp_ns=2_000_000_000))  # its upper part would be seen; its foot would not
+    assert 0 < len(gone.points) <= len(near.points)
+    looked = gone.after(picture(pose=at(-0.5), stamp_ns=2_100_000_000))
+    assert len(looked.points) == 0
+    assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + REMEMBERED_NS)).points) == 0
 
 
 @law(300)

@@ -19,7 +19,7 @@ from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import HUSKY, STANDSTILL, Command, Twist
-from navcore.safety import Cause, Verdict
+from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
 from navcore.zones import Zone
@@ -50,7 +50,7 @@ def think(driver: Pilot, frame: Frame = OPEN) -> None:
 
 def command(driver: Pilot, after_s: float = 0.0) -> Verdict:
     newest = driver.thought.decision.frame if driver.thought.decision else None
-    return driver.command(SECOND + round(after_s * SECOND), 0.05, newest=newest)
+    return driver.command(lambda: SECOND + round(after_s * SECOND), 0.05, newest=newest)
 
 
 def causes(verdict: Verdict) -> list[Cause]:
@@ -133,7 +133,7 @@ def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from
     driver = pilot((3.0, 0.0))
     think(driver)
     assert command(driver, -0.05).reasons == ()
-    driver.command(2 * SECOND, 0.05, newest=OPEN)
+    driver.command(lambda: 2 * SECOND, 0.05, newest=OPEN)
     assert Cause.STALE_COMMAND in causes(command(driver, -0.2))
 
 
@@ -359,6 +359,26 @@ def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
     assert driving.sent.v_mps > 0
 
 
+def spoilt(frame: Frame, what: str) -> Frame:
+    if what == "covered":
+        return dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m))
+    if what == "unmounted":
+        return dataclasses.replace(frame, T_base_camera=np.full((4, 4), -math.inf))
+    return dataclasses.replace(frame, depth_m=frame.depth_m[:3])
+
+
+@pytest.mark.parametrize("what", ["covered", "unmounted", "cut"])
+def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(what: str) -> None:
+    corner = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))
+    driver = pushed(pilot())
+    assert driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps > 0
+    near = driver._near
+    verdict = driver.command(lambda: SECOND + 1, 0.05, newest=spoilt(picture(stamp_ns=SECOND + 1), what))
+    assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
+    assert driver._near is near and len(near.points)
+    assert driver.command(lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)).twist.v_mps > 0
+
+
 def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
     near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
     driver = pilot()
@@ -366,3 +386,27 @@ def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
     think(driver)
     assert causes(command(pushed(driver))) == [Cause.BEWARE_AHEAD] and driver.sent == STANDSTILL
     assert command(pushed(driver, Twist(v_mps=-0.2, w_radps=0.0))).twist.v_mps < 0
+
+
+def test_a_command_that_expires_while_the_gate_looks_is_not_sent() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, 0.1).twist != STANDSTILL
+    times = iter([SECOND + COMMAND_LIFE_NS - 1, SECOND + COMMAND_LIFE_NS + 1])  # on entering, and after a slow look
+    verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
+    assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
+
+
+def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_jumped() -> None:
+    driver = pilot((3.0, 0.0))
+    wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
+    driver.command(lambda: SECOND, 0.05, newest=wall)
+    before = len(driver._near.points)
+    driver.trust_pose()
+    assert len(driver._near.points) == before > 0
+    away = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
+    driver.command(lambda: 2 * SECOND, 0.05, newest=wall)
+    driver.command(lambda: 2 * SECOND, 0.05, newest=picture(stamp_ns=SECOND + 100_000_000, pose=away))
+    assert driver.pose_in_doubt
+    driver.trust_pose()
+    assert len(driver._near.points) == 0 and not driver.pose_in_doubt
