@@ -128,7 +128,8 @@ class LiveInsight:
         pose, profile, local = decision.frame.pose, self._pilot.profile, self._config.local
         around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
         hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in hard_cells(around))
-        arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=around.spec.resolution_m)
+        cell_m, among = around.spec.resolution_m, decision.motion.among
+        arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=cell_m, among=among)
         return Candidates(serial=decision.frame.stamp_ns, arcs=pose.to_parent(arcs), free=free, chosen=decision.motion.arc)
 
     def sightings(self) -> tuple[Sighting, ...]:
@@ -244,7 +245,7 @@ class LiveInsight:
         return Case(
             occupancy=decision.occupancy,
             beware=intent.beware,
-            zones=intent.zones,
+            zones=(*intent.zones, *decision.closed),
             pose=decision.frame.pose,
             goal=goal,
             path=path,

@@ -247,6 +247,7 @@ class PathOut(BaseModel):
     waypoints: list[tuple[float, float]]
     driven: list[tuple[float, float]]
     people: list[PersonOut]
+    closed: list[ZoneOut] = Field(description="where the robot keeps out for a while of its own accord; the names say why")
     view: list[tuple[float, float]] = Field(description="the floor that the camera looks at")
 
 

@@ -82,6 +82,7 @@ class FakeOperations:
         self.hand: Twist | None = None
         self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
+        self.closed: tuple[Zone, ...] = ()
         self._world = {0: _walls(), RED_FLOOR: _box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
@@ -319,6 +320,7 @@ class FakeOperations:
             path=self._path,
             waypoints=waypoints,
             driven=np.array(self._driven),
+            closed=self.closed,
             depth_m=_depth(),
         )
 

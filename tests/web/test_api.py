@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 
 from navcore.beware import BewareList, load_beware_list
 from navcore.errors import StorageFailed
+from navcore.zones import OWN_COLOUR, Zone
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.pictures import bewared, overlaid
 from web.server import ConsoleServer
@@ -398,3 +399,13 @@ def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(client
     assert client.get("/api/v1/map/poses").json()["poses"][1] == second
     assert client.patch("/api/v1/map/poses", json={"poses": [moved]}).status_code == 204
     assert client.get("/api/v1/map/poses").json()["poses"][1] == moved
+
+
+def test_where_the_robot_keeps_out_by_itself_comes_with_the_path(client: httpx.Client, operations: FakeOperations) -> None:
+    assert client.get("/api/v1/path").json()["closed"] == []
+    corners = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
+    operations.closed = (Zone(id="lane 0", name="where somebody walks to and fro", polygon=corners, colour=OWN_COLOUR),)
+    client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0.0})
+    [lane] = client.get("/api/v1/path").json()["closed"]
+    assert lane["properties"]["name"] == "where somebody walks to and fro"
+    assert [tuple(corner) for corner in lane["geometry"]["coordinates"][0][:-1]] == list(corners)

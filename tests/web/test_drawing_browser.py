@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from navcore.zone_shapes import Circle, Corridor
 from navcore.zones import ZoneKind
@@ -46,6 +46,7 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     click_map(page, -2.0, -3.0)
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
+    expect(page.get_by_test_id("draft")).to_be_hidden()
     page.keyboard.press("l")
     for place in ((-6.0, 3.0), (-4.0, 3.0), (-4.0, 4.5)):
         click_map(page, *place)
@@ -54,6 +55,7 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     page.get_by_test_id("zone-limit").fill("0.25")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(2)
+    expect(page.get_by_test_id("draft")).to_be_hidden()
     page.keyboard.press("h")
     drag(page, (-5.0, -4.0), (-4.0, -4.0), (-4.0, -5.0), (-5.0, -5.0), (-5.0, -4.1))
     page.keyboard.press("Enter")
@@ -63,6 +65,29 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     assert isinstance(strip.drawn, Corridor) and strip.drawn.width_m == 0.5
     assert (strip.kind, strip.max_speed_mps) == (ZoneKind.SPEED_LIMIT, 0.25)
     assert hand.drawn is None and 4 <= len(hand.polygon) <= 12
+
+
+def test_what_is_begun_before_a_slow_answer_comes_is_begun_after_it_and_nothing_is_stored_twice(
+    page: Page, operations: FakeOperations
+) -> None:
+    def late(route: Route) -> None:
+        page.wait_for_timeout(400)
+        route.continue_()
+
+    await_map(page)
+    page.route("**/api/v1/zones", late)
+    page.keyboard.press("o")
+    click_map(page, -3.0, -3.0)
+    click_map(page, -2.0, -3.0)
+    for key in ("Enter", "Enter", "l"):
+        page.keyboard.press(key)
+    expect(page.get_by_test_id("hint")).to_contain_text("Click along the line")
+    for place in ((-6.0, 3.0), (-4.0, 3.0)):
+        click_map(page, *place)
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(2)
+    ring, strip = operations.zones.stored
+    assert isinstance(ring.drawn, Circle) and isinstance(strip.drawn, Corridor)
 
 
 def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(page: Page, operations: FakeOperations) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.followed import Track
-from web.api.answers import finite, track
+from web.api.answers import finite, track, zone_of
 from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
@@ -111,6 +111,7 @@ def maps_router(operations: Operations) -> APIRouter:
             waypoints=track(picture.waypoints),
             driven=track(picture.driven),
             people=[_person(someone) for someone in picture.people],
+            closed=[zone_of(zone) for zone in picture.closed],
             view=track(floor_view(picture)),
         )
 

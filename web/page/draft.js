@@ -30,6 +30,7 @@ let past = [];
 let future = [];
 let last = { at: 0, x: 0, y: 0 };
 let nextNumber = () => 1;
+let sending = null;
 
 export const onDraft = (watcher) => watchers.push(watcher);
 export const nameZonesBy = (counter) => { nextNumber = counter; };
@@ -137,14 +138,20 @@ function travel(from, to) {
   changed();
 }
 
-export async function finish() {
-  if (!drawing()) return;
+// Until a zone's answer has come its draft stands; nothing else is begun, for the answer would end that.
+export const sent = () => sending;
+
+export function finish() {
+  if (drawing() && !sending) sending = store().finally(() => { sending = null; });
+}
+
+async function store() {
   const zone = asZone();
   try {
     if (draft.mode === "draw") await post("/zones", zone);
     else await request("PUT", `/zones/${encodeURIComponent(draft.id)}`, zone, { "If-Match": `"${draft.version}"` });
     say(`Zone “${zone.properties.name}” is stored and binds the robot${zone.properties.enabled ? "" : " when it is switched on"}.`, { good: true });
-    setMode("navigate");
+    if (drawing()) setMode("navigate");
   } catch (error) {
     if (error.body?.error?.code === "outdated") {
       draft.version = error.body.stored_version;

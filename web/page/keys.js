@@ -3,7 +3,7 @@
 import { stop } from "./api.js";
 import { handKey, togglePad } from "./control.js";
 import { element, make } from "./dom.js";
-import { canRedo, canUndo, draft, drawing, finish, redo, remove, setMode, setTool, shift, snapshot, undo } from "./draft.js";
+import { canRedo, canUndo, draft, drawing, finish, redo, remove, sent, setMode, setTool, shift, snapshot, undo } from "./draft.js";
 import { fit, redraw } from "./map.js";
 import { letGo } from "./pointer.js";
 import { switchTheme } from "./theme.js";
@@ -45,8 +45,8 @@ export function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   if (handKey(event, true)) { event.preventDefault(); return; }
   if (event.key === "Enter" && event.target?.matches?.("input[type=checkbox]")) { event.preventDefault(); event.target.click(); return; }
-  const act = (drawing() ? WHILE_DRAWING[key] : ELSEWHERE[key]) ?? ALWAYS[key];
-  if (act) act(event);
+  const act = () => ((drawing() ? WHILE_DRAWING[key] : ELSEWHERE[key]) ?? ALWAYS[key])?.(event);
+  if (sent()) sent().then(act); else act();
 }
 
 const inControl = (event) => event.target?.matches?.("button, summary, a, input");

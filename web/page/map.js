@@ -10,7 +10,7 @@ import * as tiles from "./tiles.js";
 import { canvas, centre, fit as fitTo, onView, toPage, toWorld, view } from "./view.js";
 import { colourOf } from "./zones.js";
 
-export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], view: [], zones: [], candidates: { arcs: [], chosen: null } };
+export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], closed: [], view: [], zones: [], candidates: { arcs: [], chosen: null } };
 export const hand = { stroke: [], goal: null, heading: null, way: [], verdict: "" };
 const AHEAD_S = 2;
 let asked = false;
@@ -49,7 +49,7 @@ function draw() {
   drawCells();
   raster(width, height, toWorld);
   layer("view", () => { fill(world.view, "#ffb70326"); line(world.view, "#ffb70370", 1, [3, 3], true); });
-  layer("zones", () => { for (const zone of world.zones) if (zone.id !== draft.id) drawZone(zone); });
+  layer("zones", () => { for (const zone of [...world.zones, ...world.closed]) if (zone.id !== draft.id) drawZone(zone); });
   layer("driven", () => line(world.driven, COLOURS.driven, 2, [2, 4]));
   layer("candidates", drawCandidates);
   layer("path", () => { line(world.path, "#ffffffc0", 5); line(world.path, COLOURS.path, 3); });
