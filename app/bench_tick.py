@@ -19,10 +19,11 @@ from navcore.config import NavigatorConfig
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
-from navcore.points import PointRules, frustum_box, locate, tall_voxels
+from navcore.points import PointRules
 from navcore.robot import HUSKY, STANDSTILL
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2, wrap_angle
+from navcore.voxels import looked_at, measured_voxels
 from sim.camera import T_BASE_CAMERA, d455_intrinsics
 
 SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500
@@ -140,9 +141,9 @@ def _trace(
 
 def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
     rules = PointRules()
-    box = frustum_box(frame, spec, rules.max_range_m)
     start = time.perf_counter()
-    tall_voxels(locate(frame, spec, box, rules), box, rules)
+    looked = looked_at(frame, spec, rules.max_range_m)
+    measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
     return time.perf_counter() - start
 
 

@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING
 from navcore.map_points import Cells, Records
-from navcore.points import Box
 from navcore.search.bits import compiled
+from navcore.voxels import Box
 
 FLAT_M = 0.05
 """Beware points below this lie on the floor, as far as depth can tell."""

@@ -32,19 +32,22 @@ from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in, refresh_planes
 from navcore.map_state import MapState
 from navcore.mask import Mask
-from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M, Observation, frustum_box
+from navcore.points import Observation
 from navcore.search.bits import Plane, empty_plane, unpack
 from navcore.search.free_space import MOST_CELLS, Planes
 from navcore.segment import Labels
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
+from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M, Box
 from navcore.zones import Zone, cells_of
 
 Indices = npt.NDArray[np.int64]
 
 
 FLOOR_M = 0.05
-"""What is measured within this height shows the floor."""
+"""What is measured within this height shows the floor …"""
+FLOOR_BINS = np.uint64(sum(1 << level for level in range(HEIGHT_BINS) if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M))
+"""… that is, in one of these bins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +110,7 @@ class CloudMap:
         With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its word is taken once for all.
         """
         if labels is not None:
-            self._weigh(frame, labels, observation.max_range_m)
+            self._weigh(frame, labels, observation.box)
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
@@ -119,8 +122,9 @@ class CloudMap:
         ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
-        self.explored.note(observation.voxels_seen)
-        changed = self._refresh(np.concatenate([touched, self._disproved(observation.voxels_seen)]))
+        self.explored.note(observation.cells_seen, observation.heights_seen)
+        disproved = self._disproved(observation.cells_seen, observation.heights_seen)
+        changed = self._refresh(np.concatenate([touched, disproved]))
         self.version += changed or ruled
         self._keep_to_budget()
 
@@ -281,7 +285,7 @@ class CloudMap:
             self._poses.append(pose)
         return len(self._poses) - 1
 
-    def _weigh(self, frame: Frame, labels: Labels, max_range_m: float) -> None:
+    def _weigh(self, frame: Frame, labels: Labels, box: Box) -> None:
         """Let the picture speak for or against what was seen before in the places it shows."""
         if not self._unsure:
             return
@@ -289,7 +293,7 @@ class CloudMap:
             self._points.records,
             self._points.first,
             self.spec.cols,
-            frustum_box(frame, self.spec, max_range_m),
+            box,
             frame,
             invert(frame.T_map_camera),
             labels,
@@ -307,7 +311,7 @@ class CloudMap:
             self._points.count,
             self._points.first,
             self.spec.cols,
-            frustum_box(frame, self.spec, observation.max_range_m),
+            observation.box,
             frame.depth_m,
             invert(frame.T_map_camera),
             np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
@@ -341,13 +345,11 @@ class CloudMap:
         cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
         return rows, cols
 
-    def _disproved(self, voxels: Indices) -> Indices:
+    def _disproved(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
         """Give up the cells of the prior map whose floor was measured; returns them."""
         if not self._has_prior:
             return np.empty(0, dtype=np.int64)
-        levels = LOWEST_M + (voxels % HEIGHT_BINS + 0.5) * BIN_M
-        floor = voxels[np.abs(levels) < FLOOR_M] // HEIGHT_BINS
-        cells: Indices = floor[self._prior[floor]]
+        cells: Indices = seen[(heights & FLOOR_BINS != 0) & self._prior[seen]]
         self._prior[cells] = False
         if len(cells):
             self._prior_mask = None

@@ -17,9 +17,9 @@ from navcore.beware import NOTHING
 from navcore.clearing import pixel_of
 from navcore.frame import Frame
 from navcore.map_points import Cells, Records
-from navcore.points import Box
 from navcore.search.bits import compiled
 from navcore.segment import Labels
+from navcore.voxels import Box
 
 PRIOR = -1.0
 """Log-odds of a thing in a place that was never seen before."""

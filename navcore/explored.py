@@ -9,9 +9,10 @@ import numpy.typing as npt
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec
 from navcore.mask import Mask, window
-from navcore.points import BIN_M, HEIGHT_BINS, PointRules
+from navcore.points import PointRules
 from navcore.raycast import BLOCK, look
 from navcore.search.bits import ONE, PAD, Plane, compiled, empty_plane
+from navcore.voxels import BIN_M
 
 Bits = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
@@ -27,9 +28,9 @@ class Explored:
         self.volume: Bits = np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64)
         """(⌈rows / 4⌉, ⌈cols / 4⌉) a bit for each height bin in which anything was measured or through which one looked."""
 
-    def note(self, voxels: Indices) -> None:
-        """Note the (N,) voxels, cell · 64 + height bin, in which anything was measured."""
-        _note(voxels, self.spec.cols, self.measured, self.volume)
+    def note(self, cells: Indices, heights: Bits) -> None:
+        """Note in which (N,) cells, row · cols + col, anything was measured, and (N,) the height bins, a bit for each."""
+        _note(cells, heights, self.spec.cols, self.measured, self.volume)
 
     def was_measured(self, cells: Indices) -> npt.NDArray[np.bool_]:
         """(N,) whether anything was ever measured in cells, row · cols + col."""
@@ -90,12 +91,11 @@ class Explored:
 
 
 @compiled
-def _note(voxels: Indices, cols: int, measured: Plane, volume: Bits) -> None:
-    for voxel in voxels:
-        cell, level = voxel // HEIGHT_BINS, voxel % HEIGHT_BINS
-        row, col = cell // cols, cell % cols
+def _note(cells: Indices, heights: Bits, cols: int, measured: Plane, volume: Bits) -> None:
+    for index in range(len(cells)):
+        row, col = cells[index] // cols, cells[index] % cols
         measured[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
-        volume[row // BLOCK, col // BLOCK] |= ONE << np.uint64(level)
+        volume[row // BLOCK, col // BLOCK] |= heights[index]
 
 
 @compiled

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.search.bits import ONE, PAD, compiled
 from navcore.search.free_space import Planes
+from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 Cells = npt.NDArray[np.int32]
 Records = npt.NDArray[np.void]

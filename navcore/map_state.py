@@ -12,8 +12,8 @@ from navcore.errors import BadConfiguration
 from navcore.grid import GridSpec
 from navcore.map_points import MapPoints
 from navcore.mask import Mask
-from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.raycast import BLOCK
+from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 _ROUNDING_M = 1e-3
 """So far off the grid a point may be stored: it is kept in single precision."""

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from navcore.frame import Frame
 from navcore.grid import GridSpec
-from navcore.points import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.search.bits import ONE, PAD, Plane, compiled
+from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 BLOCK = 4
 """The volume is counted in blocks of so many cells a side, and 5 cm of height."""

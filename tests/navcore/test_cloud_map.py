@@ -17,10 +17,11 @@ from navcore.cloud_map import CloudMap, MapRules
 from navcore.errors import BadConfiguration
 from navcore.frame import Frame, Intrinsics
 from navcore.grid import BoolGrid, GridSpec
-from navcore.points import BIN_M, LOWEST_M, Observation, PointRules, observe
+from navcore.points import Observation, PointRules, observe
 from navcore.robot import STANDSTILL
 from navcore.segment import ColourSegmenter, Labels
 from navcore.transform import Pose2
+from navcore.voxels import BIN_M, LOWEST_M
 from navcore.zones import Zone, rasterise
 from tests.navcore.laws import law
 from tests.navcore.scene import MOUNT, ORIGIN, RED_FLOOR, RED_ID, RED_LIST, SPEC, Box, Paint, picture
@@ -134,7 +135,9 @@ def seen(*points: tuple[float, float, float], class_id: int = 1, confidence: flo
         rgb=np.zeros((len(points), 3), dtype=np.uint8),
         range_m=np.ones(len(points), dtype=np.float32),
         max_range_m=5.0,
-        voxels_seen=np.empty(0, dtype=np.int64),
+        box=(0, 0, SMALL.rows, SMALL.cols),
+        cells_seen=np.empty(0, dtype=np.int64),
+        heights_seen=np.empty(0, dtype=np.uint64),
     )
 
 

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareClass, BewareList
 from navcore.frame import Frame, Intrinsics
-from navcore.points import BIN_M, LOWEST_M, Observation, PointRules, back_project, observe
+from navcore.points import Observation, PointRules, back_project, observe
 from navcore.segment import ColourSegmenter, Labels
 from navcore.transform import Pose2, transform_points
+from navcore.voxels import BIN_M, LOWEST_M
 from tests.navcore.laws import law
 from tests.navcore.scene import LENS, RED, RED_FLOOR, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 
@@ -165,7 +166,8 @@ def test_more_support_asked_for_never_adds_points(low: int, more: int) -> None:
     few, many = (look(frame, rules=PointRules(min_support=n)) for n in (low + more, low))
     rows = {(*p, int(c)) for p, c in zip(few.points_map.tolist(), few.class_ids, strict=True)}
     assert rows <= {(*p, int(c)) for p, c in zip(many.points_map.tolist(), many.class_ids, strict=True)}
-    np.testing.assert_array_equal(few.voxels_seen, many.voxels_seen)
+    np.testing.assert_array_equal(few.cells_seen, many.cells_seen)
+    np.testing.assert_array_equal(few.heights_seen, many.heights_seen)
 
 
 def test_each_voxel_holds_one_point_of_a_class_and_the_floor_is_seen() -> None:
@@ -173,9 +175,18 @@ def test_each_voxel_holds_one_point_of_a_class_and_the_floor_is_seen() -> None:
     observation = look(picture(Box(x=(2.03, 2.6), y=(0.33, 0.87), z=(0.0, 0.52))))
     voxels = np.floor((observation.points_map.astype(np.float64) - [0.0, 0.0, LOWEST_M]) / [0.1, 0.1, BIN_M])
     assert len(np.unique(voxels, axis=0)) == len(voxels) > 20
-    seen = {divmod(int(voxel) >> 6, SPEC.cols) for voxel in observation.voxels_seen}
+    seen = {divmod(int(cell), SPEC.cols) for cell in observation.cells_seen}
     assert SPEC.cell(1.5, 0.0) in seen
     assert SPEC.cell(-1.5, 0.0) not in seen
+    assert len(observation.cells_seen) == len(observation.heights_seen) and observation.heights_seen.all()
+
+
+def test_the_cells_seen_lie_on_the_grid_and_in_the_box_though_the_picture_shows_more() -> None:
+    observation = look(picture(pose=Pose2(x_m=SPEC.cols * SPEC.resolution_m / 2 - 1.0, y_m=0.0, yaw_rad=0.0)))
+    rows, cols = np.divmod(observation.cells_seen, SPEC.cols)
+    top, left, bottom, right = observation.box
+    assert len(rows) > 20 and rows.max() < SPEC.rows
+    assert top <= rows.min() and rows.max() < bottom and left <= cols.min() and cols.max() < right
 
 
 def test_what_lies_off_the_grid_makes_no_points() -> None:
