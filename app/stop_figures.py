@@ -23,15 +23,17 @@ from sim.simulator import STEPS_PER_S, Simulator
 
 FROM_S, UNTIL_S, END_S = 1.2, 2.7, 3.7
 """A drill drives, then something goes wrong, then it is over and the robot drives on."""
+MOMENTS = 13
+"""At so many moments it goes wrong; the last of them leaves a second of fault."""
 LATE_S = 0.02
 """A busy machine may put this between judging a command and sending it."""
 STILL_MPS = 0.01
 
 
 def _trials(faults: list[Fault], trials: int) -> list[tuple[int, Fault]]:
-    """(seed, fault) for each trial: all faults in turn, then again with another seed and a little later."""
+    """(seed, fault) for each trial: all faults in turn, then again with another seed and another moment within half a second."""
     turns = product(range(-(-trials // len(faults))), faults)
-    return [(seed, _later(fault, 0.021 + 0.037 * seed)) for seed, fault in list(turns)[:trials]]
+    return [(seed, _later(fault, 0.021 + 0.037 * (seed % MOMENTS))) for seed, fault in list(turns)[:trials]]
 
 
 def _later(fault: Fault, by_s: float) -> Fault:
