@@ -26,7 +26,7 @@ from navcore.grid import BoolGrid, Cell, inflate
 from navcore.path import NoPath, Path, plan, plan_in
 from navcore.search.free_space import FreeSpace
 from navcore.search.inflation import InflatedGrid
-from navcore.search.jump_points import Arena
+from navcore.search.memory import Arena
 from navcore.search.replanner import Replanner
 
 PEER_QUERIES = 8

@@ -30,7 +30,7 @@ from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.search.bits import Plane
 from navcore.search.free_space import FREE, FreeSpace
-from navcore.search.jump_points import Arena
+from navcore.search.memory import Arena
 from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
 from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s

@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from navcore.grid import BoolGrid, Cell
 from navcore.search.free_space import FreeSpace
-from navcore.search.jump_points import FAR, FOUND, GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE, Arena, find
+from navcore.search.jump_points import FOUND, GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE, find
+from navcore.search.memory import FAR, Arena
 
 SQRT2 = math.sqrt(2.0)
 
@@ -70,7 +71,7 @@ def plan_in(
 ) -> Path | NoPath:
     """The same over a grid that is packed already, in memory that is kept from one search to the next.
 
-    `guess` is a length, in units of `navcore.search.jump_points`, that the path is probably shorter than; it only saves time.
+    `guess` is a length, in units of `navcore.search.memory`, that the path is probably shorter than; it only saves time.
     """
     budget = _ENDLESS if max_expansions is None else max_expansions
     status, cells, diagonal = find(space, arena, start, goal, budget, guess)

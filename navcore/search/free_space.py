@@ -45,7 +45,7 @@ FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
 """So many freed cells are noted one by one."""
 LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
-"""Cells are numbered by 16 bits a side, and lengths (`jump_points.UNIT`) have room for paths of 2^25 cells."""
+"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25 cells."""
 PATIENCE = np.uint64(16)
 """How often a line is asked about before it pays to look along all of it."""
 MANY = 64

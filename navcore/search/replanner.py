@@ -11,8 +11,8 @@ from navcore.grid import Cell
 from navcore.path import SQRT2, NoPath, Path, Reason, plan_in
 from navcore.search.bits import ONE, PAD, Plane, compiled, lean
 from navcore.search.free_space import FreeSpace, Planes
-from navcore.search.jump_points import FAR, ROOT, UNIT, Arena, octile
 from navcore.search.legs import is_clear, lay
+from navcore.search.memory import FAR, ROOT, UNIT, Arena, octile
 
 Ints = npt.NDArray[np.int64]
 
@@ -30,7 +30,7 @@ class Standing:
     cells: Ints
     """(N, 2) all of it."""
     left: Ints
-    """(N,) length from each cell to the goal, in units of `navcore.search.jump_points`."""
+    """(N,) length from each cell to the goal, in units of `navcore.search.memory`."""
     at: int
     """Where on it the robot was last."""
     goal: Cell

@@ -26,7 +26,7 @@ def test_a_change_to_what_is_compiled_or_goes_into_it_makes_another_version(tmp_
     shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__", "*.safetensors"))
     first = _version(package)
     assert edited(package, "navigator.py") == first  # holds nothing that is compiled, and nothing compiled reads it
-    files = ("search/jump_points.py", "search/bits.py", "arcs.py", "beware.py")
+    files = ("search/jump_points.py", "search/memory.py", "search/bits.py", "arcs.py", "beware.py")
     assert len({first, *(edited(package, file) for file in files)}) == 1 + len(files)
 
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from navcore.grid import BoolGrid
 from navcore.path import NoPath, Path, Reason, plan, plan_in
 from navcore.search.free_space import VAIN_AHEAD, FreeSpace
-from navcore.search.jump_points import FOUND, ROOT, UNIT, Arena, find
+from navcore.search.jump_points import FOUND, find
+from navcore.search.memory import ROOT, UNIT, Arena
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids
 from tests.navcore.test_path import assert_is_a_path, optimum

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from navcore.grid import BoolGrid, Cell
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.search.free_space import FreeSpace
-from navcore.search.jump_points import octile
+from navcore.search.memory import octile
 from navcore.search.replanner import NOWHERE, Replanner, lengths_left, restring
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells

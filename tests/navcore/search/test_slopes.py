@@ -14,7 +14,7 @@ from navcore.grid import BoolGrid
 from navcore.path import Path, plan, plan_in
 from navcore.search.bits import PAD
 from navcore.search.free_space import SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
-from navcore.search.jump_points import Arena
+from navcore.search.memory import Arena
 from navcore.search.slopes import OWNER
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells
