@@ -31,7 +31,7 @@ STILL_MPS = 0.01
 
 
 def _trials(faults: list[Fault], trials: int) -> list[tuple[int, Fault]]:
-    """(seed, fault) for each trial: all faults in turn, then again with another seed and another moment within half a second."""
+    """(seed, fault) for each trial: all faults in turn, then again with another seed, at another moment of half a second."""
     turns = product(range(-(-trials // len(faults))), faults)
     return [(seed, _later(fault, 0.021 + 0.037 * (seed % MOMENTS))) for seed, fault in list(turns)[:trials]]
 
