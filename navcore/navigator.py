@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.approach import towards
+from navcore.band import eased
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
@@ -271,6 +272,9 @@ class Navigator:
         taut = pull_taut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
         # The goal is a point, not a cell: the last centre gives way to it.
         points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
+        kept_m = self._profile.width_m / 2 + self._config.safety_margin_m
+        wanted_m = self._profile.circumscribed_radius_m + BAND_M - kept_m
+        track = eased(_evenly(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
         return Route(
             outcome=outcome,
             points=read_only(points),
@@ -372,6 +376,8 @@ class Navigator:
 
 _BESIDE_M, _LOOK_M = 1.5, 3.0
 """So far beside a goal that is taken the robot would go, and from so far away it is sure of that."""
+BAND_M = 0.1
+"""Beside what it turns round the track keeps this much more than the circle in which the robot turns, where it can."""
 TAUT_M = 8.0
 """As far ahead as this the path is pulled taut; the local planner looks no further."""
 
