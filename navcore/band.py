@@ -32,7 +32,7 @@ def eased(track: Points, free: Plane, spec: GridSpec, *, stretch_m: float, wante
     """
     steps = np.hypot(*np.diff(track, axis=0).T)
     count = 1 + int(np.searchsorted(np.cumsum(steps), stretch_m))
-    if count < 3:
+    if count < 3 or wanted_m <= 0:  # a margin may be wider than the circle in which the robot turns
         return track
     wanted, origin = wanted_m / spec.resolution_m, np.array([spec.origin_x_m, spec.origin_y_m])
     cells = (track[: count + 1] - origin) / spec.resolution_m

@@ -80,6 +80,12 @@ def test_what_lies_beyond_the_stretch_stays(stretch_m: float) -> None:
     assert (np.abs(moved - track).max() > 0.05) == (stretch_m == 2.0)
 
 
+@pytest.mark.parametrize("wanted_m", [0.0, -0.6])
+def test_where_no_more_room_is_wanted_it_stays(wanted_m: float) -> None:
+    free, track = room_without((-4.0, 0.0, -4.0, 0.0)), spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0))
+    np.testing.assert_array_equal(eased(track, Mask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track)
+
+
 @law(60)
 @given(st.integers(0, 2**32 - 1))
 def test_it_never_leaves_the_free_cells(seed: int) -> None:
