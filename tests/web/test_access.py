@@ -194,7 +194,8 @@ def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
             viewer_of(locked, f"/viewer/{PAGE}", additional_headers=headers) as viewer,
         ):
             viewer.send(camera())
-            assert json.loads(page.recv(timeout=10)) == {"type": "viewer", "connected": True}
+            while not json.loads(page.recv(timeout=10)).get("connected"):
+                pass  # the one before has the same page and may leave it only now
             scene(viewer, {"/floor/0_0"})
             page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
             page.send(json.dumps({"type": "show", "cloud_colour": "camera", "hidden": ["cloud"]}))

@@ -164,6 +164,19 @@ def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(serv
             other.recv(timeout=0.2)
 
 
+def test_a_reloaded_view_that_comes_before_the_old_one_has_gone_stays_live(server: ConsoleServer) -> None:
+    with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
+        heard = []
+        with viewer_of(server, f"/viewer/{PAGE}") as reloaded:
+            with viewer_of(server, f"/viewer/{PAGE}") as old:
+                for viewer in (reloaded, old):
+                    viewer.send(camera())
+                    heard.append(json.loads(page.recv(timeout=10)))
+            heard.append(json.loads(page.recv(timeout=10)))
+        heard.append(json.loads(page.recv(timeout=10)))
+    assert heard == [{"type": "viewer", "connected": live} for live in (True, True, True, False)]
+
+
 def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: ConsoleServer) -> None:
     draft = {"type": "draft", "mode": "edit", "corners": [[0, 0], [1, 0], [1, 1]], "path": [[0, 0], [2, 2]]}
     with viewer_of(server, f"/viewer/{PAGE}") as mine:

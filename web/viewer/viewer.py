@@ -146,7 +146,8 @@ class Viewer:
         with self._lock:
             self._clients.pop(client.client_id, None)
             page_id, _ = self._sketches.pop(client.client_id, ("", None))
-        self.links.post(page_id, {"type": "viewer", "connected": False})
+            another = any(owner == page_id for owner, _ in self._sketches.values())  # reloaded: it joined before this one left
+        self.links.post(page_id, {"type": "viewer", "connected": another})
 
     def _page_of(self, client: viser.ClientHandle) -> str:
         """The page that the proxy named when it opened this client's connection; empty for a viewer on its own."""
