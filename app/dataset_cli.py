@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,10 @@ def render(
     valid: Annotated[int, typer.Option(min=0, max=1_000_000, help="Number of pictures to choose the best epoch by.")] = 300,
     test: Annotated[int, typer.Option(min=0, max=1_000_000, help="Number of pictures to measure with.")] = 600,
     seed: Annotated[int, typer.Option(min=0, max=1000, help="The same seed gives the same pictures.")] = 0,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Columns and rows of a picture.")] = "424x240",
+    size: Annotated[
+        list[str] | None,
+        typer.Option(metavar="WxH", help="Columns and rows of a picture; several take turns. 424x240 if left out."),
+    ] = None,
     renderer: Annotated[RendererName, typer.Option(help="auto: EGL for two thirds of the worlds where it works.")] = "auto",
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that render.")] = 1,
 ) -> None:
@@ -61,7 +64,7 @@ def render(
     from navcore.learning.dataset_writer import DatasetWriter
 
     counts: dict[Split, int] = {"train": train, "valid": valid, "test": test}
-    jobs = _jobs(counts, seed, _size(size), renderer)
+    jobs = _jobs(counts, seed, [_size(text) for text in size or ["424x240"]], renderer)
     source = {
         "made_by": "bewarenav dataset render",
         "seed": seed,
@@ -80,7 +83,8 @@ def render(
     typer.echo(f"{out}: {train} pictures to train, {valid} to validate and {test} to test with")
 
 
-def _jobs(counts: Mapping[Split, int], seed: int, size: tuple[int, int], renderer: RendererName) -> list[Job]:
+def _jobs(counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int]], renderer: RendererName) -> list[Job]:
+    """The shards of every split; with several sizes each shard has the next one, so every split has a share of each."""
     from sim.pictures import SHARDS_PER_SPLIT, shard_seed
 
     most = POSES_PER_WORLD * WORLDS_PER_JOB
@@ -91,7 +95,7 @@ def _jobs(counts: Mapping[Split, int], seed: int, size: tuple[int, int], rendere
             split=split,
             seed=shard_seed(seed, split, shard),
             count=min(most, count - shard * most),
-            size=size,
+            size=sizes[shard % len(sizes)],
             renderer=renderer,
         )
         for split, count in counts.items()

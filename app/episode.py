@@ -14,6 +14,7 @@ import numpy as np
 from app.ablation import ablate, segmenter_for
 from app.arguments import Ablation
 from app.faults import Sabotage
+from app.ideal_driver import Eyes
 from app.pilot import COMMAND_PERIOD_S, Intent, Pilot
 from app.report import report_of
 from app.segmenter import Perception, colour_perception
@@ -30,6 +31,7 @@ from navcore.safety import Verdict
 from navcore.transform import Pose2, wrap_angle
 from navcore.warmup import warm_up
 from navcore.zones import Zone
+from sim.camera import FIELD_OF_VIEW_DEG
 from sim.finds import Finds
 from sim.scenario import Scenario
 from sim.simulator import Simulator
@@ -118,6 +120,9 @@ class Episode:
         config, perception = config or NavigatorConfig(), perception or colour_perception()
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Room that the robot's middle keeps from everything."""
+        across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
+        self.eyes = Eyes(ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m)
+        """What is in the robot's view."""
         self._segmenter = segmenter_for(ablation, perception.segmenter, self.simulator)
         self.seen_by = perception.identity if self._segmenter is perception.segmenter else str(ablation)
         """What labels the pictures."""

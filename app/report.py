@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 
 from app.causes import causes_of
+from app.ideal_driver import TrueGrids, ideal_way_m
 from navcore.grid import GridSpec
 from navcore.mission import Phase
+from navcore.transform import Pose2
 
 if TYPE_CHECKING:
     from app.episode import Episode
@@ -27,6 +29,7 @@ def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[
     everywhere = reached == len(episode.goals)
     shortest_m = _shortest_m(episode)
     share = 0.0 if shortest_m is None else shortest_m / max(referee.distance_m, shortest_m)
+    ideal_m = _ideal_m(episode)
     done = episode.pilot.intent.mission.phase is not Phase.DRIVING
     report = {
         "scenario": episode.scenario.name,
@@ -46,6 +49,7 @@ def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[
         "min_clearance_m": judged["min_clearance_m"] if math.isfinite(judged["min_clearance_m"]) else None,
         "shortest_m": None if shortest_m is None else round(shortest_m, 3),
         "spl": round(share, 4) if everywhere else 0.0,
+        "ideal_m": None if ideal_m is None else round(ideal_m, 3),
         "goal_errors_m": {str(goal_id): round(error, 3) for goal_id, error in episode.arrived.items()},
         "items": _items(episode),
         "explored_share": _explored_share(episode),
@@ -74,6 +78,20 @@ def _shortest_m(episode: Episode) -> float | None:
     """The shortest way through all goals for who knows the true map and keeps the navigator's margin."""
     goals = [(goal.x_m, goal.y_m) for goal in episode.goals]
     return episode.simulator.referee.shortest_m(episode.spec, episode.inflation_m, goals)
+
+
+def _ideal_m(episode: Episode) -> float | None:
+    """The way of a driver without faults who has to see the world first."""
+    spec, (x_m, y_m, yaw_rad) = episode.spec, episode.scenario.start
+    tall, low, zones = episode.simulator.referee.true_cells(spec)
+    return ideal_way_m(
+        TrueGrids(tall=tall, low=low, known=zones),
+        spec,
+        Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
+        [(goal.x_m, goal.y_m) for goal in episode.goals],
+        eyes=episode.eyes,
+        inflation_m=episode.inflation_m,
+    )
 
 
 def _items(episode: Episode) -> dict[str, dict[str, int]]:

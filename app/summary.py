@@ -27,6 +27,7 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
 """Shares of the episodes."""
 MEANS: dict[str, tuple[str, Measure]] = {
     "spl": ("SPL", lambda report: report["spl"]),
+    "ideal_spl": ("SPL of an ideal driver with this view", lambda report: _ideal_spl(report)),
     "distance_m": ("driven, m", lambda report: report["distance_m"]),
     "sim_time_s": ("time, s", lambda report: report["sim_time_s"]),
     "beware_intrusion_m2s": ("over items and markings, m²·s", lambda report: report["beware_intrusion_m2s"]),
@@ -120,6 +121,12 @@ def _read(folder: Path) -> dict[str, Any]:
     if missing:
         raise BadConfiguration(f"{folder}/summary.json: is of another suite or version, {sorted(missing)[0]!r} is missing")
     return dict(summary)
+
+
+def _ideal_spl(report: Report) -> float:
+    """Of who makes no mistakes but has to see the world first; 0 without a way, and in reports older than this figure."""
+    shortest_m, ideal_m = report["shortest_m"], report.get("ideal_m")
+    return 0.0 if shortest_m is None or ideal_m is None else float(shortest_m / max(ideal_m, shortest_m))
 
 
 def _rounded(interval: tuple[float, float] | None) -> list[float] | None:

@@ -21,7 +21,7 @@ from sim.scenario import Scenario
 from sim.shapes import Polygon, cylinder, placed
 from sim.shortest_way import length_m, shortest_way
 from sim.stops import StopLog
-from sim.true_map import blocked_grid
+from sim.true_map import blocked_grid, rasterise
 
 CONTACT_M = 0.005
 """The model's body is 4 mm longer than the footprint, and the engine keeps a margin: nearer than this is contact."""
@@ -171,6 +171,11 @@ class Referee:
     def true_blocked(self, spec: GridSpec, inflation_m: float) -> BoolGrid:
         """(rows, cols) where the robot's centre may not be: walls, furniture, items, beware markings and zones, inflated."""
         return blocked_grid(self._polygons(), spec, inflation_m)
+
+    def true_cells(self, spec: GridSpec) -> tuple[BoolGrid, BoolGrid, BoolGrid]:
+        """(rows, cols) each: walls and furniture; items and beware markings; zones. Where they were at the start."""
+        fixed, beware, zones = self._fixed_polygons, self._beware.polygons, self._zones.polygons
+        return rasterise(fixed, spec), rasterise(beware, spec), rasterise(zones, spec)
 
     def shortest_m(self, spec: GridSpec, inflation_m: float, goals: Sequence[tuple[float, float]]) -> float | None:
         """Shortest way from the start through all goals for who knows the true map, in the plane; None when there is none.

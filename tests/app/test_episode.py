@@ -11,7 +11,7 @@ from sim.scenario import Scenario, load_scenario
 
 REPORT_KEYS = {
     *("scenario", "seed", "robot", "goals", "goals_reached", "success", "sim_time_s", "wall_time_s"),
-    *("distance_m", "shortest_m", "spl", "collisions", "min_clearance_m", "beware_intrusions", "beware_intrusion_s"),
+    *("distance_m", "shortest_m", "ideal_m", "spl", "collisions", "min_clearance_m", "beware_intrusions", "beware_intrusion_s"),
     *("zone_intrusions", "zone_intrusion_s", "replans", "plan_ms", "tick_ms", "segment_ms", "series", "stops"),
 }
 ROOM = load_scenario("empty_room")

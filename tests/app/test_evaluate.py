@@ -136,6 +136,8 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "beware_intrusions": 0,
         "zone_intrusions": 0,
         "spl": 0.9,
+        "shortest_m": 9.0,
+        "ideal_m": 12.0,
         "distance_m": 10.0,
         "sim_time_s": 20.0,
         "wall_time_s": 10.0,
@@ -182,6 +184,7 @@ def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
     assert summary["success_rate_ci95"] == pytest.approx([0.596, 0.982], abs=1e-3)  # Wilson's, from the literature
     low, high = summary["spl_ci95"]
     assert 0.84 < low < 0.89 < high < 0.94
+    assert summary["ideal_spl"] == 0.75
     assert summary["items"]["cup"] == {"there": 10, "seen": 10, "missed": 0, "false": 0}
 
 

@@ -1,0 +1,82 @@
+import math
+
+import numpy as np
+import pytest
+
+from app.ideal_driver import Eyes, TrueGrids, ideal_way_m
+from navcore.grid import BoolGrid, GridSpec
+from navcore.transform import Pose2
+
+SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
+CAMERA = Eyes(ahead_m=0.3, angle_rad=math.radians(87), range_m=4.0)
+ALL_ROUND = Eyes(ahead_m=0.0, angle_rad=2 * math.pi, range_m=40.0)
+EAST = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
+GOAL = (6.0, 0.0)
+INFLATION_M = 0.4
+
+
+def cells(*boxes: tuple[float, float, float, float]) -> BoolGrid:
+    """The cells of boxes (x from, y from, x to, y to) in metres."""
+    grid = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    for left, bottom, right, top in boxes:
+        (row_0, col_0), (row_1, col_1) = SPEC.cell(left, bottom), SPEC.cell(right, top)
+        grid[row_0:row_1, col_0:col_1] = True
+    return grid
+
+
+POCKET = cells((2.0, -5.0, 2.2, 5.0), (-2.0, 5.0, 2.2, 5.2), (-2.0, -5.2, 2.2, -5.0))
+"""A dead end between start and goal that is open towards the start; its bottom is farther away than the camera sees."""
+
+
+def way_m(
+    *, tall: BoolGrid | None = None, low: BoolGrid | None = None, known: BoolGrid | None = None, eyes: Eyes = CAMERA
+) -> float | None:
+    nothing = cells()
+    grids = TrueGrids(
+        tall=nothing if tall is None else tall, low=nothing if low is None else low, known=nothing if known is None else known
+    )
+    return ideal_way_m(grids, SPEC, EAST, [GOAL], eyes=eyes, inflation_m=INFLATION_M)
+
+
+def test_where_nothing_stands_he_drives_straight() -> None:
+    assert way_m() == pytest.approx(12.0, abs=0.01)
+
+
+def test_he_turns_on_the_spot_towards_a_goal_behind_him() -> None:
+    back = ideal_way_m(
+        TrueGrids(tall=cells(), low=cells(), known=cells()),
+        SPEC,
+        EAST,
+        [GOAL, (-6.0, 0.0)],
+        eyes=CAMERA,
+        inflation_m=INFLATION_M,
+    )
+    assert back == pytest.approx(24.0, abs=0.05)
+
+
+def test_a_dead_end_costs_who_sees_it_late_and_not_who_sees_it_from_the_start() -> None:
+    late, early = way_m(tall=POCKET), way_m(tall=POCKET, eyes=ALL_ROUND)
+    assert late is not None and early is not None
+    shortest = 2 * math.hypot(4.0, 5.6) + 4.4 + 0.2  # about: round the outside of the pocket
+    assert early == pytest.approx(shortest, abs=1.5)
+    assert late > early + 3.0
+
+
+def test_what_he_is_told_of_he_need_not_see() -> None:
+    assert way_m(known=POCKET) == pytest.approx(way_m(tall=POCKET, eyes=ALL_ROUND), abs=0.3)
+
+
+def test_he_sees_over_what_lies_on_the_floor() -> None:
+    bar, wall = cells((-4.6, -0.4, -4.4, 2.0)), cells((-3.0, -7.9, -2.8, 3.0))
+    over, hidden = way_m(tall=wall, low=bar), way_m(tall=wall | bar)
+    assert over is not None and hidden is not None
+    assert over < hidden - 0.2  # the wall's end is known before the bar is passed
+
+
+def test_a_goal_that_is_walled_in_has_no_way() -> None:
+    ring = cells((4.5, -1.5, 7.5, -1.3), (4.5, 1.3, 7.5, 1.5), (4.5, -1.5, 4.7, 1.5), (7.3, -1.5, 7.5, 1.5))
+    assert way_m(tall=ring) is None
+
+
+def test_a_start_too_near_to_a_wall_is_left() -> None:
+    assert way_m(tall=cells((-6.4, -1.0, -6.25, 1.0))) == pytest.approx(12.0, abs=0.3)
