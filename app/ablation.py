@@ -14,9 +14,10 @@ from navcore.config import NavigatorConfig
 from navcore.frame import Frame
 from navcore.local_planner import path_from
 from navcore.motion import IDLE, Motion, Outcome
-from navcore.navigator import Navigator, Route
+from navcore.navigator import Navigator
 from navcore.occupancy import Occupancy
 from navcore.robot import STANDSTILL, RobotProfile, Twist
+from navcore.route import Route
 from navcore.segment import Finder, Labels, Segmenter
 from navcore.transform import Pose2
 from sim.simulator import Simulator

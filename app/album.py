@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from app.episode import Episode
 from navcore.beware import BewareList
-from navcore.navigator import Decision, Route
+from navcore.navigator import Decision
+from navcore.route import Route
 
 FRAMES = 6
 """So many pictures are shown, as in the paper."""

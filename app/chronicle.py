@@ -11,8 +11,9 @@ from app.pilot import MOVING, Intent
 from navcore.beware import BewareList
 from navcore.grid import Cell, OccupancyGrid
 from navcore.mission import Mission, Phase
-from navcore.navigator import Decision, Route
+from navcore.navigator import Decision
 from navcore.path import NoPath, Path
+from navcore.route import Route
 from navcore.safety import StopReason
 from navcore.zones import Zone
 from web.insight import Place

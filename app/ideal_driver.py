@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from navcore.grid import BoolGrid, GridSpec
 from navcore.mask import Mask
-from navcore.navigator import TAUT_M
 from navcore.occupancy import nearest_free
 from navcore.path import NoPath
+from navcore.route import TAUT_M
 from navcore.search.free_space import FREE
 from navcore.search.inflation import InflatedGrid
 from navcore.search.replanner import Replanner

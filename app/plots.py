@@ -22,7 +22,7 @@ from app.episode import Episode
 from app.pilot import COMMAND_PERIOD_S
 from navcore.grid import GridSpec, OccupancyGrid
 from navcore.local_planner import Points
-from navcore.navigator import Route
+from navcore.route import Route
 from sim.layout import obstacles
 from sim.scenario import Scenario
 from sim.true_things import true_things

@@ -14,8 +14,9 @@ from app.storage import Store
 from navcore.errors import StorageFailed
 from navcore.local_planner import Points
 from navcore.mission import Mission, Phase
-from navcore.navigator import Decision, Route, read_only
+from navcore.navigator import Decision
 from navcore.path import Path
+from navcore.route import Route, read_only
 from navcore.safety import Verdict
 from navcore.transform import Pose2
 from navcore.zones import Zone

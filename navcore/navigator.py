@@ -5,13 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.approach import towards
-from navcore.band import eased
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
@@ -19,7 +16,7 @@ from navcore.followed import Track
 from navcore.frame import Frame, check_frame
 from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
 from navcore.lanes import Lanes
-from navcore.local_planner import Points, plan_motion
+from navcore.local_planner import plan_motion
 from navcore.mask import Mask
 from navcore.motion import IDLE, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
@@ -29,22 +26,18 @@ from navcore.people import PERSON, PeopleTracker
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile, Twist
+from navcore.route import NO_POINTS, Route, lay, no_route
 from navcore.search.bits import Plane
 from navcore.search.free_space import FREE, FreeSpace
 from navcore.search.memory import Arena
 from navcore.search.replanner import Replanner
 from navcore.segment import Labels, Segmenter
 from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s
-from navcore.taut import pull_taut
 from navcore.terrain import Image, ground_heights
 from navcore.transform import Pose2
 from navcore.way_out import way_out
-from navcore.waypoints import choose_waypoints
 from navcore.yielding import Bodies
 from navcore.zones import Zone
-
-NO_POINTS: Points = np.empty((0, 2))
-Array = TypeVar("Array", bound=npt.NDArray[np.generic])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,25 +54,6 @@ class Order:
     """Heading in the map frame to stand in at the goal; None for any."""
     leave: bool = False
     """Whether to leave the beware area that the robot stands in, by the shortest way; then there is no goal."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Route:
-    """The way to the goal, from the robot's place."""
-
-    outcome: Path | NoPath
-    """The shortest path, or why there is none."""
-    points: Points
-    """(N, 2) the path in metres of the map frame; without one the way to go nearer to where it is closed, or (0, 2)."""
-    waypoints: Points
-    """(M, 2) its corners and its end."""
-    track: Points
-    """(K, 2) what the local planner follows: the path, pulled taut where the robot is next."""
-
-    @property
-    def length_m(self) -> float | None:
-        """Of the path; None without one."""
-        return None if isinstance(self.outcome, NoPath) else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,7 +161,7 @@ class Navigator:
         """The shortest path from a pose to a goal over the present map."""
         start = self._start(occupancy, pose)
         if start is None:
-            return _no_route(Reason.START_BLOCKED)
+            return no_route(Reason.START_BLOCKED)
         space = self._occupancy.space
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         if outcome == NoPath(reason=Reason.UNREACHABLE):
@@ -237,7 +211,7 @@ class Navigator:
         inside = occupancy.blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
         start = nearest_free(Mask.of(~closed), spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
         if start is None:
-            return _no_route(Reason.START_BLOCKED)
+            return no_route(Reason.START_BLOCKED)
         outcome = way_out(closed=closed, inside=inside, start=start)
         goal = (pose.x_m, pose.y_m) if isinstance(outcome, NoPath) else spec.centre(*outcome.cells[-1])
         return self._laid(outcome, goal, Mask.of(~closed).plane)
@@ -246,7 +220,7 @@ class Navigator:
         """The shortest path over any given occupancy, from scratch; changes nothing and may be called from any thread."""
         start = self._start(occupancy, pose)
         if start is None:
-            return _no_route(Reason.START_BLOCKED)
+            return no_route(Reason.START_BLOCKED)
         space = FreeSpace.of(occupancy.blocked)
         outcome = plan_in(space, Arena(space), start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         return self._laid(outcome, goal, space.across[FREE])
@@ -265,22 +239,7 @@ class Navigator:
         return nearest_free(occupancy.free, spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
 
     def _laid(self, outcome: Path | NoPath, goal: tuple[float, float], free: Plane) -> Route:
-        if isinstance(outcome, NoPath):
-            return _no_route(outcome.reason)
-        spec = self.map.spec
-        corners = choose_waypoints(outcome, spec, max_vertex_angle_rad=math.radians(self._config.max_vertex_angle_deg))
-        taut = pull_taut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
-        # The goal is a point, not a cell: the last centre gives way to it.
-        points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
-        kept_m = self._profile.width_m / 2 + self._config.safety_margin_m
-        wanted_m = self._profile.circumscribed_radius_m + BAND_M - kept_m
-        track = eased(_evenly(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
-        return Route(
-            outcome=outcome,
-            points=read_only(points),
-            waypoints=read_only(np.vstack([corners[:-1], goal])),
-            track=read_only(_evenly(track, spec.resolution_m)),
-        )
+        return lay(outcome, goal, free, self.map.spec, self._profile, self._config)
 
     def move(
         self,
@@ -376,24 +335,3 @@ class Navigator:
 
 _BESIDE_M, _LOOK_M = 1.5, 3.0
 """So far beside a goal that is taken the robot would go, and from so far away it is sure of that."""
-BAND_M = 0.1
-"""Beside what it turns round the track keeps this much more than the circle in which the robot turns, where it can."""
-TAUT_M = 8.0
-"""As far ahead as this the path is pulled taut; the local planner looks no further."""
-
-
-def _no_route(reason: Reason) -> Route:
-    return Route(outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS)
-
-
-def _evenly(corners: Points, spacing_m: float) -> Points:
-    """(K, 2) points along a line of corners, so far apart."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
-    return np.column_stack([np.interp(stations, along, corners[:, axis]) for axis in (0, 1)])
-
-
-def read_only(array: Array) -> Array:
-    """The same array, frozen, so that it can cross threads."""
-    array.flags.writeable = False
-    return array

@@ -19,9 +19,9 @@ from app.campaign import Campaign
 from navcore.config import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.motion import Outcome
-from navcore.navigator import Route
 from navcore.path import NoPath, Reason
 from navcore.robot import HUSKY
+from navcore.route import Route
 from navcore.transform import Pose2
 
 

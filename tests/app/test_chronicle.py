@@ -17,10 +17,11 @@ from navcore.frame import Frame, Intrinsics
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission import Mission
 from navcore.motion import IDLE
-from navcore.navigator import Decision, Route
+from navcore.navigator import Decision
 from navcore.occupancy import Occupancy
 from navcore.path import Path, plan
 from navcore.robot import STANDSTILL
+from navcore.route import Route
 from navcore.safety import Cause, StopReason
 from navcore.segment import Labels
 from navcore.transform import Pose2

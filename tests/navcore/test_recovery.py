@@ -13,10 +13,11 @@ from navcore.config import NavigatorConfig
 from navcore.grid import GridSpec
 from navcore.local_planner import Points, plan_motion
 from navcore.motion import IDLE, LocalRules, Motion, Outcome
-from navcore.navigator import Navigator, Order, Route
+from navcore.navigator import Navigator, Order
 from navcore.path import NoPath, Path
 from navcore.recovery import Means, Recovery, RecoveryRules, closed_way, trail_with
 from navcore.robot import HUSKY, STANDSTILL
+from navcore.route import Route
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
 from tests.navcore.scene import picture
