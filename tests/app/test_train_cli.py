@@ -115,6 +115,16 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     assert all(torch.equal(states[0][key], states[1][key]) for key in states[1])
 
 
+def test_a_rendered_data_set_may_have_pictures_of_several_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.dataset_cli.WORLDS_PER_JOB", 1)
+    sizes = ("--size", "64x48", "--size", "96x64")
+    run("dataset", "render", tmp_path / "d", "--train", "16", "--valid", "8", "--test", "0", "--renderer", "tiny", *sizes)
+    dataset = load_dataset(tmp_path / "d")
+    assert dataset.card.sizes == ((48, 64), (64, 96))
+    shapes = [dataset.read("train", index).labels.shape for index in range(16)]
+    assert shapes == [(48, 64)] * 8 + [(64, 96)] * 8
+
+
 def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
     run("dataset", "import", "labelme", folder, tmp_path / "a", "--classes", "background,book,cup")
