@@ -16,9 +16,6 @@ from navcore.frame import Frame
 from navcore.overhung import without_overhung
 from navcore.relief import Heights, heights_above_floor, without_pictures, without_spills
 
-AGREE = 3
-"""So many of a pixel and the eight around it have to fit a colour rule; in corners and along the thinnest line they do."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels:
@@ -113,23 +110,13 @@ def joined(seen: Labels, by_colour: npt.NDArray[np.uint8], beware: BewareList) -
 
 
 def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> npt.NDArray[np.uint8]:
-    """(H, W) class id of the first entry whose colour rule a pixel fits, and which is not higher than the rule allows.
-
-    A pixel that hardly any of its neighbours agrees with is noise: on a dark brown floor some are red by chance.
-    """
+    """(H, W) class id of the first entry whose colour rule a pixel fits, and which is not higher than the rule allows."""
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
     class_ids = np.full(hsv.shape[:2], NOTHING, dtype=np.uint8)
     for entry in reversed(tuple(entries)):
         if entry.colour is not None:
-            fits = _backed(_matches(hsv, entry.colour))
-            class_ids[fits & ~(heights_m > entry.colour.max_height_m)] = entry.class_id
+            class_ids[_matches(hsv, entry.colour) & ~(heights_m > entry.colour.max_height_m)] = entry.class_id
     return class_ids
-
-
-def _backed(fits: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """(H, W) the pixels that fit and are not alone in that."""
-    around = cv2.boxFilter(fits.view(np.uint8), -1, (3, 3), normalize=False, borderType=cv2.BORDER_REPLICATE)
-    return fits & (around >= AGREE)
 
 
 def _least(beware: BewareList) -> npt.NDArray[np.float32]:
