@@ -17,7 +17,7 @@ import numpy.typing as npt
 from navcore.grid import BoolGrid, Cell
 from navcore.search.free_space import FreeSpace
 from navcore.search.jump_points import FOUND, GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE, find
-from navcore.search.memory import FAR, Arena
+from navcore.search.memory import Arena
 
 SQRT2 = math.sqrt(2.0)
 
@@ -35,6 +35,18 @@ class Reason(StrEnum):
     """Every way to the goal is closed."""
     TIMEOUT = "time budget exceeded"
     """The search was given up."""
+
+
+REASONS = {
+    UNREACHABLE: Reason.UNREACHABLE,
+    TIMEOUT: Reason.TIMEOUT,
+    OUTSIDE: Reason.OUTSIDE,
+    START_BLOCKED: Reason.START_BLOCKED,
+    GOAL_BLOCKED: Reason.GOAL_BLOCKED,
+}
+"""By how a search ended without a path."""
+ENDLESS = 1 << 62
+"""The budget of a search that must not be given up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,25 +78,10 @@ def plan(blocked: BoolGrid, start: Cell, goal: Cell, *, max_expansions: int | No
     return plan_in(space, Arena(space), start, goal, max_expansions=max_expansions)
 
 
-def plan_in(
-    space: FreeSpace, arena: Arena, start: Cell, goal: Cell, *, max_expansions: int | None = None, guess: int = FAR
-) -> Path | NoPath:
-    """The same over a grid that is packed already, in memory that is kept from one search to the next.
-
-    `guess` is a length, in units of `navcore.search.memory`, that the path is probably shorter than; it only saves time.
-    """
-    budget = _ENDLESS if max_expansions is None else max_expansions
-    status, cells, diagonal = find(space, arena, start, goal, budget, guess)
+def plan_in(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
+    """The same over a grid that is packed already, in memory that is kept from one search to the next."""
+    budget = ENDLESS if max_expansions is None else max_expansions
+    status, cells, diagonal = find(space, arena, start, goal, budget)
     if status == FOUND:
         return Path(cells=cells, length=len(cells) - 1 - diagonal + diagonal * SQRT2)
-    return NoPath(reason=_REASONS[status])
-
-
-_REASONS = {
-    UNREACHABLE: Reason.UNREACHABLE,
-    TIMEOUT: Reason.TIMEOUT,
-    OUTSIDE: Reason.OUTSIDE,
-    START_BLOCKED: Reason.START_BLOCKED,
-    GOAL_BLOCKED: Reason.GOAL_BLOCKED,
-}
-_ENDLESS = 1 << 62
+    return NoPath(reason=REASONS[status])

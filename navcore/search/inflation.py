@@ -58,7 +58,22 @@ class InflatedGrid:
         """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the grid."""
         if radius not in self._radii:
             self._make_room((radius,))
-        self._follow(set_bits(self._raw[self._radii.index(radius)], cells, occupied))
+        layer, space = self._radii.index(radius), self.space
+        if not occupy(
+            self._raw,
+            layer,
+            self._halves,
+            cells,
+            occupied,
+            space.rows,
+            space.cols,
+            space.across,
+            space.along,
+            space.tripwire,
+            space.freed,
+            space.notes,
+        ):
+            self._follow_all()
 
     def _take_fresh(self) -> None:
         most = self._raw.shape[1] * self._raw.shape[2] // MANY
@@ -85,11 +100,7 @@ class InflatedGrid:
     def _follow(self, words: Ints) -> None:
         space = self.space
         if len(words) * MANY > space.tripwire.size:
-            free = space.across[FREE]
-            free[:] = 0
-            inflate_into(self._raw, self._halves, free, 0, 0, PAD, PAD + space.rows, 1, free.shape[1] - 1)
-            complement(free, space.rows, space.cols)
-            space.rebuild()
+            self._follow_all()
         elif len(words):
             follow(
                 self._raw,
@@ -103,6 +114,14 @@ class InflatedGrid:
                 space.freed,
                 space.notes,
             )
+
+    def _follow_all(self) -> None:
+        space = self.space
+        free = space.across[FREE]
+        free[:] = 0
+        inflate_into(self._raw, self._halves, free, 0, 0, PAD, PAD + space.rows, 1, free.shape[1] - 1)
+        complement(free, space.rows, space.cols)
+        space.rebuild()
 
 
 def half_widths(radii: tuple[int, ...]) -> Ints:
@@ -130,6 +149,30 @@ def differing_words(old: Planes, new: Planes, most: int) -> Ints:
             if count > most:
                 return found
     return found[:count]
+
+
+@compiled
+def occupy(
+    raw: Planes,
+    layer: int,
+    halves: Ints,
+    cells: Ints,
+    occupied: bool,
+    rows: int,
+    cols: int,
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: Ints,
+    notes: Ints,
+) -> bool:
+    """Set or clear (N, 2) cells of a layer and follow that; False if it is so many that all is to be made anew."""
+    words = set_bits(raw[layer], cells, occupied)
+    if len(words) * MANY > tripwire.size:
+        return False
+    if len(words):
+        follow(raw, halves, words, rows, cols, across, along, tripwire, freed, notes)
+    return True
 
 
 @compiled

@@ -38,6 +38,7 @@ from navcore.search.memory import (
     COLS,
     FAR,
     FINE,
+    FLOOR,
     GOAL_COL,
     GOAL_ROW,
     KEY,
@@ -76,22 +77,17 @@ ON_FOOT, FARTHER = 2, 32
 """Steps of a diagonal taken cell by cell: at first, since there are seldom more among many obstacles; where not surveyed."""
 
 
-def find(
-    space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int, guess: int = FAR
-) -> tuple[int, npt.NDArray[np.int64], int]:
+def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
 
     There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
-    is given up. If the path is shorter than `guess`, in units, it is found sooner; if it is not, there is a second search.
+    is given up.
     """
     while True:
-        outcome = search(space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, guess)
-        if outcome[0] == FULL:
-            arena.grow()
-        elif outcome[0] == UNREACHABLE and guess < FAR:
-            guess = FAR
-        else:
+        outcome = search(space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, FAR, 0)
+        if outcome[0] != FULL:
             return outcome
+        arena.grow()
 
 
 @compiled
@@ -106,8 +102,9 @@ def search(
     goal_col: int,
     budget: int,
     bound: int,
+    floor: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search for a path shorter than `bound` on memory that the caller owns.
+    """Search for a path shorter than `bound` on memory that the caller owns; none is known to be shorter than `floor`.
 
     The ends come number by number, since a tuple costs a microsecond to hand on.
     """
@@ -115,10 +112,13 @@ def search(
     if start <= 0 or goal <= 0:
         status = OUTSIDE if min(start, goal) < 0 else START_BLOCKED if start == 0 else GOAL_BLOCKED
         return status, np.empty((0, 2), dtype=np.int64), 0
-    begin(memory, start, goal, bound)
+    begin(memory, start, goal, bound, floor)
+    at = claim(memory, start, start, 0)
+    if at < 0:
+        return UNREACHABLE, np.empty((0, 2), dtype=np.int64), 0
     settle(across, along)
     saved = mark_goal(across, along, goal)
-    want(memory, claim(memory, start, start, 0), ANYWHERE)
+    want(memory, at, ANYWHERE)
     status = run(across, along, sloping, memory, budget)
     unmark_goal(across, along, goal, saved)
     while memory[WAITING] > 0:
@@ -163,10 +163,10 @@ def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64
 
 @lean
 def run(across: Planes, along: Planes, sloping: Planes, memory: Memory, budget: int) -> int:
-    """Open bucket after bucket until none can hold a shorter path."""
+    """Open bucket after bucket until none can hold a shorter path, or none is known to exist."""
     while memory[WAITING] > 0:
         at = pop(memory)
-        if memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
+        if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
             break
         walks = memory[at + WALKS]
         todo = walks & ~(walks >> 8) & 0xFF

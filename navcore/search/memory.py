@@ -27,9 +27,9 @@ FAR = 1 << 62
 """Longer than any path."""
 
 # A search's memory is one array of int64, so that handing it on costs little: first some counters …
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND = range(11)
+PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND, FLOOR = range(12)
 # … and what does not change …
-RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(11, 18)
+RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(12, 19)
 # … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty, and a bit for each that is not …
 HEADS = 24
 # … then the hash table with a row of four for every cell the search has reached: (stamp, cell), length from the start, the
@@ -64,14 +64,15 @@ class Arena:
 
 
 @inlined
-def begin(memory: Memory, start: int, goal: int, bound: int) -> None:
-    """Set the counters for a new search."""
+def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None:
+    """Set the counters for a new search: for a path shorter than `bound`, of which it is known that none is below `floor`."""
     memory[STAMP] += 1
     memory[BEST] = memory[BOUND] = bound
     for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING):
         memory[counter] = 0
     memory[GOAL_ROW], memory[GOAL_COL] = goal >> 16, goal & 0xFFFF
     memory[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
+    memory[FLOOR] = max(memory[LEAST], floor)
 
 
 @inlined

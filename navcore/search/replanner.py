@@ -8,17 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import Cell
-from navcore.path import SQRT2, NoPath, Path, Reason, plan_in
+from navcore.path import ENDLESS, REASONS, SQRT2, NoPath, Path, Reason
 from navcore.search.bits import ONE, PAD, Plane, compiled, lean
 from navcore.search.free_space import FreeSpace, Planes
+from navcore.search.jump_points import FOUND, FULL, TIMEOUT, UNREACHABLE, search
 from navcore.search.legs import is_clear, lay
-from navcore.search.memory import FAR, ROOT, UNIT, Arena, octile
+from navcore.search.memory import FAR, ROOT, UNIT, Arena, Memory, octile
 
 Ints = npt.NDArray[np.int64]
 
 NOWHERE: Ints = np.empty((0, 2), dtype=np.int64)
+NO_LENGTHS: Ints = np.empty(0, dtype=np.int64)
 DETOUR = 12 * UNIT
 """A change mostly makes the path no longer than this; a search that may assume so does not look far aside."""
+ELSEWHERE, LONGER = -1, -2
+"""The robot has left the path, or there may be a shorter one; or the path is blocked, and none is shorter than it was."""
 
 
 @dataclass(slots=True, eq=False)
@@ -43,6 +47,9 @@ class Replanner:
     The path at hand stays the shortest from every later cell of it as long as nothing on it is blocked and every cell that
     was freed is so far off that a path by way of it is no shorter. It is then kept without a search, and so never gives way to
     another of the same length. One replanner a space: it consumes the notes that the space keeps of its changes.
+
+    A frame costs one compiled call, and a second one if there has to be a search: handing arrays on to one takes longer than
+    most of what is done.
     """
 
     def __init__(self, space: FreeSpace) -> None:
@@ -55,58 +62,52 @@ class Replanner:
 
     def plan(self, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
         """The shortest path from start to goal, (row, col) both; see `navcore.path.plan`."""
-        kept = self._kept(start, goal)
-        if kept is not None:
-            return kept
-        if self._still_unreachable(start, goal):
+        floor = 0
+        standing, space = self._standing, self._space
+        if standing is not None and standing.goal == goal:
+            at, floor = still_shortest(standing.cells, standing.left, standing.at, start[0], start[1], space.freed, space.notes)
+            if at >= 0:
+                if at != standing.at:
+                    standing.at, standing.path = at, _path(standing.cells[at:], floor)
+                return standing.path
+        elif self._failure == (start, goal) and space.notes[0] == 0 and space.is_free(start) and space.is_free(goal):
             return NoPath(reason=Reason.UNREACHABLE)
         self.searches += 1
-        outcome = plan_in(self._space, self._arena, start, goal, max_expansions=max_expansions, guess=self._guess(goal))
-        if isinstance(outcome, NoPath) and outcome.reason is Reason.TIMEOUT:
-            return outcome
-        outcome = self._joined(outcome, goal)
-        self._stand(outcome, start, goal)
-        return outcome
+        return self._searched(start, goal, ENDLESS if max_expansions is None else max_expansions, floor)
 
-    def _kept(self, start: Cell, goal: Cell) -> Path | None:
-        standing, space = self._standing, self._space
-        if standing is None or standing.goal != goal:
-            return None
-        at = still_shortest(standing.cells, standing.left, standing.at, start, space.freed, space.notes)
-        if at < 0:
-            return None
-        space.notes[:] = 0
-        if at != standing.at:
-            standing.at, standing.path = at, _path(standing.cells[at:], int(standing.left[at]))
-        return standing.path
-
-    def _guess(self, goal: Cell) -> int:
-        """A length that the new path is probably shorter than: mostly a little of the old one's has been found blocked."""
-        standing = self._standing
-        return FAR if standing is None or standing.goal != goal else int(standing.left[standing.at]) + DETOUR
-
-    def _still_unreachable(self, start: Cell, goal: Cell) -> bool:
-        space = self._space
-        return self._failure == (start, goal) and space.notes[0] == 0 and space.is_free(start) and space.is_free(goal)
-
-    def _joined(self, outcome: Path | NoPath, goal: Cell) -> Path | NoPath:
-        """A path of the same length that soon joins the one at hand, if there is one: the way should not flip to and fro."""
-        standing, space = self._standing, self._space
-        if standing is None or standing.goal != goal or isinstance(outcome, NoPath) or space.notes[1] > 0:
-            return outcome
-        cells = joined(space.across, outcome.cells, standing.cells[standing.at :], standing.left[standing.at :])
-        return outcome if len(cells) == 0 else Path(cells=cells, length=outcome.length)
-
-    def _stand(self, outcome: Path | NoPath, start: Cell, goal: Cell) -> None:
-        space, old = self._space, NOWHERE if self._standing is None else self._standing.cells
-        new = outcome.cells if isinstance(outcome, Path) else NOWHERE
-        restring(space.tripwire, old, new)
-        space.notes[:] = 0
-        self._standing, self._failure = None, None
-        if isinstance(outcome, Path):
-            self._standing = Standing(path=outcome, cells=new, left=lengths_left(new), at=0, goal=goal)
-        elif outcome.reason is Reason.UNREACHABLE:
-            self._failure = (start, goal)
+    def _searched(self, start: Cell, goal: Cell, budget: int, floor: int) -> Path | NoPath:
+        space, standing, memory = self._space, self._standing, self._arena.memory
+        cells, left, at = NOWHERE, NO_LENGTHS, ELSEWHERE
+        if standing is not None:
+            cells, left, at = standing.cells, standing.left, standing.at if standing.goal == goal else ELSEWHERE
+        status, fresh, lengths = searched(
+            space.across,
+            space.along,
+            space.sloping,
+            space.tripwire,
+            space.notes,
+            memory,
+            cells,
+            left,
+            at,
+            start[0],
+            start[1],
+            goal[0],
+            goal[1],
+            budget,
+            floor,
+        )
+        if status == FULL:
+            self._arena.grow()
+            return self._searched(start, goal, budget, floor)
+        if status == TIMEOUT:
+            return NoPath(reason=Reason.TIMEOUT)
+        self._standing, self._failure = None, (start, goal) if status == UNREACHABLE else None
+        if status != FOUND:
+            return NoPath(reason=REASONS[status])
+        path = _path(fresh, int(lengths[0]))
+        self._standing = Standing(path=path, cells=fresh, left=lengths, at=0, goal=goal)
+        return path
 
 
 def _path(cells: Ints, left: int) -> Path:
@@ -116,46 +117,103 @@ def _path(cells: Ints, left: int) -> Path:
 
 
 @compiled
-def still_shortest(cells: Ints, left: Ints, at: int, start: tuple[int, int], freed: Ints, notes: Ints) -> int:
-    """Where on the path the robot is, not before `at`; -1 if it is elsewhere or the path may not be the shortest from there.
+def still_shortest(
+    cells: Ints, left: Ints, at: int, start_row: int, start_col: int, freed: Ints, notes: Ints
+) -> tuple[int, int]:
+    """Where on the path the robot is, not before `at`, and the length left from there; the notes are then cleared.
+
+    `LONGER` in place of where, if something on the path was blocked; a path is then at least as long as what was left of it.
+    `ELSEWHERE`, and 0, if the robot is not on the path or a path may be shorter.
 
     A path that uses a freed cell f, or squeezes diagonally past it, is at least octile(start, f) + octile(f, goal) - (2 - √2)
     long: the squeeze goes by way of f's neighbours, one straight step each, with one diagonal step in place of those two.
     """
-    if notes[1] > 0 or notes[0] > len(freed):
-        return -1
-    while at < len(cells) and (cells[at, 0] != start[0] or cells[at, 1] != start[1]):
+    if notes[0] > len(freed):
+        return ELSEWHERE, 0
+    while at < len(cells) and (cells[at, 0] != start_row or cells[at, 1] != start_col):
         at += 1
     if at == len(cells):
-        return -1
+        return ELSEWHERE, 0
     goal_row, goal_col = cells[-1, 0], cells[-1, 1]
     for index in range(notes[0]):
         row, col = freed[index] >> 32, freed[index] & 0xFFFFFFFF
-        bound = octile(row - start[0], col - start[1]) + octile(row - goal_row, col - goal_col) - (2 * UNIT - ROOT)
+        bound = octile(row - start_row, col - start_col) + octile(row - goal_row, col - goal_col) - (2 * UNIT - ROOT)
         if bound < left[at]:
-            return -1
-    return at
+            return ELSEWHERE, 0
+    if notes[1] > 0:
+        return LONGER, left[at]
+    notes[0] = 0
+    return at, left[at]
 
 
 @compiled
-def lengths_left(cells: Ints) -> Ints:
-    """(N,) length from each of (N, 2) cells to the last."""
-    left = np.zeros(len(cells), dtype=np.int64)
-    for index in range(len(cells) - 2, -1, -1):
+def searched(
+    across: Planes,
+    along: Planes,
+    sloping: Planes,
+    tripwire: Plane,
+    notes: Ints,
+    memory: Memory,
+    cells: Ints,
+    left: Ints,
+    at: int,
+    start_row: int,
+    start_col: int,
+    goal_row: int,
+    goal_col: int,
+    budget: int,
+    floor: int,
+) -> tuple[int, Ints, Ints]:
+    """A path in place of the one at hand, none of which is shorter than `floor`: how the search for it ended, its (N, 2) cells,
+    and (N,) how much is left from each. The wire is moved to it and the notes are cleared, if the search came to an end.
+
+    `at`: where the robot was on the path at hand; `ELSEWHERE` if that one leads to another goal.
+    """
+    # Mostly a little of the path at hand has been found blocked.
+    guess = FAR if at < 0 else left[at] + DETOUR
+    status, fresh, _ = search(across, along, sloping, memory, start_row, start_col, goal_row, goal_col, budget, guess, floor)
+    if status == UNREACHABLE and guess < FAR:
+        status, fresh, _ = search(across, along, sloping, memory, start_row, start_col, goal_row, goal_col, budget, FAR, floor)
+    if status in (FULL, TIMEOUT):
+        return status, fresh, left
+    if status == FOUND and at >= 0 and notes[1] == 0:
+        back = joined(across, fresh, cells[at:], left[at:])
+        fresh = back if len(back) else fresh
+    common = alike(cells, fresh)
+    restring(tripwire, cells, fresh, common)
+    notes[:] = 0
+    lengths = np.empty(len(fresh), dtype=np.int64)
+    lengths[len(fresh) - common :] = left[len(cells) - common :]
+    measure(fresh, lengths, len(fresh) - common)
+    return status, fresh, lengths
+
+
+@compiled
+def measure(cells: Ints, left: Ints, first: int) -> None:
+    """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is known."""
+    for index in range(first - 1, -1, -1):
+        if index == len(cells) - 1:
+            left[index] = 0
+            continue
         sloping = cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
         left[index] = left[index + 1] + (ROOT if sloping else UNIT)
-    return left
 
 
 @compiled
-def restring(tripwire: Plane, old: Ints, new: Ints) -> None:
-    """Move the wire from one path to another; where both end alike, it stays."""
+def alike(old: Ints, new: Ints) -> int:
+    """How many cells two paths have in common at their ends."""
     before, after = len(old), len(new)
     while before > 0 and after > 0 and old[before - 1, 0] == new[after - 1, 0] and old[before - 1, 1] == new[after - 1, 1]:
         before, after = before - 1, after - 1
+    return len(new) - after
+
+
+@compiled
+def restring(tripwire: Plane, old: Ints, new: Ints, common: int) -> None:
+    """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
     # The first cell of what is alike is come to in another way. No two other steps of a shortest path share a cell beside them.
-    string(tripwire, old, before + 1, False)
-    string(tripwire, new, after + 1, True)
+    string(tripwire, old, len(old) - common + 1, False)
+    string(tripwire, new, len(new) - common + 1, True)
 
 
 @lean
@@ -179,7 +237,9 @@ def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
 def joined(across: Planes, fresh: Ints, cells: Ints, left: Ints) -> Ints:
     """The path that leaves `fresh`'s first cell for an early cell of `cells` and follows them; (0, 2) if it is not as short."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
-    length = lengths_left(fresh)[0]
+    length = 0
+    for index in range(1, len(fresh)):
+        length += octile(fresh[index, 0] - fresh[index - 1, 0], fresh[index, 1] - fresh[index - 1, 1])
     for index in range(len(cells)):
         to_row, to_col = cells[index, 0] + PAD, cells[index, 1] + PAD
         if octile(to_row - row, to_col - col) + left[index] != length:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from navcore.grid import BoolGrid
 from navcore.path import NoPath, Path, Reason, plan, plan_in
 from navcore.search.free_space import VAIN_AHEAD, FreeSpace
-from navcore.search.jump_points import FOUND, find
-from navcore.search.memory import ROOT, UNIT, Arena
+from navcore.search.jump_points import FOUND, UNREACHABLE, find, search
+from navcore.search.memory import FAR, ROOT, UNIT, Arena
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids
 from tests.navcore.test_path import assert_is_a_path, optimum
@@ -73,17 +73,20 @@ def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, se
 
 
 @law(60)
-@given(grids(), SEEDS, st.integers(-30, 30))
-def test_a_guess_at_the_length_right_or_wrong_leaves_the_path_alone(blocked: BoolGrid, seed: int, units: int) -> None:
+@given(grids(), SEEDS, st.integers(1, 30))
+def test_what_is_known_of_the_length_leaves_the_path_alone(blocked: BoolGrid, seed: int, units: int) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
-    status, cells, _ = find(space, Arena(space), start, goal, 1 << 40)
-    for guess in (0, 1, max(len(cells) - 1 + units, 0) * UNIT, 2 * len(cells) * UNIT):
-        guessed = find(space, Arena(space, cells=4), start, goal, 1 << 40, guess)
-        assert guessed[0] == status
-        np.testing.assert_array_equal(guessed[1], cells)
+    status, cells, diagonal = find(space, Arena(space, cells=4), start, goal, 1 << 40)
+    length, memory = (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT, Arena(space).memory
+    for bound, floor in ((FAR, length), (FAR, length - 1), (length + 1, 0), (length + units * UNIT, length)):
+        known = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor)
+        assert known[0] == status
+        np.testing.assert_array_equal(known[1], cells)
+    none = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, length, 0)
+    assert none[0] == UNREACHABLE, "no path is shorter than the shortest"
 
 
 def turns(path: Path) -> int:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from navcore.grid import BoolGrid, Cell
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.search.free_space import FreeSpace
-from navcore.search.memory import octile
-from navcore.search.replanner import NOWHERE, Replanner, lengths_left, restring
+from navcore.search.memory import UNIT, octile
+from navcore.search.replanner import NOWHERE, Replanner, alike, restring
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells
 from tests.navcore.test_path import assert_is_a_path
@@ -88,8 +88,8 @@ def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, se
             return
         outcome, expected = plan(blocked, start, goal), np.zeros_like(wire)
         new = outcome.cells if isinstance(outcome, Path) else NOWHERE
-        restring(wire, old, new)
-        restring(expected, NOWHERE, new)
+        restring(wire, old, new, alike(old, new))
+        restring(expected, NOWHERE, new, 0)
         np.testing.assert_array_equal(wire, expected)
         blocked[tuple(some_cells(generator, blocked.shape, 6).T)] = True
         old = new
@@ -113,7 +113,7 @@ def test_a_freed_cell_that_only_opens_a_diagonal_past_it_is_noticed() -> None:
     replanner = Replanner(space)
     first = replanner.plan((0, 0), (5, 5))
     assert isinstance(first, Path)
-    assert octile(0, 1) + octile(5, 4) >= lengths_left(first.cells)[0], "control: a path through the cell itself is no shorter"
+    assert octile(0, 1) + octile(5, 4) > first.length * UNIT - 1, "control: a path through the cell itself is no shorter"
     space.set_cells(np.array([[0, 1]]), False)
     second = replanner.plan((0, 0), (5, 5))
     assert isinstance(second, Path)
