@@ -9,6 +9,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.polyline import metres_along, points_at
+
 Points = npt.NDArray[np.float64]
 
 ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
@@ -32,10 +34,10 @@ def along(
     path: Points, poses: npt.NDArray[np.float64], lookahead_m: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """For each of (A, S, 3) poses: metres gained along the path, metres aside of it, radians askew to it; each (A, S)."""
-    metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    metres = metres_along(path)
     stations = np.linspace(0.0, min(metres[-1], 1.5 * lookahead_m), 32)
-    marks = np.column_stack([np.interp(stations, metres, path[:, axis]) for axis in (0, 1)])
-    ahead = np.column_stack([np.interp(stations + 0.3, metres, path[:, axis]) for axis in (0, 1)]) - marks
+    marks = points_at(path, metres, stations)
+    ahead = points_at(path, metres, stations + 0.3) - marks
     # At the path's end there is nothing ahead: the last direction goes on.
     headings = np.arctan2(ahead[:, 1], ahead[:, 0])
     headings[~ahead.any(axis=1)] = headings[ahead.any(axis=1)][-1] if ahead.any() else 0.0

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.motion import Motion, Outcome
+from navcore.polyline import metres_along, points_at
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.surroundings import Surroundings, coming
 
@@ -90,8 +91,7 @@ def _pairs(max_speed_mps: float, turn_rate_radps: float) -> Floats:
 
 def _ahead(path: Floats, metres: float) -> Floats:
     """(2,) the point of the path so far along it, or its end."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    return np.array([np.interp(metres, along, path[:, axis]) for axis in (0, 1)])
+    return np.asarray(points_at(path, metres_along(path), np.array([metres]))[0])
 
 
 def _way_left(poses: Floats, aim: Floats) -> Floats:

@@ -19,6 +19,7 @@ from navcore.following import follow
 from navcore.manoeuvre import Manoeuvre, steer
 from navcore.motion import ARRIVED, BOXED_IN, LocalRules, Motion, Outcome
 from navcore.near_cells import outside, stands_in
+from navcore.polyline import metres_along
 from navcore.primitives import all_arcs
 from navcore.robot import STANDSTILL, RobotProfile, Twist
 from navcore.surroundings import Surroundings, coming
@@ -236,7 +237,7 @@ DRIFT = 2.0
 
 def _bearing(path_base: Points, lookahead_m: float) -> float:
     """Of the point of the path that lies `lookahead_m` further along it, or of its end."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path_base, axis=0).T))])
+    along = metres_along(path_base)
     carrot = path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)]
     return math.atan2(carrot[1], carrot[0])
 

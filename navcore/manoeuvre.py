@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navcore.polyline import metres_along, points_at
 from navcore.robot import RobotProfile, Twist
 from navcore.search.lattice import CELL_M, FORWARD, REACH_M, STEP_M, TURNING, Ends, cells, cheapest
 from navcore.transform import Pose2, wrap_angle
@@ -88,7 +89,7 @@ def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | Non
     if len(tight.unseen) == 0:
         return None
     # Of what the body would be swept over first, the nearest: with that in the picture, so is what lies behind it.
-    metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    metres = metres_along(path)
     ahead = path[metres <= ON_M]
     apart = np.hypot(*(tight.unseen[:, None] - ahead).transpose(2, 0, 1))
     beside = np.flatnonzero(apart.min(axis=1) < tight.profile.circumscribed_radius_m)
@@ -152,12 +153,9 @@ def steer(manoeuvre: Manoeuvre, pose: Pose2, *, braking_mps2: float) -> tuple[Tw
 
 def _ends(path: Points) -> Ends:
     """Beside the path, in its direction, the farther on the better."""
-    metres = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    metres = metres_along(path)
     stations = np.linspace(0.0, min(metres[-1], ON_M), 32)
-    marks, on = (
-        np.column_stack([np.interp(at, metres, path[:, axis]) for axis in (0, 1)])
-        for at in (stations, np.minimum(stations, max(metres[-1] - 0.3, 0.0)) + 0.3)
-    )
+    marks, on = (points_at(path, metres, at) for at in (stations, np.minimum(stations, max(metres[-1] - 0.3, 0.0)) + 0.3))
     ahead = on - marks
     headings = np.arctan2(ahead[:, 1], ahead[:, 0])
     there = ahead.any(axis=1)

@@ -14,6 +14,7 @@ from navcore.config import NavigatorConfig
 from navcore.grid import GridSpec
 from navcore.local_planner import Points
 from navcore.path import NoPath, Path, Reason
+from navcore.polyline import evenly
 from navcore.robot import RobotProfile
 from navcore.search.bits import Plane
 from navcore.taut import pull_taut
@@ -63,25 +64,18 @@ def lay(
     points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
     kept_m = profile.width_m / 2 + config.safety_margin_m
     wanted_m = profile.circumscribed_radius_m + BAND_M - kept_m
-    track = eased(_evenly(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
+    track = eased(evenly(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
     return Route(
         outcome=outcome,
         points=read_only(points),
         waypoints=read_only(np.vstack([corners[:-1], goal])),
-        track=read_only(_evenly(track, spec.resolution_m)),
+        track=read_only(evenly(track, spec.resolution_m)),
     )
 
 
 def no_route(reason: Reason) -> Route:
     """That there is none, and why."""
     return Route(outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS)
-
-
-def _evenly(corners: Points, spacing_m: float) -> Points:
-    """(K, 2) points along a line of corners, so far apart."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
-    return np.column_stack([np.interp(stations, along, corners[:, axis]) for axis in (0, 1)])
 
 
 def read_only(array: Array) -> Array:

@@ -18,10 +18,12 @@ def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float)
     """(M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
 
     A cell p_i is kept where the angle at it between p_(i−1) − p_i and p_(i+1) − p_i, π on a straight line, is below
-    `max_vertex_angle_rad`. The end of the path is always a waypoint.
+    `max_vertex_angle_rad`, which is less than π. The end of the path is always a waypoint.
     """
-    before, after = path.cells[:-2] - path.cells[1:-1], path.cells[2:] - path.cells[1:-1]
-    lengths = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
-    angles = np.arccos(np.clip((before * after).sum(axis=1) / np.maximum(lengths, 1e-12), -1.0, 1.0))
-    corners = path.cells[1:-1][angles < max_vertex_angle_rad]
+    steps = np.diff(path.cells, axis=0)
+    bends = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1))
+    before, after = -steps[bends], steps[bends + 1]
+    lengths = np.hypot(*before.T) * np.hypot(*after.T)
+    angles = np.arccos(np.clip((before * after).sum(axis=1) / lengths, -1.0, 1.0))
+    corners = path.cells[bends[angles < max_vertex_angle_rad] + 1]
     return spec.centres(np.vstack([corners, path.cells[-1:]]))

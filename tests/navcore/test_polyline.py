@@ -1,0 +1,37 @@
+"""Points along a line, against numpy's interpolation."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.polyline import evenly, metres_along, points_at
+from tests.navcore.laws import law
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@law(60)
+@given(SEEDS, st.integers(1, 12))
+def test_points_at_stations_are_those_that_numpy_interpolates(seed: int, corners: int) -> None:
+    generator = np.random.default_rng(seed)
+    line = generator.uniform(-3, 3, (corners, 2))
+    line = np.repeat(line, generator.integers(1, 3, corners), axis=0)  # a corner may come twice
+    metres = metres_along(line)
+    np.testing.assert_array_equal(metres, np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))]))
+    stations = np.sort(np.concatenate([generator.uniform(-1, metres[-1] + 1, 20), metres]))
+    expected = np.column_stack([np.interp(stations, metres, line[:, axis]) for axis in (0, 1)])
+    np.testing.assert_allclose(points_at(line, metres, stations), expected, rtol=0, atol=1e-12)
+
+
+def test_even_points_keep_the_ends_and_are_no_farther_apart_than_asked_for() -> None:
+    line = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.55]])
+    points = evenly(line, 0.1)
+    np.testing.assert_array_equal(points[[0, -1]], line[[0, -1]])
+    assert len(points) == 17
+    assert np.hypot(*np.diff(points, axis=0).T).max() <= 0.1 + 1e-12
+
+
+def test_a_line_of_one_point_is_that_point_twice() -> None:
+    np.testing.assert_array_equal(evenly(np.array([[2.0, 3.0]]), 0.1), [[2.0, 3.0]] * 2)
