@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 Report = Mapping[str, Any]
+GOAL_RADIUS_M = 0.3
+"""The robot must finally stand this near to a goal, judged from the ground truth."""
 STOPS_FROM_S = 2.0
 """A stop at the end of an episode that is shorter than this is not why it ended."""
 
@@ -36,6 +38,11 @@ def count_causes(reports: Iterable[Report]) -> dict[str, list[int]]:
 def _why_not_there(report: Report) -> str:
     """By how the episode ended: where the robot believed to be there, what held it at the end, else what held it longest."""
     if report["ended"] == "all goals":
+        # Nothing tells the robot where it is but its own odometry, so that after a long way it can be right by that and wrong.
+        by_odometry = report["goal_errors_by_odometry_m"]
+        missed = [goal for goal, error_m in report["goal_errors_m"].items() if error_m > GOAL_RADIUS_M]
+        if missed and all(by_odometry[goal] <= GOAL_RADIUS_M for goal in missed):
+            return "goal missed: odometry had drifted"
         return "goal missed: it stopped beside it"
     stops: Sequence[Mapping[str, Any]] = report["stops"]
     if not stops:

@@ -142,7 +142,9 @@ class Episode:
         self.on_decision: Callable[[float, Decision], None] = lambda t_s, decision: None
         """Told of each tick's outcome, with the simulated time."""
         self.arrived: dict[int, float] = {}
-        """Number of a goal → how far from it the robot truly was when it said that it was there."""
+        """Number of a goal → how far from it the robot truly was when it said that it was there …"""
+        self.believed: dict[int, float] = {}
+        """… and how far by its odometry."""
         self.samples: list[Sample] = []
         """One a second."""
         self.driven: list[tuple[float, float]] = []
@@ -238,8 +240,9 @@ class Episode:
         if decision is not None:
             self.on_decision(self.now_s, decision)
         if goal is not None and goal in self.pilot.intent.mission.reached:
-            pose = self.simulator.true_pose()
-            self.arrived[goal.id] = pose.distance_to(goal.x_m, goal.y_m)
+            truly, believed = self.simulator.true_pose(), self.simulator.odometry()
+            self.arrived[goal.id] = truly.distance_to(goal.x_m, goal.y_m)
+            self.believed[goal.id] = believed.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
         newest = self.simulator.newest_frame()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from app.causes import causes_of
+from app.causes import GOAL_RADIUS_M, causes_of
 from app.ideal_driver import TrueGrids, ideal_way_m
 from navcore.grid import GridSpec
 from navcore.mission import Phase
@@ -16,9 +16,6 @@ from navcore.transform import Pose2
 
 if TYPE_CHECKING:
     from app.episode import Episode
-
-GOAL_RADIUS_M = 0.3
-"""The robot must finally stand this near to a goal, judged from the ground truth."""
 
 
 def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[str, Any]:
@@ -51,6 +48,7 @@ def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[
         "spl": round(share, 4) if everywhere else 0.0,
         "ideal_m": None if ideal_m is None else round(ideal_m, 3),
         "goal_errors_m": {str(goal_id): round(error, 3) for goal_id, error in episode.arrived.items()},
+        "goal_errors_by_odometry_m": {str(goal_id): round(error, 3) for goal_id, error in episode.believed.items()},
         "items": _items(episode),
         "explored_share": _explored_share(episode),
         "replans": len(watch.ms["plan"]),

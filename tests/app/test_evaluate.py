@@ -150,6 +150,8 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "tick_ms": {"p99": 5.0},
         "intruded": {},
         "ended": "all goals",
+        "goal_errors_m": {"1": 0.1},
+        "goal_errors_by_odometry_m": {"1": 0.1},
         "stops": [],
         "items": {"cup": {"there": 1, "seen": 1, "missed": 0, "false": 0}},
         **changes,
@@ -165,16 +167,18 @@ def test_failures_are_sorted_by_their_gravest_cause() -> None:
         made_up(1, collisions=1, contacts=[hit], intruded={"cup": 1}),
         made_up(2, goals_reached=0, ended="time", stops=[held]),
         made_up(3, goals_reached=0, ended="time"),
-        made_up(4, goals_reached=0),
+        made_up(4, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.4}),
         made_up(5, collisions=1, contacts=[hit]),
+        made_up(7, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.1}),
         made_up(6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1),
     ]
-    assert reports[1]["causes"] == ["drove into chair", "over cup"] and reports[6]["causes"] == []
+    assert reports[1]["causes"] == ["drove into chair", "over cup"] and reports[-1]["causes"] == []
     assert count_causes(reports) == {
         "drove into chair": [1, 5],
         "goal not reached: boxed_in": [2],
         "goal not reached: out of time": [3],
         "goal missed: it stopped beside it": [4],
+        "goal missed: odometry had drifted": [7],
     }
 
 
