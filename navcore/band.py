@@ -8,12 +8,15 @@ which the robot turns, and the points hang together: through a door the band goe
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navcore.grid import GridSpec
 from navcore.mask import window
+from navcore.polyline import metres_along
 from navcore.search.bits import Plane, compiled
 
 Points = npt.NDArray[np.float64]
@@ -28,10 +31,12 @@ PUSH, PULL = 0.25, 0.5
 def eased(track: Points, free: Plane, spec: GridSpec, *, stretch_m: float, wanted_m: float) -> Points:
     """(K, 2) the track, metres of the map frame, with more room over its first stretch; its ends stay.
 
-    `free` is the plane of the cells that the robot's middle may be in, `wanted_m` a distance to all others that is room enough.
+    The track's points are evenly apart, by more than half a cell and no more than one. `free` is the plane of the cells that
+    the robot's middle may be in, `wanted_m` a distance to all others that is room enough.
     """
-    steps = np.hypot(*np.diff(track, axis=0).T)
-    count = 1 + int(np.searchsorted(np.cumsum(steps), stretch_m))
+    # Of points a cell or hardly less apart, the stretch is among the first; all of a long track need not be measured.
+    metres = metres_along(track[: 2 + 2 * math.ceil(stretch_m / spec.resolution_m)])
+    count = int(np.searchsorted(metres, stretch_m))
     if count < 3 or wanted_m <= 0:  # a margin may be wider than the circle in which the robot turns
         return track
     wanted, origin = wanted_m / spec.resolution_m, np.array([spec.origin_x_m, spec.origin_y_m])

@@ -21,7 +21,7 @@ def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float)
     `max_vertex_angle_rad`, which is less than π. The end of the path is always a waypoint.
     """
     steps = np.diff(path.cells, axis=0)
-    bends = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1))
+    bends = np.flatnonzero(np.diff(3 * steps[:, 0] + steps[:, 1]))
     before, after = -steps[bends], steps[bends + 1]
     lengths = np.hypot(*before.T) * np.hypot(*after.T)
     angles = np.arccos(np.clip((before * after).sum(axis=1) / lengths, -1.0, 1.0))
