@@ -357,7 +357,9 @@ class CloudMap:
 
     def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:
         """Have a layer for each of these classes."""
-        new = np.setdiff1d(np.flatnonzero(np.bincount(class_ids, minlength=1)), self._class_ids).astype(np.uint8)
+        lacking = np.bincount(class_ids, minlength=256) > 0
+        lacking[self._class_ids] = False
+        new = np.flatnonzero(lacking).astype(np.uint8)
         if len(new):
             self._class_ids = np.concatenate([self._class_ids, new])
             self._planes = np.concatenate([self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)])

@@ -97,15 +97,15 @@ def observe(
     class_ids = labels.class_ids.reshape(-1)[pixels]
     class_ids[: len(geometric)] = NOTHING
     rows, cols = np.divmod(pixels, intrinsics.width)
-    depth = frame.depth_m[rows, cols]
+    depth = frame.depth_m.reshape(-1)[pixels]
     optical = np.column_stack(
         [(cols - intrinsics.cx) * depth / intrinsics.fx, (rows - intrinsics.cy) * depth / intrinsics.fy, depth]
     )
     return Observation(
         points_map=(optical @ camera[:3, :3].T + camera[:3, 3]).astype(np.float32),
         class_ids=class_ids,
-        confidence=np.where(class_ids == NOTHING, np.float32(1), labels.confidence[rows, cols]).astype(np.float32),
-        rgb=frame.rgb[rows, cols],
+        confidence=np.where(class_ids == NOTHING, np.float32(1), labels.confidence.reshape(-1)[pixels]).astype(np.float32),
+        rgb=frame.rgb.reshape(-1, 3)[pixels],
         range_m=depth,
         max_range_m=rules.max_range_m,
         box=looked.box,
