@@ -79,6 +79,8 @@ class FreeSpace:
         """Cells freed since the notes were cleared, as (row << 32 | col)."""
         self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
         """How many cells were freed, however many of them fit into `freed`; how many words of the tripwire were hit."""
+        self.written = (self.across, self.along, self.tripwire, self.freed, self.notes)
+        """What a change of cells reads and writes, in the order in which compiled code takes it."""
 
     @staticmethod
     def of(blocked: BoolGrid) -> FreeSpace:
@@ -107,11 +109,11 @@ class FreeSpace:
             self.across[FREE] = plane
             self.rebuild()
             return
-        _replace(self.across, self.along, self.tripwire, self.freed, self.notes, plane)
+        _replace(*self.written, plane)
 
     def set_cells(self, cells: npt.NDArray[np.int64], blocked: bool) -> None:
         """Block or free the (N, 2) cells (row, col), all of them on the grid."""
-        _set_cells(self.across, self.along, self.tripwire, self.freed, self.notes, cells, blocked)
+        _set_cells(*self.written, cells, blocked)
 
     def contains(self, cell: Cell) -> bool:
         """Whether this is a cell of the grid."""

@@ -59,20 +59,7 @@ class InflatedGrid:
         if radius not in self._radii:
             self._make_room((radius,))
         layer, space = self._radii.index(radius), self.space
-        if not occupy(
-            self._raw,
-            layer,
-            self._halves,
-            cells,
-            occupied,
-            space.rows,
-            space.cols,
-            space.across,
-            space.along,
-            space.tripwire,
-            space.freed,
-            space.notes,
-        ):
+        if not occupy(self._raw, layer, self._halves, cells, occupied, space.rows, space.cols, *space.written):
             self._follow_all()
 
     def _take_fresh(self) -> None:
@@ -102,18 +89,7 @@ class InflatedGrid:
         if len(words) * MANY > space.tripwire.size:
             self._follow_all()
         elif len(words):
-            follow(
-                self._raw,
-                self._halves,
-                words,
-                space.rows,
-                space.cols,
-                space.across,
-                space.along,
-                space.tripwire,
-                space.freed,
-                space.notes,
-            )
+            follow(self._raw, self._halves, words, space.rows, space.cols, *space.written)
 
     def _follow_all(self) -> None:
         space = self.space

@@ -48,8 +48,7 @@ class Replanner:
     was freed is so far off that a path by way of it is no shorter. It is then kept without a search, and so never gives way to
     another of the same length. One replanner a space: it consumes the notes that the space keeps of its changes.
 
-    A frame costs one compiled call, and a second one if there has to be a search: handing arrays on to one takes longer than
-    most of what is done.
+    A frame costs one compiled call, and a second one if there has to be a search.
     """
 
     def __init__(self, space: FreeSpace) -> None:
@@ -171,13 +170,15 @@ def searched(
     """
     # Mostly a little of the path at hand has been found blocked.
     guess = FAR if at < 0 else left[at] + DETOUR
-    status, fresh, _ = search(across, along, sloping, memory, start_row, start_col, goal_row, goal_col, budget, guess, floor)
+    ends = start_row, start_col, goal_row, goal_col
+    status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, guess, floor)
     if status == UNREACHABLE and guess < FAR:
-        status, fresh, _ = search(across, along, sloping, memory, start_row, start_col, goal_row, goal_col, budget, FAR, floor)
+        status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, FAR, floor)
     if status in (FULL, TIMEOUT):
         return status, fresh, left
     if status == FOUND and at >= 0 and notes[1] == 0:
-        back = joined(across, fresh, cells[at:], left[at:])
+        length = (len(fresh) - 1 - diagonal) * UNIT + diagonal * ROOT
+        back = joined(across, fresh, length, cells[at:], left[at:])
         fresh = back if len(back) else fresh
     common = alike(cells, fresh)
     restring(tripwire, cells, fresh, common)
@@ -234,12 +235,9 @@ def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
 
 
 @compiled
-def joined(across: Planes, fresh: Ints, cells: Ints, left: Ints) -> Ints:
-    """The path that leaves `fresh`'s first cell for an early cell of `cells` and follows them; (0, 2) if it is not as short."""
+def joined(across: Planes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
+    """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and follows them; else (0, 2)."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
-    length = 0
-    for index in range(1, len(fresh)):
-        length += octile(fresh[index, 0] - fresh[index - 1, 0], fresh[index, 1] - fresh[index - 1, 1])
     for index in range(len(cells)):
         to_row, to_col = cells[index, 0] + PAD, cells[index, 1] + PAD
         if octile(to_row - row, to_col - col) + left[index] != length:
