@@ -2,10 +2,13 @@
 
 A network knows a thing by its look, and much that stands on the floor has a foot that looks like one. Where much of a region of
 a class has something above it that no thing of the class is as high as, the region is dismissed: what rises above it is an
-obstacle by itself.
+obstacle by itself. From where depth errs too much to tell what is above from what is behind, it is in doubt until it is seen
+from nearer.
 """
 
 from __future__ import annotations
+
+import math
 
 import cv2
 import numpy as np
@@ -13,7 +16,7 @@ import numpy.typing as npt
 
 from navcore.beware import BewareList
 from navcore.frame import Frame
-from navcore.relief import BASELINE_M, DISPARITY_ERROR_PX, MIN_PIXELS, Heights, Mask
+from navcore.relief import MIN_PIXELS, Heights, Mask, depth_error_m
 from navcore.search.bits import compiled
 
 CELL_M, SIDE = 0.05, 240
@@ -28,21 +31,20 @@ CLEARLY_M = 0.08
 """Higher than a thing of the class can be by as much: depth scatters."""
 
 
-def without_overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
-    """(H, W) which pixels keep their class: all but regions of a class with a `max_height_m` that lie under something higher.
+def overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> tuple[Mask, Mask]:
+    """(H, W) pixels of regions of a class with a `max_height_m` that lie under something higher, and of those that may do so.
 
     `heights_m` is of `heights_above_floor`.
     """
-    keep = np.ones(class_ids.shape, dtype=np.bool_)
+    surely, maybe = np.zeros(class_ids.shape, dtype=np.bool_), np.zeros(class_ids.shape, dtype=np.bool_)
     low = [entry for entry in beware.classes if entry.max_height_m is not None and (class_ids == entry.class_id).any()]
     if not low:
-        return keep
+        return surely, maybe
     columns = _columns(frame.depth_m, frame.T_map_camera, _lens(frame))
     for entry in low:
         assert entry.max_height_m is not None
         mask = class_ids == entry.class_id
         tops = _tops(columns, heights_m, mask)
-        tops = np.asarray(cv2.dilate(tops, np.ones((3, 3), dtype=np.uint8)))  # the pixels of what is seen flatly lie far apart
         count, regions, boxes, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
         for region in range(1, count):
             left, top, width, height = boxes[region, :4]
@@ -50,14 +52,16 @@ def without_overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: 
             inside = (regions[window] == region) & np.isfinite(heights_m[window]) & (columns[window] >= 0)
             if int(inside.sum()) < MIN_PIXELS:
                 continue
-            away_m = float(np.median(frame.depth_m[window][inside]))
-            if away_m**2 * DISPARITY_ERROR_PX > UNSURE_M * frame.intrinsics.fx * BASELINE_M:
-                continue
+            errs_m = depth_error_m(float(np.median(frame.depth_m[window][inside])), frame)
+            sure = errs_m <= UNSURE_M
+            # The pixels of what is seen flatly lie far apart: a cell counts with those beside it, as far as depth errs.
+            reach = 1 if sure else math.ceil(errs_m / CELL_M)
+            wide = np.asarray(cv2.dilate(tops, np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)))
             foot_m = max(float(np.percentile(heights_m[window][inside], 10)), 0.0)
-            above = tops.ravel()[columns[window][inside]] > foot_m + entry.max_height_m + CLEARLY_M
+            above = wide.ravel()[columns[window][inside]] > foot_m + entry.max_height_m + CLEARLY_M
             if float(above.mean()) > SHARE:
-                keep[window] &= regions[window] != region
-    return keep
+                (surely if sure else maybe)[window] |= regions[window] == region
+    return surely, maybe
 
 
 def _lens(frame: Frame) -> npt.NDArray[np.float64]:

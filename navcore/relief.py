@@ -161,10 +161,14 @@ def is_flat(inside: Mask, unlabelled: Mask, depth_m: Heights, heights_m: Heights
     return bool(relief_m < threshold_m)
 
 
+def depth_error_m(depth_m: float, frame: Frame) -> float:
+    """Standard error of a depth."""
+    return depth_m * depth_m * DISPARITY_ERROR_PX / (frame.intrinsics.fx * BASELINE_M)
+
+
 def height_error_m(depth_m: float, frame: Frame) -> float:
     """Standard error of the height of a point on the floor: of the depth's error, the part along the vertical."""
-    along_ray = depth_m * depth_m * DISPARITY_ERROR_PX / (frame.intrinsics.fx * BASELINE_M)
-    return along_ray * abs(float(frame.T_map_camera[2, 3])) / depth_m
+    return depth_error_m(depth_m, frame) * abs(float(frame.T_map_camera[2, 3])) / depth_m
 
 
 def _window(box: npt.NDArray[np.int32], shape: tuple[int, ...]) -> tuple[slice, slice]:

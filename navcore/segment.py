@@ -13,8 +13,11 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
-from navcore.overhung import without_overhung
+from navcore.overhung import overhung
 from navcore.relief import Heights, heights_above_floor, without_pictures, without_spills
+
+UNDECIDED = np.float32(0.5)
+"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +72,8 @@ class JointSegmenter:
     A pixel is the network's where it is sure enough of an enabled class; else the colour rule's; else the network's, however
     unsure. A network's region that depth shows to be a flat picture of something with height is dismissed before, and so are
     what spills over the edge of a thing onto the floor behind it (`relief.py`) and the foot of something higher
-    (`overhung.py`). Rules marked `fallback` are for classes that the network does not know.
+    (`overhung.py`); what is too far away to tell whether it is such a foot counts neither for nor against. Rules marked
+    `fallback` are for classes that the network does not know.
     """
 
     def __init__(self, network: Segmenter) -> None:
@@ -81,8 +85,11 @@ class JointSegmenter:
         seen = self._network.segment(frame, beware)
         keep = without_pictures(seen.class_ids, frame, heights_m, beware)
         keep &= without_spills(seen.class_ids, frame)
-        keep &= without_overhung(seen.class_ids, frame, heights_m, beware)
-        real = Labels(class_ids=np.where(keep, seen.class_ids, np.uint8(NOTHING)), confidence=seen.confidence)
+        dismissed, doubtful = overhung(seen.class_ids, frame, heights_m, beware)
+        real = Labels(
+            class_ids=np.where(keep & ~dismissed, seen.class_ids, np.uint8(NOTHING)),
+            confidence=np.where(doubtful, np.minimum(seen.confidence, UNDECIDED), seen.confidence),
+        )
         return joined(real, painted(frame, heights_m, filter(self._by_colour, beware.classes)), beware)
 
     def finds(self, entry: BewareClass) -> Finder:

@@ -17,7 +17,7 @@ from navcore.frame import Frame, Intrinsics
 from navcore.grid import GridSpec
 from navcore.manoeuvre import Tight, manoeuvre_along
 from navcore.navigator import Navigator, Order
-from navcore.overhung import without_overhung
+from navcore.overhung import overhung
 from navcore.relief import heights_above_floor
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.segment import ColourSegmenter, Finder, Labels, Segmenter
@@ -65,7 +65,7 @@ def _warm_kernels() -> None:
     manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
     near_points(_picture(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # ground that rises
     time_to_contact(near_points(frame), Twist(v_mps=0.5, w_radps=0.1), HUSKY)
-    without_overhung(_Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware)
+    overhung(_Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware)
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     free_of(somebody, poses, poses[..., 0].copy(), HUSKY, people)
