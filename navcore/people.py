@@ -16,7 +16,7 @@ from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.segment import Labels
-from navcore.sightings import CELL_M, Cells, Cluster, Ground, looks_at
+from navcore.sightings import CELL_M, Cells, Cluster, Ground, cells_within, looks_at
 from navcore.terrain import Image
 
 PERSON = "person"
@@ -60,6 +60,9 @@ class PeopleTracker:
             if one.walks:
                 self._trail += [*one.on_map, one.cells]
                 one.on_map = []
+                if frame.stamp_ns - one.seen_ns < UNSEEN_S * 1e9:
+                    # A leg at the border of the picture is too little to be told for him, and yet on the map.
+                    self._trail.append(cells_within(one.x_m, one.y_m, one.radius_m))
         return tuple(one.track(frame.stamp_ns) for one in self._followed if one.is_person)
 
     def trail(self, spec: GridSpec) -> npt.NDArray[np.int64]:
@@ -113,6 +116,11 @@ class PeopleTracker:
         if all(looks_at(frame, *at, one.radius_m) for at in places):
             return unseen_s >= UNSEEN_S
         return unseen_s >= (ELSEWHERE_S if one.walks else STAYS_S)
+
+
+def people_ids(beware: BewareList) -> list[int]:
+    """Class ids of the list's people; empty where it has none."""
+    return [entry.class_id for entry in beware.classes if entry.name == PERSON]
 
 
 def _named(labels: Labels, beware: BewareList) -> npt.NDArray[np.bool_]:

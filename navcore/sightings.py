@@ -124,14 +124,20 @@ class Ground:
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
         """Whether the newest frame shows floor (nearly) everywhere within a disc of the map frame."""
-        reach = math.ceil(radius_m / CELL_M)
-        row, col = math.floor(y_m / CELL_M), math.floor(x_m / CELL_M)
-        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
-        within = np.hypot((rows + 0.5) * CELL_M - y_m, (cols + 0.5) * CELL_M - x_m) < radius_m
-        return float((self._free_s[rows % SIDE, cols % SIDE][within] == now_s).mean()) >= NEARLY
+        rows, cols = cells_within(x_m, y_m, radius_m).T
+        return float((self._free_s[rows % SIDE, cols % SIDE] == now_s).mean()) >= NEARLY
 
 
 _FIXED, _LOOSE, _FRESH = range(1, 4)
+
+
+def cells_within(x_m: float, y_m: float, radius_m: float) -> Cells:
+    """(K, 2) row and column of the cells whose centre lies within a disc of the map frame."""
+    reach = math.ceil(radius_m / CELL_M)
+    row, col = math.floor(y_m / CELL_M), math.floor(x_m / CELL_M)
+    rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
+    within = np.hypot((rows + 0.5) * CELL_M - y_m, (cols + 0.5) * CELL_M - x_m) < radius_m
+    return np.column_stack([rows[within], cols[within]])
 
 
 def looks_at(frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:

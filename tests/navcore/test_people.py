@@ -224,7 +224,7 @@ def test_a_jump_of_the_clock_forgets_everybody() -> None:
     assert follow(tracker, picture(somebody(2.0, 0.1), stamp_ns=100 * TENTH_NS)) == ()
 
 
-def occupied_after_he_left(*, tracked: bool) -> int:
+def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -> int:
     """Cells held where somebody walked, when the camera turned away while he was still there and a second has passed."""
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     if not tracked:
@@ -232,8 +232,10 @@ def occupied_after_he_left(*, tracked: bool) -> int:
     order = Order(goal=None, beware=NO_LIST, zones=())
     for k in range(12):
         navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
+    if at_the_end:
+        navigator.tick(picture(*at_the_end, stamp_ns=15 * TENTH_NS), order)
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
-    for k in range(12, 22):
+    for k in range(16, 26):
         decision = navigator.tick(picture(pose=away, stamp_ns=k * TENTH_NS), order)
     (row, left), (_, right) = SPEC.cell(1.8, -1.1), SPEC.cell(2.6, -1.1)
     return int(decision.occupancy.grid.geometric[row : row + 52, left:right].sum())
@@ -242,6 +244,13 @@ def occupied_after_he_left(*, tracked: bool) -> int:
 def test_somebody_who_walked_leaves_no_ghost_on_the_map_though_the_camera_looked_away() -> None:
     assert occupied_after_he_left(tracked=True) == 0
     assert occupied_after_he_left(tracked=False) > 5  # the control: without the tracker he would stand there for ever
+
+
+def test_nor_does_the_leg_that_is_all_a_picture_shows_of_him() -> None:
+    leg = Box(x=(2.1, 2.2), y=(0.66, 0.74), z=(0.0, 0.4))
+    assert occupied_after_he_left(tracked=True, at_the_end=(leg,)) == 0
+    beside = Box(x=(2.1, 2.2), y=(-0.84, -0.76), z=(0.0, 0.4))
+    assert occupied_after_he_left(tracked=True, at_the_end=(beside,)) > 0, "what is too far from him to be his stays"
 
 
 def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map() -> None:
