@@ -1,35 +1,48 @@
-"""A way that only the safety margin closes is looked at from nearer before the robot believes that it is closed.
+"""A way that only the safety margin or somebody closes is looked at from nearer before the robot believes that it is closed.
 
-From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured anew. So where there is no
-path, the robot goes to the mouth of the gap that least is missing of: of all ways that its body fits through without the safety
-margin, the one with the fewest cells that the margin closes. It enters none of them. Where it stands among such cells already,
-they may be left to any side.
+From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured anew. And who stood in the
+way when the robot turned from him may have walked on. So where there is no path, the robot goes to the mouth of the gap that
+least is missing of: of all ways that its body would fit through without the safety margin and without anybody there, the one
+with the fewest cells that margin or people close. It enters none of them. Where it stands among such cells already, they may be
+left to any side.
 """
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Collection
+
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid import BoolGrid, Cell, inflate_layers
+from navcore.grid import BoolGrid, Cell, OccupancyGrid, inflate, inflate_layers
 from navcore.occupancy import Occupancy
 from navcore.path import Path, plan
 from navcore.search.bits import compiled
 
 Ints = npt.NDArray[np.int32]
 FREE, CLOSED, SOLID = np.uint8(0), np.uint8(1), np.uint8(2)
-"""May be entered; only the margin forbids it; the body does not fit in."""
+"""May be entered; only the margin forbids it, or somebody who stood there; the body does not fit in."""
+BODY_CELLS = 3
+"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
 
 
 def towards(
-    occupancy: Occupancy, start: Cell, goal: Cell, *, vehicle_width_m: float, relief_cells: float, max_expansions: int
+    occupancy: Occupancy,
+    start: Cell,
+    goal: Cell,
+    *,
+    people: Collection[int] = (),
+    vehicle_width_m: float,
+    relief_cells: float,
+    max_expansions: int,
 ) -> Path | None:
     """The shortest path to where the robot has to look closer; None where there is nothing to be gained by going.
 
     `start` is the robot's cell and may be closed: free cells within `relief_cells` of it count as beside it. Layers and zones
-    keep their own margins.
+    keep their own margins, but for the layers of `people`, class ids, which somebody who walks on leaves.
     """
-    tight = inflate_layers(occupancy.grid, vehicle_width_m=vehicle_width_m, safety_margin_m=0.0)
+    tight = inflate_layers(_deserted(occupancy.grid, people), vehicle_width_m=vehicle_width_m, safety_margin_m=0.0)
     kinds = np.where(tight, SOLID, np.where(occupancy.blocked, CLOSED, FREE))
     seeds = _beside(start, occupancy.blocked, relief_cells)
     if not len(seeds):
@@ -40,6 +53,17 @@ def towards(
     begin, end = (divmod(int(cell), kinds.shape[1]) for cell in (first, last))
     path = plan(occupancy.blocked, begin, end, max_expansions=max_expansions)
     return path if isinstance(path, Path) else None
+
+
+def _deserted(grid: OccupancyGrid, people: Collection[int]) -> OccupancyGrid:
+    """The same without people, as far as they are known to be some."""
+    bodies = [layer for class_id, layer in grid.beware.items() if class_id in people and layer.any()]
+    if not bodies:
+        return grid
+    others = {class_id: layer for class_id, layer in grid.beware.items() if class_id not in people}
+    return dataclasses.replace(
+        grid, geometric=grid.geometric & ~inflate(np.logical_or.reduce(bodies), BODY_CELLS), beware=others
+    )
 
 
 def _beside(start: Cell, blocked: BoolGrid, relief_cells: float) -> Ints:

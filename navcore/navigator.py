@@ -22,7 +22,7 @@ from navcore.motion import IDLE, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
-from navcore.people import PERSON, PeopleTracker
+from navcore.people import PeopleTracker, people_ids
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile, Twist
@@ -130,8 +130,7 @@ class Navigator:
         self._tread(frame.pose)
         seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
         self.map.insert(seen, frame, labels)
-        people = [entry.class_id for entry in order.beware.classes if entry.name == PERSON]
-        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
+        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people_ids(order.beware)])
         self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:
@@ -151,32 +150,35 @@ class Navigator:
             return None
         key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
         if self._route is None or self._route[0] != key:
-            route = self.way_out(occupancy, pose) if order.goal is None else self.plan(occupancy, pose, order.goal)
+            route = (
+                self.way_out(occupancy, pose) if order.goal is None else self.plan(occupancy, pose, order.goal, order.beware)
+            )
             self._route = (key, route)
             if isinstance(route.outcome, Path):
                 self._was_open = order.goal
         return self._route[1]
 
-    def plan(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """The shortest path from a pose to a goal over the present map."""
+    def plan(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float], beware: BewareList) -> Route:
+        """The shortest path from a pose to a goal over the present map, which follows the list."""
         start = self._start(occupancy, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space = self._occupancy.space
         outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
         if outcome == NoPath(reason=Reason.UNREACHABLE):
-            return self._nearer(occupancy, pose, goal) or self._laid(outcome, goal, space.across[FREE])
+            return self._nearer(occupancy, pose, goal, beware) or self._laid(outcome, goal, space.across[FREE])
         if outcome == NoPath(reason=Reason.GOAL_BLOCKED) and self._was_open == goal and pose.distance_to(*goal) > _LOOK_M:
             return self._beside(occupancy, start, goal) or self._laid(outcome, goal, space.across[FREE])
         return self._laid(outcome, goal, space.across[FREE])
 
-    def _nearer(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route | None:
+    def _nearer(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float], beware: BewareList) -> Route | None:
         """No path, but a way to where it may look open from nearer; None where there is none, or the robot is there."""
         spec = self.map.spec
         path = towards(
             occupancy,
             spec.cell(pose.x_m, pose.y_m),
             spec.cell(*goal),
+            people=people_ids(beware),
             vehicle_width_m=self._profile.width_m,
             relief_cells=self._config.start_relief_m / spec.resolution_m,
             max_expansions=self._config.plan_budget,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
 from navcore.frame import Frame
-from navcore.people import PERSON
+from navcore.people import people_ids
 from navcore.segment import Labels
 
 RANGE_M = 5.0
@@ -46,10 +46,9 @@ class Recognised:
 def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Recognised, ...]:
     """The regions that bind the robot, the largest first; without those of too little measured depth, and without people."""
     binding = labels.mask(beware)
-    walking = [entry.class_id for entry in beware.classes if entry.name == PERSON]
     found: list[tuple[int, int, npt.NDArray[np.bool_]]] = []
     for class_id in np.unique(labels.class_ids[binding]):
-        if class_id in (NOTHING, *walking):
+        if class_id in (NOTHING, *people_ids(beware)):
             continue
         mask = (binding & (labels.class_ids == class_id)).view(np.uint8)
         count, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ from tests.navcore.scene import RED_LIST, picture
 
 SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.05)
 MARGIN_M = NavigatorConfig().safety_margin_m
+PERSON, BOX = 11, 6
 WALL_X_M, GAP_M = 2.0, 0.9
 """Wider than the Husky, narrower than the Husky with its margin on either side."""
 
@@ -33,13 +36,15 @@ def wall(gap_m: float) -> BoolGrid:
     return cells
 
 
-def occupancy(geometric: BoolGrid | None = None, zones: BoolGrid | None = None) -> Occupancy:
+def occupancy(
+    geometric: BoolGrid | None = None, zones: BoolGrid | None = None, beware: Mapping[int, BoolGrid] | None = None
+) -> Occupancy:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     grid = OccupancyGrid(
         spec=SPEC,
         geometric=nothing if geometric is None else geometric,
-        beware={},
-        margins_m={},
+        beware={} if beware is None else beware,
+        margins_m={PERSON: 0.2},
         zones=nothing if zones is None else zones,
         wide_zones=(),
     )
@@ -48,7 +53,9 @@ def occupancy(geometric: BoolGrid | None = None, zones: BoolGrid | None = None) 
 
 def approach(known: Occupancy, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
-    return towards(known, start, goal, vehicle_width_m=HUSKY.width_m, relief_cells=12.0, max_expansions=100_000)
+    return towards(
+        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0, max_expansions=100_000
+    )
 
 
 @pytest.mark.parametrize("y_m", [0.0, 2.5, -3.0])
@@ -79,6 +86,22 @@ def test_a_zone_is_no_gap_however_thin() -> None:
     zone = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     zone[:, SPEC.cell(WALL_X_M, 0.0)[1]] = True
     assert approach(occupancy(zones=zone), -2.0) is None
+
+
+@pytest.mark.parametrize(("class_id", "goes"), [(PERSON, True), (BOX, False)])
+def test_who_stood_in_a_door_may_have_walked_on_but_no_thing_has(class_id: int, goes: bool) -> None:
+    cells, somebody = wall(1.2), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    row, col = SPEC.cell(WALL_X_M, 0.0)
+    somebody[row - 4 : row + 4, col - 4 : col + 4] = True
+    rim = somebody.copy()
+    rim[row - 6 : row + 6, col - 6 : col + 6] = True  # of what stands there a picture names a part
+    known = occupancy(cells | rim, beware={class_id: somebody})
+    path = approach(known, -2.0)
+    assert (path is not None) == goes
+    if path is not None:
+        assert not known.blocked[path.cells[:, 0], path.cells[:, 1]].any()
+        x, y = SPEC.centre(*(int(at) for at in path.cells[-1]))
+        assert WALL_X_M - 1.1 < x < WALL_X_M and abs(y) < 0.5
 
 
 def test_at_the_gap_there_is_nothing_more_to_be_gained() -> None:
