@@ -62,7 +62,7 @@ class PeopleTracker:
                 one.on_map = []
                 if frame.stamp_ns - one.seen_ns < UNSEEN_S * 1e9:
                     # A leg at the border of the picture is too little to be told for him, and yet on the map.
-                    self._trail.append(cells_within(one.x_m, one.y_m, one.radius_m))
+                    self._trail.append(self._ground.newly_held(cells_within(one.x_m, one.y_m, one.radius_m), now_s))
         return tuple(one.track(frame.stamp_ns) for one in self._followed if one.is_person)
 
     def trail(self, spec: GridSpec) -> npt.NDArray[np.int64]:

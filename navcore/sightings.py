@@ -116,6 +116,11 @@ class Ground:
         slots = cells[:, 0] % SIDE, cells[:, 1] % SIDE
         self._held_s[slots] = np.where(np.isinf(self._held_s[slots]), np.inf, now_s)
 
+    def newly_held(self, cells: Cells, now_s: float) -> Cells:
+        """(N, 2) those of the cells (K, 2) that hold something, and have not for long."""
+        since_s = now_s - self._held_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE]
+        return cells[(since_s >= 0) & (since_s < FIXED_S)]
+
     def loose_about(self, cells: Cells, now_s: float) -> Cells:
         """(N, 2) the cells (K, 2) and those beside them, without what stands there for good."""
         beside = np.argwhere(np.ones((3, 3))) - 1

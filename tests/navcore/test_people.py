@@ -253,7 +253,8 @@ def test_nor_does_the_leg_that_is_all_a_picture_shows_of_him() -> None:
     assert occupied_after_he_left(tracked=True, at_the_end=(beside,)) > 0, "what is too far from him to be his stays"
 
 
-def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map() -> None:
+@pytest.mark.parametrize("x_m", [2.3, 2.65])
+def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map(x_m: float) -> None:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     order = Order(goal=None, beware=NO_LIST, zones=())
     wall = Box(x=(2.9, 3.0), y=(-4.0, 4.0), z=(0.0, 2.0))
@@ -261,12 +262,12 @@ def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_t
         navigator.tick(picture(wall, stamp_ns=k * TENTH_NS), order)
     held = int(navigator.map.grid(NO_LIST, ()).geometric.sum())
     for k in range(25, 37):
-        decision = navigator.tick(picture(wall, somebody(2.3, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order)
+        decision = navigator.tick(picture(wall, somebody(x_m, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order)
     assert len(decision.people) == 1
     assert int(decision.occupancy.grid.geometric.sum()) > 0.9 * held
     for k in range(37, 60):
-        decision = navigator.tick(picture(wall, somebody(2.3, 0.08), stamp_ns=k * TENTH_NS), order)
-    (row, col) = SPEC.cell(2.2, 0.08)
+        decision = navigator.tick(picture(wall, somebody(x_m, 0.08), stamp_ns=k * TENTH_NS), order)
+    (row, col) = SPEC.cell(x_m - 0.1, 0.08)
     assert decision.occupancy.grid.geometric[row - 4 : row + 4, col - 2 : col + 3].any()
 
 
