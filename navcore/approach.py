@@ -10,11 +10,13 @@ left to any side.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 
 import numpy as np
 import numpy.typing as npt
 
+from navcore.cloud_map import BODY_M
 from navcore.grid import BoolGrid, Cell, OccupancyGrid, inflate, inflate_layers
 from navcore.occupancy import Occupancy
 from navcore.path import Path, plan
@@ -23,8 +25,6 @@ from navcore.search.bits import compiled
 Ints = npt.NDArray[np.int32]
 FREE, CLOSED, SOLID = np.uint8(0), np.uint8(1), np.uint8(2)
 """May be entered; only the margin forbids it, or somebody who stood there; the body does not fit in."""
-BODY_CELLS = 3
-"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
 
 
 def towards(
@@ -61,9 +61,8 @@ def _deserted(grid: OccupancyGrid, people: Collection[int]) -> OccupancyGrid:
     if not bodies:
         return grid
     others = {class_id: layer for class_id, layer in grid.beware.items() if class_id not in people}
-    return dataclasses.replace(
-        grid, geometric=grid.geometric & ~inflate(np.logical_or.reduce(bodies), BODY_CELLS), beware=others
-    )
+    whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / grid.spec.resolution_m))
+    return dataclasses.replace(grid, geometric=grid.geometric & ~whole, beware=others)
 
 
 def _beside(start: Cell, blocked: BoolGrid, relief_cells: float) -> Ints:

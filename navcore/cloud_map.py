@@ -16,7 +16,7 @@ follows the map pays for what changed and not for its size.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +28,10 @@ from navcore.errors import BadConfiguration
 from navcore.evidence import first_look, weigh
 from navcore.explored import Explored
 from navcore.frame import Frame
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
 from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in, refresh_planes
 from navcore.map_state import MapState
-from navcore.mask import Mask
+from navcore.mask import Mask, window
 from navcore.points import Observation
 from navcore.search.bits import Plane, empty_plane, unpack
 from navcore.search.free_space import MOST_CELLS, Planes
@@ -42,8 +42,12 @@ from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M, Box
 from navcore.zones import Zone, cells_of
 
 Indices = npt.NDArray[np.int64]
+Points = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
 
 
+BODY_M = 0.15
+"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
 FLOOR_M = 0.05
 """What is measured within this height shows the floor …"""
 FLOOR_BINS = np.uint64(sum(1 << level for level in range(HEIGHT_BINS) if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M))
@@ -130,12 +134,32 @@ class CloudMap:
 
     def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
         """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody walked."""
-        kinds = np.zeros(256, dtype=np.bool_)
-        kinds[list(class_ids)] = True
-        gone = points_in(self._points.first, self._points.records, cells, kinds)
+        gone = points_in(self._points.first, self._points.records, cells, _kinds(class_ids))
         if len(gone):
             self._points.remove(gone)
             self.version += self._refresh(cells)
+
+    def forget_afloat(self, box: Box, is_bare: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
+        """Give up what is left of people who have gone: their points, `class_ids`, and the obstacles within `BODY_M` of them.
+
+        Only within a box of the grid where `is_bare`, of (N, 2) places of the map frame, says that the frame shows the floor
+        and nothing above it, and where all of what is held would be in the picture: behind what floats in the air depth may
+        see nothing at all, to whatever distance.
+        """
+        class_ids = list(class_ids)
+        bodies = [window(plane, *box) for plane in map(self.plane, class_ids) if plane is not None]
+        if not any(body.any() for body in bodies):
+            return
+        whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
+        cells = np.argwhere(whole) + box[:2]
+        cells = cells[is_bare(self.spec.centres(cells))]
+        flat = cells[:, 0] * self.spec.cols + cells[:, 1]
+        indices = points_in(self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids]))
+        held = self._points.records[indices]
+        outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
+        gone = ~np.isin(held["cell"], outside)
+        self._points.remove(indices[gone])
+        self.version += self._refresh(np.unique(held["cell"][gone]).astype(np.int64))
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
@@ -392,3 +416,10 @@ class CloudMap:
             newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
             self._points.remove(coarse_doubles(self._points.records, self._points.count, self._points.first, newest))
         self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
+
+
+def _kinds(class_ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+    """(256,) which classes are meant."""
+    kinds = np.zeros(256, dtype=np.bool_)
+    kinds[list(class_ids)] = True
+    return kinds

@@ -58,6 +58,15 @@ class Frame:
         """(4, 4) where the camera was."""
         return self.pose.matrix() @ self.T_base_camera
 
+    def shows(self, points_map: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+        """(N,) which of (N, 3) points of the map frame lie within the picture, whether or not something hides them."""
+        camera, lens = self.T_map_camera, self.intrinsics
+        x, y, z = ((points_map - camera[:3, 3]) @ camera[:3, :3] * (lens.fx, lens.fy, 1.0)).T
+        cols, rows = x + lens.cx * z, y + lens.cy * z
+        return np.asarray(
+            (z > 0) & (cols >= 0) & (cols <= (lens.width - 1) * z) & (rows >= 0) & (rows <= (lens.height - 1) * z)
+        )
+
 
 def check_frame(frame: Frame) -> None:
     """Raise `BadFrame` when a frame must not enter the map; it names what is wrong with it."""

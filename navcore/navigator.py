@@ -130,7 +130,9 @@ class Navigator:
         self._tread(frame.pose)
         seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
         self.map.insert(seen, frame, labels)
-        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people_ids(order.beware)])
+        people = people_ids(order.beware)
+        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
+        self.map.forget_afloat(seen.box, self._tracker.is_bare, people, frame)
         self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: Order) -> Occupancy:

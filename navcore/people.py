@@ -78,6 +78,10 @@ class PeopleTracker:
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
         return np.unique((rows * spec.cols + cols)[inside])
 
+    def is_bare(self, places: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """(N,) at which of (N, 2) places of the map frame nobody stands: the newest frame shows their floor."""
+        return self._ground.is_bare(places)
+
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
         """Each cluster to the nearest that is followed, known people first; what is left over is followed from now on."""
         pairs = sorted(

@@ -87,6 +87,7 @@ class Ground:
         self._owner: Cells = np.full((SIDE, SIDE), -1, dtype=np.int64)
         self._free_s: Floats = np.full((SIDE, SIDE), -np.inf)
         self._held_s: Floats = np.full((SIDE, SIDE), np.inf)
+        self._now_s = -np.inf
 
     def look(self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None) -> list[Cluster]:
         """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person.
@@ -102,6 +103,7 @@ class Ground:
         # Floor beside something may be its foot, scattered: only what lies amid floor is surely free.
         floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
         amid = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
+        self._now_s = now_s
         _recall(counts, floor, amid, origin, now_s, self._owner, self._free_s, self._held_s, kinds)
         loose = ((kinds == _LOOSE) | (kinds == _FRESH)).view(np.uint8)
         eye, focal = t[:2, 3], lens.fx * lens.fy / 2
@@ -126,6 +128,14 @@ class Ground:
         beside = np.argwhere(np.ones((3, 3))) - 1
         wide = np.unique((cells[:, None] + beside[None]).reshape(-1, 2), axis=0)
         return np.asarray(wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S])
+
+    def is_bare(self, places: Floats) -> npt.NDArray[np.bool_]:
+        """(N,) at which of (N, 2) places of the map frame the newest frame shows floor amid floor, and nothing above it.
+
+        They lie no farther from the camera than the grid reaches.
+        """
+        rows, cols = np.floor(places[:, ::-1] / CELL_M).astype(np.int64).T
+        return np.asarray(self._free_s[rows % SIDE, cols % SIDE] == self._now_s)
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
         """Whether the newest frame shows floor (nearly) everywhere within a disc of the map frame."""

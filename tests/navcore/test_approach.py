@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 from navcore.approach import towards
+from navcore.beware import BewareClass, BewareList
 from navcore.config import NavigatorConfig
+from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.motion import Outcome
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter
+from navcore.segment import ColourSegmenter, Finder, Labels
 from navcore.transform import Pose2
-from tests.navcore.scene import RED_LIST, picture
+from tests.navcore.scene import RED_LIST, Box, picture
+from tests.navcore.test_relief import PINK
 
 SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.05)
 MARGIN_M = NavigatorConfig().safety_margin_m
@@ -131,3 +134,38 @@ def test_the_navigator_drives_there_and_says_that_there_is_no_path() -> None:
     decision = navigator.tick(picture(pose=there, stamp_ns=100_000_000), order)
     assert decision.route is not None and len(decision.route.points) == 0
     assert decision.motion.outcome is Outcome.IDLE
+
+
+class SeesPeople:
+    """A network that takes everything pink for a person."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        pink = (frame.rgb == PINK).all(axis=2)
+        return Labels(class_ids=np.where(pink, np.uint8(PERSON), np.uint8(0)), confidence=np.full(pink.shape, 0.95, np.float32))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        return Finder.NETWORK
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_then_drives_on(measured: bool) -> None:
+    """`measured`: whether depth is there behind him."""
+    beware = BewareList(classes=(BewareClass(name="person", class_id=PERSON, margin_m=0.2),))
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+    navigator.map.load_prior(wall(1.2))
+    order = Order(goal=(4.0, 0.0), beware=beware, zones=())
+    walls = [Box(x=(2.0, 2.2), y=y, z=(0.0, 2.0)) for y in ((-4.0, -0.6), (0.6, 4.0))]
+    if measured:
+        walls.append(Box(x=(5.0, 5.1), y=(-4.0, 4.0), z=(0.0, 2.5)))
+    somebody = Box(x=(1.95, 2.25), y=(-0.25, 0.25), z=(0.0, 1.75), colour=PINK)
+    before = Pose2(x_m=-0.5, y_m=0.0, yaw_rad=0.0)
+    for tick in range(5):
+        decision = navigator.tick(picture(*walls, somebody, pose=before, stamp_ns=tick * 100_000_000), order)
+    aside = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)
+    decision = navigator.tick(picture(*walls, pose=aside, stamp_ns=600_000_000), order)
+    assert decision.route is not None and decision.route.outcome == NoPath(reason=Reason.UNREACHABLE)
+    assert 0.5 < decision.route.points[-1, 0] < 1.6 and abs(decision.route.points[-1, 1]) < 0.6
+    near = Pose2(x_m=-1.0, y_m=0.0, yaw_rad=0.0)
+    for tick in range(7, 12):
+        decision = navigator.tick(picture(*walls, pose=near, stamp_ns=tick * 100_000_000), order)
+    assert decision.route is not None and isinstance(decision.route.outcome, Path)

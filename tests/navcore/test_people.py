@@ -15,7 +15,7 @@ from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
 from navcore.people import PERSON, PeopleTracker
 from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter, Labels
+from navcore.segment import ColourSegmenter, Finder, Labels
 from navcore.sightings import Cluster
 from navcore.transform import Pose2
 from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
@@ -38,6 +38,21 @@ def somebody(x_m: float, y_m: float) -> Box:
 
 def unlabelled(frame: Frame) -> Labels:
     return Labels(class_ids=np.zeros(frame.depth_m.shape, np.uint8), confidence=np.ones(frame.depth_m.shape, np.float32))
+
+
+class SeesPeople:
+    """A network that takes what stands before it, up to 3 m away and no board, for people."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        camera, lens = frame.T_map_camera, frame.intrinsics
+        rows, cols = np.mgrid[0 : lens.height, 0 : lens.width]
+        optical = np.stack([(cols - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1)
+        points = optical * frame.depth_m[..., None] @ camera[:3, :3].T + camera[:3, 3]
+        theirs = (frame.depth_m > 0) & (points[..., 0] < 3.0) & (points[..., 1] < 0.4) & (points[..., 2] > 0.03)
+        return Labels(class_ids=np.where(theirs, np.uint8(11), np.uint8(0)), confidence=np.full(theirs.shape, 0.95, np.float32))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        return Finder.NETWORK
 
 
 def follow(tracker: PeopleTracker, frame: Frame) -> tuple[Track, ...]:
@@ -269,6 +284,39 @@ def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_t
         decision = navigator.tick(picture(wall, somebody(x_m, 0.08), stamp_ns=k * TENTH_NS), order)
     (row, col) = SPEC.cell(x_m - 0.1, 0.08)
     assert decision.occupancy.grid.geometric[row - 4 : row + 4, col - 2 : col + 3].any()
+
+
+def test_nobody_floats_but_a_board_may() -> None:
+    """Who has gone is off the map when the floor there is seen, though nothing is measured behind him; a thing is not."""
+    board = Box(x=(2.6, 2.7), y=(0.5, 1.2), z=(0.7, 0.8))
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+    order = Order(goal=None, beware=WITH_PEOPLE, zones=())
+    for k in range(20):
+        decision = navigator.tick(picture(board, somebody(2.6, -0.2), stamp_ns=k * TENTH_NS), order)
+    (row, left), (_, right) = SPEC.cell(2.4, -0.5), SPEC.cell(2.8, -0.5)
+    there, floats = np.s_[row : row + 12, left:right], np.s_[row + 20 : row + 34, left:right]
+    held = int(decision.occupancy.grid.geometric[floats].sum())
+    assert decision.occupancy.grid.beware[11][there].sum() > 4 and held > 4
+    for k in range(20, 24):
+        empty = picture(stamp_ns=k * TENTH_NS)
+        decision = navigator.tick(empty, order)
+    assert (empty.depth_m[:20] == 0).all(), "no depth where his head was"
+    assert decision.occupancy.grid.geometric[there].sum() == decision.occupancy.grid.beware[11][there].sum() == 0
+    # What the picture does show to be gone goes; the rest of the board, before which there is no depth, stays.
+    assert 0 < decision.occupancy.grid.geometric[floats].sum() <= held
+
+
+def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_and_shows_the_floor_at_his_feet() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+    order = Order(goal=None, beware=WITH_PEOPLE, zones=())
+    legs = [Box(x=(1.95, 2.05), y=y, z=(0.0, 1.0)) for y in ((-0.14, -0.06), (0.06, 0.14))]
+    body = Box(x=(1.88, 2.12), y=(-0.44, 0.36), z=(1.0, 1.75))
+    for k, x_m in enumerate((0.0, 0.0, 0.0, 0.0, 0.3, 0.6, 0.9)):
+        frame = picture(*legs, body, pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), stamp_ns=k * TENTH_NS)
+        decision = navigator.tick(frame, order)
+    (row, left), (_, right) = SPEC.cell(1.8, -0.5), SPEC.cell(2.2, -0.5)
+    rows = np.flatnonzero(decision.occupancy.grid.beware[11][row : row + 20, left:right].any(axis=1))
+    assert rows.max() - rows.min() >= 14, "with his arms"
 
 
 def test_the_mount_of_these_pictures_sees_a_person_whole_enough() -> None:
