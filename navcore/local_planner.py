@@ -189,9 +189,10 @@ def _turn(near: Surroundings, bearing: float, *, either_way: bool = True) -> Mot
 
 def _back_off(near: Surroundings, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly, over ground that was seen or driven before."""
-    curvatures, poses = arcs()
+    near, (curvatures, poses) = near.without_what_it_backs_from(), arcs()
     behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
     reach = ((near.clear(behind) > near.padding_m) & near.looked_at(behind)).sum(axis=1)
+    reach[np.abs(curvatures) * near.profile.width_m / 2 >= 1] = 0  # in so tight a bend a corner of its front goes forward
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
         return BOXED_IN

@@ -36,12 +36,17 @@ class Surroundings:
     ) -> None:
         self.profile, self.rules, self.people, self.manners = profile, rules, people, manners
         self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
-        here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
-        # The padding asked for, or what there is: the robot may leave a tight place but not make it tighter. Never nothing:
-        # between two sampled poses of an arc a corner of the body bulges out by some millimetres.
-        self.padding_m = float(np.clip(here - 0.002, 0.005, max(rules.padding_m, 0.005)))
+        self.padding_m = self._padding_m()
         # A thing may fill an unseen cell to its rim; where the body is nearer to one already, it must not come nearer yet.
         self.veil_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
+
+    def _padding_m(self) -> float:
+        """The padding asked for, or what there is: the robot may leave a tight place but not make it tighter.
+
+        Never nothing: between two sampled poses of an arc a corner of the body bulges out by some millimetres.
+        """
+        here = float(self.clear(np.zeros((1, 1, 3)))[0, 0])
+        return float(np.clip(here - 0.002, 0.005, max(self.rules.padding_m, 0.005)))
 
     def clear(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """(A, S) room left to the nearest obstacle on the way to each of (A, S, 3) poses, in metres, at most about `FAR_M`."""
@@ -99,6 +104,17 @@ class Surroundings:
         about = copy.copy(self)
         about.people, about._obstacles, about._unseen = self.people.turned_about(), -self._obstacles, -self._unseen
         return about
+
+    def without_what_it_backs_from(self) -> Surroundings:
+        """The same place without what the body touches before its front, from which reversing only leads away.
+
+        Such a thing has come up there by itself: somebody drew a zone, or the camera saw only now what it is.
+        """
+        away = copy.copy(self)
+        touched = ~outside(self._obstacles, self.profile, self._reach_m + 0.007)
+        away._obstacles = self._obstacles[~(touched & (self._obstacles[:, 0] > self.profile.length_m / 2))]
+        away.padding_m = away._padding_m()
+        return away
 
     def without_people(self) -> Surroundings:
         """The same place with nobody walking about."""

@@ -272,6 +272,16 @@ def test_a_zone_is_as_hard_as_a_wall(rules: LocalRules) -> None:
     assert differ > 10
 
 
+@pytest.mark.parametrize("y_m", [-0.33, 0.0, 0.2])
+def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: float) -> None:
+    """A class with a margin, seen only from nearby: its cells touch the body and no motion forward is free."""
+    across = np.column_stack([np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)])
+    for motion in (decide(ruled=across), decide(geometric=across)):
+        assert motion.outcome is Outcome.BACK and motion.twist.v_mps < 0
+    behind = np.column_stack([-across[:, 0], across[:, 1]])
+    assert stands(decide(ruled=np.vstack([across, behind])), Outcome.BOXED_IN), "and not onto what it touches behind"
+
+
 def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
     """Control of the box."""
     assert decide(geometric=ring(2.0, 2.0)).twist != STANDSTILL
