@@ -62,8 +62,11 @@ def over_budget(trials: int) -> Figure:
 def _held_over_budget() -> bool:
     """Whether a pilot whose search is given up stands, and says so."""
     pilot, frame = standing_pilot(), first_picture()
-    pilot.navigator.plan = lambda *_: dataclasses.replace(  # type: ignore[method-assign]
-        pilot.navigator.preview(*_), outcome=NoPath(reason=Reason.TIMEOUT), points=np.empty((0, 2)), track=np.empty((0, 2))
+    pilot.navigator.plan = lambda occupancy, pose, goal, beware: dataclasses.replace(  # type: ignore[method-assign]
+        pilot.navigator.preview(occupancy, pose, goal),
+        outcome=NoPath(reason=Reason.TIMEOUT),
+        points=np.empty((0, 2)),
+        track=np.empty((0, 2)),
     )
     moved, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
     return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
