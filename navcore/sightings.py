@@ -87,7 +87,7 @@ class Ground:
         self._owner: Cells = np.full((SIDE, SIDE), -1, dtype=np.int64)
         self._free_s: Floats = np.full((SIDE, SIDE), -np.inf)
         self._held_s: Floats = np.full((SIDE, SIDE), np.inf)
-        self._now_s = -np.inf
+        self._now_s = np.nan  # equal to no time at which floor was seen, nor to none
 
     def look(self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None) -> list[Cluster]:
         """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person.

@@ -286,6 +286,10 @@ def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_t
     assert decision.occupancy.grid.geometric[row - 4 : row + 4, col - 2 : col + 3].any()
 
 
+def test_before_the_first_picture_no_place_is_bare() -> None:
+    assert not PeopleTracker().is_bare(np.array([[0.0, 0.0], [1.5, -0.3]])).any()
+
+
 def test_nobody_floats_but_a_board_may() -> None:
     """Who has gone is off the map when the floor there is seen, though nothing is measured behind him; a thing is not."""
     board = Box(x=(2.6, 2.7), y=(0.5, 1.2), z=(0.7, 0.8))
