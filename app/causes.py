@@ -20,7 +20,7 @@ def causes_of(report: Report) -> list[str]:
     """
     found = [f"drove into {contact['what']}" for contact in report["contacts"] if contact["collided"]]
     found += [f"over {name}" for name in report["intruded"]]
-    found += ["over a zone"] if report["zone_intrusions"] else []
+    found += _over_zones(report)
     if report["goals_reached"] < len(report["goals"]):
         found.append(_why_not_there(report))
     return list(dict.fromkeys(found))
@@ -33,6 +33,13 @@ def count_causes(reports: Iterable[Report]) -> dict[str, list[int]]:
         if report["causes"]:
             seeds.setdefault(report["causes"][0], []).append(report["seed"])
     return dict(sorted(seeds.items(), key=lambda found: -len(found[1])))
+
+
+def _over_zones(report: Report) -> list[str]:
+    """Whether the robot drove into a zone, or kept off it by its odometry, which is all that it knows of where it is."""
+    zones = [intrusion for intrusion in report["intrusions"] if intrusion["what"] not in report["intruded"]]
+    drifted = ["over a zone: odometry had drifted" if zone["gap_by_odometry_m"] > 0 else "over a zone" for zone in zones]
+    return sorted(drifted)
 
 
 def _why_not_there(report: Report) -> str:

@@ -129,7 +129,7 @@ class Recorder:
             people=decision.people,
             closed=decision.closed,
             depth_m=frame.depth_m,
-            prior=self._pilot.navigator.map.prior,
+            prior=self._pilot.navigator.map.layers.prior,
         )
 
     def _copied_cloud(self) -> Cloud:

@@ -1,4 +1,4 @@
-"""The global map: points keyed by the pose they were seen from, and the occupied cells they make, class by class.
+"""The global map: points keyed by the pose they were seen from.
 
 A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's section on global mapping).
 Three rules make that safe for a camera that sees only a part of the world at a time:
@@ -8,9 +8,7 @@ Three rules make that safe for a camera that sees only a part of the world at a 
 * a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so that the map is bounded by
   the world's surface, not by the time driven.
 
-The points are the truth. The occupied cells of each class, one bit a cell, are kept up to date with every insertion and
-removal and always equal those rebuilt from the points. Every change of one is handed on (`take_changes`), so that whoever
-follows the map pays for what changed and not for its size.
+The points are the truth; the occupied cells that they make (`navcore.layers`) follow every insertion and removal.
 """
 
 from __future__ import annotations
@@ -29,29 +27,24 @@ from navcore.evidence import first_look, weigh
 from navcore.explored import Explored
 from navcore.frame import Frame
 from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
-from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in, refresh_planes
+from navcore.layers import Layers
+from navcore.map_points import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in
 from navcore.map_state import MapState
 from navcore.mask import Mask, window
 from navcore.points import Observation
-from navcore.search.bits import Plane, empty_plane, unpack
-from navcore.search.free_space import MOST_CELLS, Planes
+from navcore.search.free_space import MOST_CELLS
 from navcore.segment import Labels
 from navcore.settings import between
 from navcore.transform import Pose2, invert, wrap_angle
-from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M, Box
-from navcore.zones import Zone, cells_of
+from navcore.voxels import Box
+from navcore.zones import Zone
 
 Indices = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-
 BODY_M = 0.15
 """Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
-FLOOR_M = 0.05
-"""What is measured within this height shows the floor …"""
-FLOOR_BINS = np.uint64(sum(1 << level for level in range(HEIGHT_BINS) if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M))
-"""… that is, in one of these bins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,18 +63,8 @@ class MapRules:
     """Memory of the points. Beyond it the oldest are thinned to one a cell and class: detail goes, obstacles stay."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Changes:
-    """Cells that became occupied or free in the layer of a class since the last look; a cell may be named more than once."""
-
-    class_ids: npt.NDArray[np.uint8]
-    """(N,) whose layer."""
-    cells: Indices
-    """(N,) row · cols + col."""
-
-
 class CloudMap:
-    """Points by pose ID, and the layers of occupied cells they make."""
+    """Points by pose ID, what they make of the cells, and what of the space is known."""
 
     def __init__(self, spec: GridSpec, rules: MapRules) -> None:
         if spec.rows * spec.cols > MOST_CELLS:
@@ -92,16 +75,10 @@ class CloudMap:
         self.spec = spec
         self._rules = rules
         self._points = PointTable(spec.rows * spec.cols)
-        self._class_ids = np.array([NOTHING], dtype=np.uint8)
-        self._planes: Planes = empty_plane(spec.rows, spec.cols)[None]
-        self._least = np.zeros(64, dtype=np.float32)
-        self._changes: list[Changes] | None = None
-        self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
-        self._has_prior = False
-        self._prior_mask: Mask | None = None
+        self.layers = Layers(spec)
+        """The occupied cells."""
         self.explored = Explored(spec)
         """What of the space is known."""
-        self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
         self._poses: list[Pose2] = []
         self._unsure = False  # whether any point may be less than certain
         self._over_budget = False
@@ -121,14 +98,14 @@ class CloudMap:
         if labels is not None and (new["confidence"] < 1).any():
             new["confidence"] = first_look(new["confidence"], self.explored.was_measured(new["cell"]))
         self._unsure = self._unsure or bool((new["confidence"] < 1).any())
-        self._make_layers(new["class_id"])
+        self.layers.make_room(new["class_id"])
         touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
         ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
         self.explored.note(observation.cells_seen, observation.heights_seen)
-        disproved = self._disproved(observation.cells_seen, observation.heights_seen)
-        changed = self._refresh(np.concatenate([touched, disproved]))
+        disproved = self.layers.disprove(observation.cells_seen, observation.heights_seen)
+        changed = self.layers.refresh(self._points, np.concatenate([touched, disproved]))
         self.version += changed or ruled
         self._keep_to_budget()
 
@@ -137,7 +114,7 @@ class CloudMap:
         gone = points_in(self._points.first, self._points.records, cells, _kinds(class_ids))
         if len(gone):
             self._points.remove(gone)
-            self.version += self._refresh(cells)
+            self.version += self.layers.refresh(self._points, cells)
 
     def forget_afloat(self, box: Box, is_bare: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
         """Give up what is left of people who have gone: their points, `class_ids`, and the obstacles within `BODY_M` of them.
@@ -147,7 +124,7 @@ class CloudMap:
         see nothing at all, to whatever distance.
         """
         class_ids = list(class_ids)
-        bodies = [window(plane, *box) for plane in map(self.plane, class_ids) if plane is not None]
+        bodies = [window(plane, *box) for plane in map(self.layers.plane, class_ids) if plane is not None]
         if not any(body.any() for body in bodies):
             return
         whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
@@ -159,7 +136,7 @@ class CloudMap:
         outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
         gone = ~np.isin(held["cell"], outside)
         self._points.remove(indices[gone])
-        self.version += self._refresh(np.unique(held["cell"][gone]).astype(np.int64))
+        self.version += self.layers.refresh(self._points, np.unique(held["cell"][gone]).astype(np.int64))
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
@@ -182,17 +159,13 @@ class CloudMap:
             self._poses[pose_id] = pose
         kept = self._placed(taken)
         self._points.add(kept, one_per_cell=self._over_budget)
-        self.version += self._refresh(np.concatenate([before, kept["cell"].astype(np.int64)])) or len(moving) > 0
+        self.version += (
+            self.layers.refresh(self._points, np.concatenate([before, kept["cell"].astype(np.int64)])) or len(moving) > 0
+        )
 
     def load_prior(self, occupied: BoolGrid) -> None:
         """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their floor free."""
-        if occupied.shape != (self.spec.rows, self.spec.cols):
-            raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self.spec.rows, self.spec.cols)}")
-        before = np.flatnonzero(self._prior)
-        self._prior = occupied.reshape(-1).copy()
-        self._prior_mask = None
-        self._has_prior = True
-        self.version += self._refresh(np.union1d(before, np.flatnonzero(self._prior)))
+        self.version += self.layers.load_prior(occupied, self._points)
 
     def state(self) -> MapState:
         """Everything the map knows, as a value."""
@@ -204,7 +177,7 @@ class CloudMap:
             seen=Mask.copied(explored.measured, rows, cols),
             looked=Mask.copied(explored.looked, rows, cols),
             trodden=Mask.copied(explored.trodden, rows, cols),
-            prior=Mask.of(self._prior.reshape(rows, cols)),
+            prior=self.layers.prior or Mask.of(np.zeros((rows, cols), dtype=np.bool_)),
             volume=explored.volume.copy(),
         )
 
@@ -220,28 +193,22 @@ class CloudMap:
         self._points.add(records)
         self._unsure = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
-        self._prior = state.prior.bools.reshape(-1).copy()
-        self._prior_mask = None
-        self._has_prior = bool(self._prior.any())
         explored = self.explored
         explored.measured, explored.looked, explored.trodden = (
             mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
         )
         explored.volume = state.volume.copy()
-        self._make_layers(records["class_id"])
-        self._planes[:] = 0
-        self._refresh(np.union1d(records["cell"].astype(np.int64), np.flatnonzero(self._prior)))
-        self._changes = None
+        self.layers.rebuild(self._points, state.prior.bools)
         self.version += 1
 
     def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
         """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
         self.use(beware)
-        drawn, wide = self.drawn(tuple(zones))
+        drawn, wide = self.layers.drawn(tuple(zones))
         return OccupancyGrid(
             spec=self.spec,
-            geometric=self._layer(NOTHING),
-            beware={entry.class_id: self._layer(entry.class_id) for entry in beware.enabled},
+            geometric=self.layers.bools(NOTHING),
+            beware={entry.class_id: self.layers.bools(entry.class_id) for entry in beware.enabled},
             margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
             zones=drawn,
             wide_zones=wide,
@@ -249,41 +216,7 @@ class CloudMap:
 
     def use(self, beware: BewareList) -> None:
         """Count, from now on and in all that was seen, only points as sure as the list wants them."""
-        least = np.zeros(64, dtype=np.float32)
-        for entry in beware.classes:
-            least[entry.class_id] = entry.min_confidence
-        stale = np.flatnonzero(least != self._least)
-        if len(stale):
-            self._least = least
-            self._refresh(np.unique(self._points.live["cell"][np.isin(self._points.live["class_id"], stale)]).astype(np.int64))
-
-    def take_changes(self) -> Changes | None:
-        """What changed in the layers since the last call; None at the first, when everything has to be looked at."""
-        taken, self._changes = self._changes, []
-        if taken is None:
-            return None
-        return Changes(
-            class_ids=np.concatenate([np.empty(0, dtype=np.uint8), *(change.class_ids for change in taken)]),
-            cells=np.concatenate([np.empty(0, dtype=np.int64), *(change.cells for change in taken)]),
-        )
-
-    def plane(self, class_id: int) -> Plane | None:
-        """The live layer of a class, to be read only until the map changes; None when nothing of it was ever seen."""
-        at = np.flatnonzero(self._class_ids == class_id)
-        return self._planes[at[0]] if len(at) else None
-
-    def drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
-        """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
-        if self._zones is None or self._zones[0] != zones:
-            self._zones = (zones, cells_of(zones, self.spec))
-        return self._zones[1]
-
-    @property
-    def prior(self) -> Mask | None:
-        """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
-        if self._has_prior and self._prior_mask is None:
-            self._prior_mask = Mask.of(self._prior.reshape(self.spec.rows, self.spec.cols))
-        return self._prior_mask if self._has_prior else None
+        self.layers.use(beware, self._points)
 
     @property
     def points(self) -> MapPoints:
@@ -325,7 +258,7 @@ class CloudMap:
         )
         self._points.remove(forgotten)
         if len(cells):
-            self._refresh(np.unique(cells))
+            self.layers.refresh(self._points, np.unique(cells))
             self.version += 1
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
@@ -368,45 +301,6 @@ class CloudMap:
         rows = np.floor((records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
         cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
         return rows, cols
-
-    def _disproved(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
-        """Give up the cells of the prior map whose floor was measured; returns them."""
-        if not self._has_prior:
-            return np.empty(0, dtype=np.int64)
-        cells: Indices = seen[(heights & FLOOR_BINS != 0) & self._prior[seen]]
-        self._prior[cells] = False
-        if len(cells):
-            self._prior_mask = None
-        return cells
-
-    def _make_layers(self, class_ids: npt.NDArray[np.uint8]) -> None:
-        """Have a layer for each of these classes."""
-        lacking = np.bincount(class_ids, minlength=256) > 0
-        lacking[self._class_ids] = False
-        new = np.flatnonzero(lacking).astype(np.uint8)
-        if len(new):
-            self._class_ids = np.concatenate([self._class_ids, new])
-            self._planes = np.concatenate([self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)])
-
-    def _refresh(self, cells: Indices) -> bool:
-        """Follow the points in some cells; whether any layer has changed."""
-        class_ids, changed = refresh_planes(
-            self._points.records,
-            self._points.first,
-            cells,
-            self.spec.cols,
-            self._prior,
-            self._least,
-            self._class_ids,
-            self._planes,
-        )
-        if self._changes is not None and len(changed):
-            self._changes.append(Changes(class_ids=class_ids, cells=changed))
-        return len(changed) > 0
-
-    def _layer(self, class_id: int) -> BoolGrid:
-        plane, shape = self.plane(class_id), (self.spec.rows, self.spec.cols)
-        return np.zeros(shape, dtype=np.bool_) if plane is None else unpack(plane, *shape)
 
     def _keep_to_budget(self) -> None:
         """Thin the older half of the points, then all of them; a cell never loses its last point of a class."""

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
-from navcore.cloud_map import Changes, CloudMap
+from navcore.cloud_map import CloudMap
 from navcore.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflation_radius
+from navcore.layers import Changes
 from navcore.mask import Mask
 from navcore.search.bits import PAD, Plane
 from navcore.search.free_space import FREE, FreeSpace
@@ -139,7 +140,7 @@ class LiveOccupancy:
     def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Occupancy:
         """The map as it is now under a beware list and zones; the same object as long as nothing has changed."""
         self._cloud.use(beware)
-        changes = self._cloud.take_changes()
+        changes = self._cloud.layers.take_changes()
         if changes is None or self._order != (beware, zones) or self._now is None:
             self._order = (beware, zones)
             self._make_anew(beware, zones)
@@ -151,7 +152,7 @@ class LiveOccupancy:
         return self._now
 
     def _make_anew(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
-        drawn, wide = self._cloud.drawn(zones)
+        drawn, wide = self._cloud.layers.drawn(zones)
         self._zones, self._wide = Mask.of(drawn), tuple((margin_m, Mask.of(mask)) for margin_m, mask in wide)
         margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
         self._radius_of = {class_id: self._radius(margin_m) for class_id, margin_m in margins.items()}
@@ -170,7 +171,7 @@ class LiveOccupancy:
         for margin_m, mask in self._wide:
             self._groups.setdefault(self._radius(margin_m), []).append(mask.plane)
         for class_id, radius in self._radius_of.items():
-            plane = self._cloud.plane(class_id)
+            plane = self._cloud.layers.plane(class_id)
             self._groups.setdefault(radius, [])
             if plane is not None:
                 self._groups[radius].append(plane)
@@ -206,7 +207,7 @@ class LiveOccupancy:
         )
 
     def _copied(self, class_id: int) -> Mask:
-        plane, spec = self._cloud.plane(class_id), self._cloud.spec
+        plane, spec = self._cloud.layers.plane(class_id), self._cloud.spec
         if plane is None:
             return Mask(np.zeros_like(self._inflated.space.tripwire), spec.rows, spec.cols)
         return Mask.copied(plane, spec.rows, spec.cols)

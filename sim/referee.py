@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -70,11 +71,13 @@ class Referee:
         people: Sequence[Pose2],
         period_s: float,
         items: Sequence[Pose2] = (),
+        odometry: Pose2 | None = None,
     ) -> None:
         """Judge one physics step from the true pose, what its wheels do, and all that moves; `t_s` on the simulator's clock.
 
         By its wheels, because a standing robot that somebody pushes does not drive. `items`: where the scenario's items are
-        now, in its order; where they were at the start when left out.
+        now, in its order; where they were at the start when left out. `odometry`: where the robot takes itself to be, which
+        changes no verdict; where it is when left out.
         """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
@@ -84,14 +87,16 @@ class Referee:
         body = placed(self._footprint, pose)
         drives = abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m > STANDING_MPS
         self._judge_contacts(body, people, drives)
-        self._beware.judge(body, period_s, self._shoved(items))
-        self._zones.judge(body, period_s, {})
+        believed = body if odometry is None else placed(self._footprint, odometry)
+        self._beware.judge(body, believed, t_s=self._t_s, period_s=period_s, shoved=self._shoved(items))
+        self._zones.judge(body, believed, t_s=self._t_s, period_s=period_s, shoved={})
         self._sample()
 
     def set_zones(self, polygons: Sequence[Polygon]) -> None:
         """Judge by these zones, (N, 2) each, from now on. A zone drawn over the robot counts once it has left it."""
         body = None if self._here is None else placed(self._footprint, self._here)
-        self._zones.replace([("zone", (np.array(polygon, dtype=np.float64),)) for polygon in polygons], body=body)
+        named = [(f"zone {i}", (np.array(polygon, dtype=np.float64),)) for i, polygon in enumerate(polygons, start=1)]
+        self._zones.replace(named, body=body)
 
     @property
     def zones(self) -> tuple[Polygon, ...]:
@@ -111,7 +116,7 @@ class Referee:
     @property
     def beware_intrusions(self) -> int:
         """Times that the footprint came over a beware marking, the place where an item lay at the start, or an item."""
-        return self._beware.intrusions
+        return len(self._beware.intrusions)
 
     @property
     def beware_intrusion_s(self) -> float:
@@ -121,7 +126,7 @@ class Referee:
     @property
     def zone_intrusions(self) -> int:
         """Times that the footprint came into a zone of the operator."""
-        return self._zones.intrusions
+        return len(self._zones.intrusions)
 
     @property
     def zone_intrusion_s(self) -> float:
@@ -157,10 +162,11 @@ class Referee:
             "beware_intrusions": self.beware_intrusions,
             "beware_intrusion_s": round(self.beware_intrusion_s, 3),
             "beware_intrusion_m2s": round(self._beware.m2s, 5),
-            "intruded": dict(self._beware.by_name),
+            "intruded": dict(Counter(intrusion.what for intrusion in self._beware.intrusions)),
             "zone_intrusions": self.zone_intrusions,
             "zone_intrusion_s": round(self.zone_intrusion_s, 3),
             "zone_intrusion_m2s": round(self._zones.m2s, 5),
+            "intrusions": sorted([*self._beware.log(), *self._zones.log()], key=lambda intrusion: intrusion["t_s"]),
             "stops": self.stops,
         }
 

@@ -108,6 +108,7 @@ class Simulator:
             people=self._crowd.poses(),
             items=[self._lies_at(body) for body in self._loose],
             period_s=PERIOD_S,
+            odometry=self.odometry(),
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
             self._pictures += 1

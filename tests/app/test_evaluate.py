@@ -149,6 +149,7 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "series": {"explored_m3": [1.0]},
         "tick_ms": {"p99": 5.0},
         "intruded": {},
+        "intrusions": [],
         "ended": "all goals",
         "goal_errors_m": {"1": 0.1},
         "goal_errors_by_odometry_m": {"1": 0.1},
@@ -157,6 +158,10 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         **changes,
     }
     return {**report, "causes": causes_of(report)}
+
+
+def over_zone(gap_by_odometry_m: float) -> dict[str, Any]:
+    return {"t_s": 1.0, "what": "zone 1", "duration_s": 0.5, "gap_by_odometry_m": gap_by_odometry_m}
 
 
 def test_failures_are_sorted_by_their_gravest_cause() -> None:
@@ -170,6 +175,8 @@ def test_failures_are_sorted_by_their_gravest_cause() -> None:
         made_up(4, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.4}),
         made_up(5, collisions=1, contacts=[hit]),
         made_up(7, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.1}),
+        made_up(8, zone_intrusions=1, intrusions=[over_zone(0.02)]),
+        made_up(9, zone_intrusions=2, intrusions=[over_zone(0.02), over_zone(0.0)]),
         made_up(6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1),
     ]
     assert reports[1]["causes"] == ["drove into chair", "over cup"] and reports[-1]["causes"] == []
@@ -179,6 +186,8 @@ def test_failures_are_sorted_by_their_gravest_cause() -> None:
         "goal not reached: out of time": [3],
         "goal missed: it stopped beside it": [4],
         "goal missed: odometry had drifted": [7],
+        "over a zone: odometry had drifted": [8],
+        "over a zone": [9],
     }
 
 

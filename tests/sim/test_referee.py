@@ -148,6 +148,24 @@ def test_a_zone_counts_on_entering_but_not_when_it_is_drawn_over_the_robot() -> 
     assert over.zone_intrusions == 1
 
 
+@pytest.mark.parametrize(("drift_m", "gap_m"), [(0.0, 0.0), (0.2, 0.15)])
+def test_an_intrusion_tells_when_it_was_and_how_near_the_robot_came_by_its_odometry(drift_m: float, gap_m: float) -> None:
+    referee = Referee(open_floor())
+    referee.set_zones((np.array(shifted(9.0, 9.0)), np.array(shifted(2.0, 0.0))))
+    y_m = 0.5 + HUSKY.width_m / 2 - 0.05  # 5 cm of the footprint over the zone, which reaches to 0.5 m
+    for step in range(1, 481):
+        t_s = step * PERIOD_S
+        believed = Pose2(x_m=2.0 * t_s, y_m=y_m + drift_m, yaw_rad=0.0)
+        here = Pose2(x_m=2.0 * t_s, y_m=y_m, yaw_rad=0.0)
+        referee.observe(
+            t_s=t_s, pose=here, rolling=Twist(v_mps=2.0, w_radps=0.0), people=(), period_s=PERIOD_S, odometry=believed
+        )
+    (intrusion,) = referee.summary()["intrusions"]
+    assert intrusion["what"] == "zone 2" and intrusion["gap_by_odometry_m"] == pytest.approx(gap_m, abs=1e-3)
+    assert intrusion["t_s"] == pytest.approx(0.5, abs=0.01) and intrusion["duration_s"] == pytest.approx(1.0, abs=0.02)
+    assert referee.zone_intrusions == 1 and referee.zone_intrusion_s == pytest.approx(1.0, abs=0.02)
+
+
 def walker(yields: bool) -> Person:
     return Person(points=((2.5, 0.0), (-2.5, 0.0)), speed_mps=1.0, yields=yields)
 
