@@ -15,6 +15,7 @@ from shapely.ops import unary_union
 
 from navcore.followed import Track
 from navcore.motion import Motion, Outcome
+from navcore.patience import HERE_M, STEP_S
 from navcore.robot import RobotProfile
 from navcore.transform import Pose2
 from navcore.yielding import PeopleRules
@@ -24,8 +25,6 @@ REMEMBERED_S, REMEMBERED_M = 20.0, 8.0
 """Where somebody walked so long ago, or so far from the robot, is no longer his lane."""
 SPACING_M = 0.2
 """His places are noted so far apart."""
-HERE_M = 1.0
-"""Who has moved no farther than this still waits at the same place."""
 LONGER_M = 4.0
 """For a way longer by more than this the lane is not left."""
 OPEN_S = 20.0
@@ -35,8 +34,6 @@ ANEW_S = 2.0
 ROOM_M = 0.15
 """Beyond the circle that the robot turns in: there the lane ends, for the robot does not stand in what it closes."""
 SMALLEST_M2 = 0.05
-STEP_S = 0.3
-"""Between two pictures further apart than this nobody was seen to wait."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

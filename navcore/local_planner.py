@@ -45,6 +45,7 @@ def plan_motion(
     goal_yaw_rad: float | None = None,
     retreat_map: Points | None = None,
     look_round: bool = False,
+    insists: bool = False,
     now: Twist = STANDSTILL,
 ) -> Motion:
     """The motion that follows the path best without touching anything, and slower or not at all where people are near.
@@ -54,7 +55,8 @@ def plan_motion(
     `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
     as far as its cell's corners. `people` are kept clear of by the rules of `manners`. At the goal the robot turns in place to
     `goal_yaw_rad`, map frame, where one is asked for. With `retreat_map`, the (N, 2) driven path in the map frame, newest
-    first, the robot backs off along it instead; with `look_round` it turns on in place. `now` is the velocity that it has.
+    first, the robot backs off along it instead; with `look_round` it turns on in place. A robot that `insists` waits only
+    where people are, not where they may come to (`patience.py`). `now` is the velocity that it has.
     """
     path = path_from(path_map, pose)
     askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
@@ -85,6 +87,9 @@ def plan_motion(
         motion = _aligned(near, askew) if at_goal else _chosen(among, path, pose, previous, now)
         if goal_m <= rules.nearly_m and motion.outcome in AWKWARD and previous.began is None:
             motion = ARRIVED if aligned else _aligned(near, askew)
+        if insists and motion.outcome is Outcome.YIELD:
+            firm = _chosen(near.as_they_stand(), path, pose, previous, now)
+            motion = firm if firm.outcome in ONWARD else motion
     if manners.heedless:
         return dodge(near, path, now) if len(people.walking) and is_met(near, motion.twist, now) else motion
     motion = _beside_people(motion, near)
@@ -231,6 +236,7 @@ FACE_RAD = math.radians(30.0)
 """So far off the middle of the picture may be whom the robot waits for."""
 LOOK_RAD = math.radians(30.0)
 """So far ahead of its heading a robot looks for room that turns on and on in place."""
+ONWARD = (Outcome.FOLLOW, Outcome.TURN)
 AWKWARD = (Outcome.MANOEUVRE, Outcome.BACK, Outcome.BOXED_IN)
 DRIFT = 2.0
 """While it turns to its heading the robot may be so many times as far from the goal as when it arrived."""

@@ -22,6 +22,7 @@ from navcore.motion import IDLE, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
+from navcore.patience import Patience
 from navcore.people import PeopleTracker, people_ids
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
@@ -91,7 +92,7 @@ class Navigator:
         self._placed = False
         self._tracker = PeopleTracker(heedless=config.people.heedless)
         self._recovery, self._trail = Recovery(), NO_POINTS
-        self._lanes = Lanes()
+        self._lanes, self._patience = Lanes(), Patience()
         self._was_open: tuple[float, float] | None = None
         self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
 
@@ -288,6 +289,7 @@ class Navigator:
             goal_yaw_rad=goal_yaw_rad,
             retreat_map=self._trail if self._recovery.means is Means.BACK else None,
             look_round=self._recovery.means is Means.LOOK,
+            insists=self._patience.is_over(self._config.people),
             now=now,
         )
         if isinstance(route.outcome, NoPath) and self._motion.outcome in (Outcome.ARRIVED, Outcome.ALIGN):
@@ -296,6 +298,7 @@ class Navigator:
 
     def leave_lanes(self, motion: Motion, frame: Frame, route: Route | None, people: tuple[Track, ...]) -> None:
         """Whoever keeps the robot waiting where he walks to and fro gets his lane from the next tick on; see `lanes.py`."""
+        self._patience = self._patience.after(motion, frame.pose, frame.stamp_ns)
         way_m = None if route is None else route.length_m
         profile, manners = self._profile, self._config.people
         self._lanes = self._lanes.after(

@@ -122,6 +122,15 @@ class Surroundings:
         alone.people = NOBODY
         return alone
 
+    def as_they_stand(self) -> Surroundings:
+        """The same place, as if whoever walks about stood still where he is: an obstacle like any other."""
+        still = copy.copy(self)
+        still.people = self.people.as_they_stand()
+        bodies = still.people.outlines()
+        still._obstacles = np.vstack([self._obstacles, bodies[outside(bodies, self.profile, 0.0)]])
+        still.padding_m = still._padding_m()
+        return still
+
     def all_seen(self) -> Surroundings:
         """The same place, as if the camera had been everywhere."""
         seen = copy.copy(self)

@@ -47,6 +47,9 @@ class PeopleRules:
     """… no part of the body is faster than this."""
     lane_s: float = between(0.5, 600.0, default=6.0)
     """Who has kept the robot waiting for so long has his lane left to him, where the way beside it is hardly longer."""
+    patience_s: float = between(1.0, 600.0, default=15.0)
+    """After waiting for so long at one place the robot goes by where people are, no longer by where they may come to; the
+    second rule above holds all the same."""
     reaction_s: float = between(0.1, 1.0, default=0.45)
     """From somebody's change of mind to the moment the wheels brake."""
     braking_mps2: float = between(0.5, 5.0, default=2.5)
@@ -100,6 +103,12 @@ class Bodies:
         sign = np.array([-1.0, -1.0, -1.0, -1.0, 1.0])
         restless = self.restless * np.array([-1.0, -1.0, 1.0, 1.0])
         return Bodies(walking=self.walking * sign, standing=self.standing * sign, restless=restless)
+
+    def as_they_stand(self) -> Bodies:
+        """The same people, as if whoever walks stood still where he may be by now."""
+        stopped = np.zeros((len(self.restless), 5))
+        stopped[:, :2], stopped[:, 4] = self.restless[:, :2], self.restless[:, 3]
+        return Bodies(walking=self.walking[:0], standing=np.vstack([self.standing, stopped]), restless=self.restless)
 
     def outlines(self) -> Floats:
         """(N, 2) points around everybody who stands: obstacles like any other."""

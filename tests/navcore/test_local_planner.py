@@ -17,6 +17,7 @@ from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.local_planner import Points, path_from, plan_motion
 from navcore.motion import IDLE, LocalRules, Motion, Outcome
 from navcore.near_cells import hard_cells, nearby, outside
+from navcore.patience import Patience
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.surroundings import Surroundings, candidates
 from navcore.transform import Pose2
@@ -42,6 +43,7 @@ def decide(
     rules: LocalRules = RULES,
     people: Bodies = NOBODY,
     goal_yaw_rad: float | None = None,
+    insists: bool = False,
 ) -> Motion:
     """A decision at the map's origin, where the base frame is the map frame."""
     return plan_motion(
@@ -56,6 +58,7 @@ def decide(
         cell_m=0.1,
         people=people,
         goal_yaw_rad=goal_yaw_rad,
+        insists=insists,
     )
 
 
@@ -510,8 +513,8 @@ def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
 
 
 @law(100)
-@given(st.integers(0, 2**32 - 1))
-def test_who_turned_back_when_he_was_lost_from_sight_does_not_reach_the_robot_before_it_stands(seed: int) -> None:
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_stands(seed: int, insists: bool) -> None:
     """He was last seen at a place, and has since come towards the robot at his pace, whatever is thought of him."""
     rng = np.random.default_rng(seed)
     (x, y), speed, heading, unseen_s = rng.uniform(-3, 3, 2), rng.uniform(0.5, 1.6), rng.uniform(-3, 3), rng.uniform(0.1, 1.9)
@@ -527,7 +530,7 @@ def test_who_turned_back_when_he_was_lost_from_sight_does_not_reach_the_robot_be
         last_seen_ns=0,
         unseen_s=unseen_s,
     )
-    twist = decide(people=Bodies.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))).twist
+    twist = decide(people=Bodies.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), insists=insists).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
     assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
@@ -551,12 +554,12 @@ def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_dr
 
 
 @law(100)
-@given(st.integers(0, 2**32 - 1))
-def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int) -> None:
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int, insists: bool) -> None:
     """Whichever way he goes, at the pace at which he came."""
     rng = np.random.default_rng(seed)
     (x, y), pace = rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.6)
-    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace)).twist
+    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace), insists=insists).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
     assert fastest == 0.0 or gap > pace * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
@@ -645,13 +648,63 @@ def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_l
 
 
 @law(100)
-@given(st.integers(0, 2**32 - 1))
-def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int) -> None:
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int, insists: bool) -> None:
     """Whatever he does within the speed he walks at, for the time that it takes to notice him and to brake."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-3, 3, 2)
     speed, heading = rng.uniform(0.5, 1.6), rng.uniform(-math.pi, math.pi)
-    twist = decide(people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading))).twist
+    twist = decide(people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading)), insists=insists).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
     assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+
+
+def leaves_his_lane_after_s(patience: Patience | None, *, for_s: float) -> tuple[float, bool]:
+    """Somebody walks up and down the strip in which the robot stands and from which its path leads, waits before it, and turns.
+
+    After how many seconds it has left the strip (infinite if not `for_s`), and whether they ever touched.
+    """
+    pose, motion, period_s, touched = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE, 0.1, False
+    path = np.vstack([np.column_stack([np.linspace(0, 2.2, 23), np.zeros(23)]), [[2.2, -0.1 * k] for k in range(1, 40)]])
+    beside = np.array([[0.1 * k, -0.75] for k in range(-30, 16)])
+    x, sense, waited_s, course = 3.5, -1, 0.0, math.pi
+    for k in range(round(for_s / period_s)):
+        gap_m = float(shapely.distance(footprints([pose])[0], shapely.Point(x, 0.0))) - 0.3
+        touched |= gap_m <= 0.0
+        before_him = sense < 0 and pose.x_m < x and gap_m < 0.7 and abs(pose.y_m) < 0.9
+        waited_s = waited_s + period_s if before_him else 0.0
+        if waited_s > 3.0 or x > 3.5:
+            sense, waited_s = 1 if x <= 3.5 else -1, 0.0
+        walks = 0.0 if before_him and waited_s > 0.0 else 0.8
+        x += sense * walks * period_s
+        course = (0.0 if sense > 0 else math.pi) if walks else course
+        track = Track(
+            id=1, x_m=x, y_m=0.0, vx_mps=sense * walks, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.8,
+            stood_s=waited_s, course_rad=course,
+        )  # fmt: skip
+        motion = plan_motion(
+            geometric=beside,
+            ruled=NONE,
+            unseen=NONE,
+            path_map=path,
+            pose=pose,
+            previous=motion,
+            profile=HUSKY,
+            rules=RULES,
+            cell_m=0.1,
+            people=Bodies.of((track,), pose),
+            insists=patience is not None and patience.is_over(MANNERS),
+        )
+        patience = patience and patience.after(motion, pose, round(1e9 * (k + 1) * period_s))
+        turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * period_s / 2)
+        pose = pose @ turn @ Pose2(x_m=motion.twist.v_mps * period_s, y_m=0.0, yaw_rad=0.0) @ turn
+        if pose.y_m < -1.5:
+            return k * period_s, touched
+    return math.inf, touched
+
+
+def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for_ever() -> None:
+    assert leaves_his_lane_after_s(None, for_s=90.0) == (math.inf, False)  # the control: neither gives way
+    leaves_s, touched = leaves_his_lane_after_s(Patience(), for_s=90.0)
+    assert MANNERS.patience_s < leaves_s < 90.0 and not touched
