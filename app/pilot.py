@@ -18,7 +18,7 @@ from navcore.contact import Nearby
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.frame import Frame
 from navcore.mission import Mission, Phase
-from navcore.motion import Outcome
+from navcore.motion import Motion, Outcome
 from navcore.navigator import Decision, Navigator, Order
 from navcore.path import NoPath, Path, Reason
 from navcore.robot import STANDSTILL, Command, RobotProfile, Twist
@@ -89,6 +89,7 @@ class Pilot:
         self._near = Nearby()
         self._pushing_ns: int | None = None
         self._corrected: dict[int, Pose2] = {}
+        self._put_down = False
 
     @property
     def intent(self) -> Intent:
@@ -134,9 +135,12 @@ class Pilot:
         order = _order(intent)
         with self._lock:
             corrected, self._corrected = self._corrected, {}
+            put_down, self._put_down = self._put_down, False
             senses = self._mapped = self._mapped.after(frame, self.profile)
         if corrected:  # here and not where they come in: only this thread touches the map
             self.navigator.map.correct(corrected)
+        if put_down:
+            self.navigator.put_down()
         if senses.doubt is not None or senses.repeats:
             # What cannot be true must not enter the map; the gate says why the robot stands, or the command just expires.
             command = None if senses.doubt is not None else self._thought.command
@@ -196,6 +200,7 @@ class Pilot:
         """The operator says that the next frame's pose and stamp are true, whatever came before."""
         with self._lock:
             if self.pose_in_doubt:
+                self._put_down = True
                 self._near = Nearby()  # where it was is not told by this pose; else what is out of sight is still there
             self._mapped = self._watched = Senses()
 
@@ -218,7 +223,7 @@ class Pilot:
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> Verdict:
-        intent, thought, hand = self._intent, self._thought, self.hand(now_ns)
+        intent, thought, hand = self._intent, self._thought, self._slowed(self.hand(now_ns))
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
         driving = intent.mission.phase in MOVING and thought.order == _order(intent)
         command = hand or (thought.command if driving else None)
@@ -245,12 +250,24 @@ class Pilot:
             return None
         return command if 0 <= now_ns - command.stamp_ns <= HAND_LIFE_NS else None
 
+    def _slowed(self, hand: Command | None) -> Command | None:
+        """The same command, as slow as the operator's speed limits want it."""
+        newest = self._watched.newest
+        if hand is None or newest is None:
+            return hand
+        asked = Motion(twist=hand.twist, outcome=Outcome.FOLLOW)
+        return dataclasses.replace(hand, twist=self.navigator.limit(asked, newest, _order(self._intent)).twist)
+
     def _objections_to(self, hand: Command) -> list[StopReason]:
-        """A hand may go wherever the gate lets it, but into no beware area that the map knows of."""
-        decision, newest = self._thought.decision, self._watched.newest
-        if decision is None or newest is None:
+        """A hand may go wherever the gate lets it, but into no zone, and into nothing that the map has of the beware list.
+
+        The zones are those of now: they bind a hand before the first tick, too, and when ticks fail.
+        """
+        decision, newest, spec = self._thought.decision, self._watched.newest, self.navigator.map.spec
+        seen = None if decision is None else decision.occupancy
+        if newest is None:
             return []
-        if keeps_out(hand.twist, newest.pose, decision.occupancy, self.profile):
+        if keeps_out(hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen):
             return []
         return [StopReason(cause=Cause.BEWARE_AHEAD, text="A beware area lies that way; drive by hand in another direction.")]
 

@@ -3,37 +3,51 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.contact import REACTION_S, braking_s
-from navcore.grid import GridSpec
-from navcore.near_cells import hard_cells
-from navcore.occupancy import Occupancy
+from navcore.grid import GridSpec, OccupancyGrid
+from navcore.near_cells import areas_apart
+from navcore.occupancy import Occupancy, box_around
 from navcore.robot import RobotProfile, Twist
 from navcore.transform import Pose2
+from navcore.zones import Zone
 
 LATE_S = 0.35
 """On top of the reaction: the picture that the pose comes from may be that old."""
 STEP_S = 0.05
 
 
-def keeps_out(twist: Twist, pose: Pose2, occupancy: Occupancy, profile: RobotProfile) -> bool:
+def keeps_out(
+    twist: Twist, pose: Pose2, profile: RobotProfile, *, zones: Sequence[Zone], spec: GridSpec, seen: Occupancy | None
+) -> bool:
     """Whether the robot, driving so and then braking, comes over no more of any beware area than it stands over now.
 
-    Whoever stands in one may thus be driven out of it, and no farther in.
+    Whoever stands in one may thus be driven out of it, and no farther in, nor over a thing or another zone that lies in it.
+    `zones` are the operator's, as they are now; `seen`, over `spec`, holds what of the beware list is known, None for nothing.
     """
     until_s = REACTION_S + LATE_S + braking_s(twist, profile) / 2
-    grid = occupancy.around(pose, profile.circumscribed_radius_m + abs(twist.v_mps) * until_s)
-    _, ruled = hard_cells(grid)
-    if not ruled.any():
-        return True
-    covered = _covered(ruled, grid.spec, pose, profile)
+    reach_m = profile.circumscribed_radius_m + abs(twist.v_mps) * until_s + max((zone.margin_m for zone in zones), default=0.0)
+    grid = _nothing(spec.part(*box_around(spec, pose, reach_m))) if seen is None else seen.around(pose, reach_m)
+    under, others = areas_apart(grid, zones, profile, pose)
     steps = math.ceil(until_s / STEP_S)
-    ways = (pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1))
-    return all(_covered(ruled, grid.spec, way, profile) <= covered for way in ways)
+    ways = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
+    for area in (*under, others):
+        if area.any():
+            covered = _covered(area, grid.spec, pose, profile)
+            if any(_covered(area, grid.spec, way, profile) > covered for way in ways):
+                return False
+    return True
+
+
+def _nothing(spec: GridSpec) -> OccupancyGrid:
+    """Of a place where nothing was seen yet."""
+    empty = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    return OccupancyGrid(spec=spec, geometric=empty, beware={}, zones=empty)
 
 
 def _after(twist: Twist, t_s: float) -> Pose2:

@@ -60,6 +60,8 @@ class Explored:
         bottom, right = top + part.rows, left + part.cols
         over, beside = max(top - 2, 0), max(left - 2, 0)
         around = (over, beside, min(bottom + 2, self.spec.rows), min(right + 2, self.spec.cols))
+        if part.rows == 0 or part.cols == 0:
+            return np.zeros((part.rows, part.cols), dtype=np.bool_)
         known = (window(self.measured, *around) | window(self.trodden, *around)).view(np.uint8)
         # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place: single cells are closed.
         closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))

@@ -72,6 +72,16 @@ class GridSpec:
         row, col = self.cell(x_m, y_m)
         return 0 <= row < self.rows and 0 <= col < self.cols
 
+    def part(self, top: int, left: int, bottom: int, right: int) -> GridSpec:
+        """Of rows top … bottom−1 and columns left … right−1."""
+        return GridSpec(
+            resolution_m=self.resolution_m,
+            rows=bottom - top,
+            cols=right - left,
+            origin_x_m=self.origin_x_m + left * self.resolution_m,
+            origin_y_m=self.origin_y_m + top * self.resolution_m,
+        )
+
     def extent(self) -> str:
         """The covered area in words, for refusals."""
         right = self.origin_x_m + self.cols * self.resolution_m

@@ -164,7 +164,7 @@ def _manoeuvred(near: Surroundings, manoeuvre: Manoeuvre, path: Points, pose: Po
 
 def _beside_people(motion: Motion, near: Surroundings) -> Motion:
     """The same motion, no faster than the people near allow."""
-    twist, most = motion.twist, allowed_mps(near.people, near.profile, near.manners)
+    twist, most = motion.twist, allowed_mps(near.people, motion.twist, near.profile, near.manners)
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * near.profile.circumscribed_radius_m
     if fastest <= most:
         return motion

@@ -19,7 +19,7 @@ from navcore.lanes import Lanes
 from navcore.local_planner import plan_motion
 from navcore.mask import Mask
 from navcore.motion import IDLE, Motion, Outcome
-from navcore.near_cells import hard_cells, nearby, rim_of_unseen, stands_in, without_area_of
+from navcore.near_cells import areas_apart, hard_cells, nearby, rim_of_unseen, stands_in
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
 from navcore.patience import Patience
@@ -94,7 +94,8 @@ class Navigator:
         self._recovery, self._trail = Recovery(), NO_POINTS
         self._lanes, self._patience = Lanes(), Patience()
         self._was_open: tuple[float, float] | None = None
-        self._closed: tuple[tuple[float, float] | None, tuple[Zone, ...]] = (None, ())
+        self._aim: tuple[object, ...] = ()
+        self._closed: tuple[Zone, ...] = ()
 
     def tick(self, frame: Frame, order: Order) -> Decision:
         """From a frame to a motion. Raises `BadFrame`, and then has changed nothing."""
@@ -106,7 +107,13 @@ class Navigator:
         occupancy, closed = self.occupancy(order), self.closed
         route = self.route(occupancy, frame.pose, order)
         motion = self.move(
-            occupancy, frame.pose, route, people, leaving=order.leave, goal_yaw_rad=order.goal_yaw_rad, now=frame.twist
+            occupancy,
+            frame.pose,
+            route,
+            people,
+            leaving=(*order.zones, *closed) if order.leave else None,
+            goal_yaw_rad=order.goal_yaw_rad,
+            now=frame.twist,
         )
         self.leave_lanes(motion, frame, route, people)
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
@@ -138,14 +145,16 @@ class Navigator:
 
     def occupancy(self, order: Order) -> Occupancy:
         """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
-        if self._closed[0] != order.goal:
-            self._closed = (order.goal, ())
+        aim = (order.goal, order.goal_yaw_rad, order.leave)
+        if self._aim != aim:
+            # What was tried on the way to another goal, and found closed there, says nothing of this one.
+            self._aim, self._closed, self._recovery = aim, (), Recovery()
         return self._occupancy.follow(order.beware, (*order.zones, *self.closed))
 
     @property
     def closed(self) -> tuple[Zone, ...]:
         """Where the robot keeps out for a while of its own accord."""
-        return (*self._closed[1], *self._lanes.zones)
+        return (*self._closed, *self._lanes.zones)
 
     def route(self, occupancy: Occupancy, pose: Pose2, order: Order) -> Route | None:
         """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""
@@ -153,9 +162,10 @@ class Navigator:
             return None
         key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
         if self._route is None or self._route[0] != key:
-            route = (
-                self.way_out(occupancy, pose) if order.goal is None else self.plan(occupancy, pose, order.goal, order.beware)
-            )
+            if order.goal is None:
+                route = self.way_out(occupancy, pose, (*order.zones, *self.closed))
+            else:
+                route = self.plan(occupancy, pose, order.goal, order.beware)
             self._route = (key, route)
             if isinstance(route.outcome, Path):
                 self._was_open = order.goal
@@ -206,11 +216,14 @@ class Navigator:
         way = self._laid(path, spec.centre(*beside), self._occupancy.space.across[FREE])
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
 
-    def way_out(self, occupancy: Occupancy, pose: Pose2) -> Route:
-        """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own."""
+    def way_out(self, occupancy: Occupancy, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
+        """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own.
+
+        `zones`: those that the occupancy was made with.
+        """
         grid, spec, profile = occupancy.grid, self.map.spec, self._profile
         geometric, ruled = hard_cells(grid)
-        others = without_area_of(ruled, spec, profile.footprint(), pose)
+        _, others = areas_apart(grid, zones, profile, pose)
         half_width_m, beyond_m = profile.width_m / 2 + self._config.safety_margin_m, profile.circumscribed_radius_m
         closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
         inside = occupancy.blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
@@ -253,7 +266,7 @@ class Navigator:
         route: Route | None,
         people: tuple[Track, ...] = (),
         *,
-        leaving: bool = False,
+        leaving: tuple[Zone, ...] | None = None,
         goal_yaw_rad: float | None = None,
         now: Twist = STANDSTILL,
     ) -> Motion:
@@ -261,14 +274,14 @@ class Navigator:
 
         At the route's end the robot turns to `goal_yaw_rad`, where one is asked for. `now` is the velocity that it has.
 
-        A robot that is `leaving` may pass over the area it stands in, and over no other.
+        A robot that is `leaving` may pass over the area it stands in, and over no other: all zones are given with it.
         """
         reach = self._config.local.reach_m + self._profile.circumscribed_radius_m
         around = occupancy.around(pose, reach)
         (hard, forbidden), rules = hard_cells(around), self._config.local
-        if leaving:
+        if leaving is not None:
             rules = dataclasses.replace(rules, nearly_m=0.0)  # near the end of the way out is still inside
-            forbidden = without_area_of(forbidden, around.spec, self._profile.footprint(), pose)
+            _, forbidden = areas_apart(around, leaving, self._profile, pose)
         ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
             trapped = stands_in(ruled, self._profile, around.spec.resolution_m)
@@ -313,22 +326,27 @@ class Navigator:
     def recover(self, motion: Motion, frame: Frame, route: Route | None, order: Order) -> Motion:
         """The same motion, or standing while it is waited, or because nothing has helped; see `recovery.py`."""
         self._trail = trail_with(self._trail, frame.pose)
-        if route is None or len(route.points) == 0:
-            self._recovery, closed = Recovery(), self._closed[1]
+        looked = route is not None and isinstance(route.outcome, NoPath) and motion.outcome is Outcome.IDLE
+        if route is None or len(route.points) == 0 or looked:
+            self._recovery, closed = Recovery(), self._closed
             if closed and order.goal is not None:
                 # Only what was found closed may be in the way: rather give up where the robot is than say that there is none.
-                self._closed = (order.goal, ())
-                self._recovery = Recovery(means=Means.GIVE_UP, tried=Means.CLOSE, at=frame.pose)
+                self._closed, self._recovery = (), Recovery(means=Means.GIVE_UP, tried=Means.CLOSE, at=frame.pose)
             return motion
         before = self._recovery
         self._recovery = before.after(motion, frame.pose, frame.stamp_ns, self._config.recovery)
         if self._recovery.means is Means.CLOSE and before.means is not Means.CLOSE and before.at is not None:
             # Before where it stands now: it has moved a little since it was boxed in, and must not stand in what it closes.
-            self._closed = (order.goal, (*self._closed[1], closed_way(route.track, frame.pose, self._profile)))
+            self._closed = (*self._closed, closed_way(route.track, frame.pose, self._profile))
         if self._recovery.means is Means.GIVE_UP:
-            self._closed = (order.goal, ())  # should one of the ways that were found closed be open again, it goes on
+            self._closed = ()  # should one of the ways that were found closed be open again, it goes on
             return Motion(twist=STANDSTILL, outcome=Outcome.GIVEN_UP)
         return Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN) if self._recovery.means is Means.WAIT else motion
+
+    def put_down(self) -> None:
+        """The robot is where the next frame says, however it came there: what it did before does not lead on from here."""
+        self._placed, self._motion, self._trail = False, IDLE, NO_POINTS
+        self._recovery, self._patience = Recovery(), Patience()
 
     def _tread(self, pose: Pose2) -> None:
         outline = self._profile.footprint()

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid import GridSpec, OccupancyGrid, inflate, inflation_radius
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate, inflation_radius
 from navcore.robot import RobotProfile
 from navcore.transform import Pose2
+from navcore.zones import Zone, rasterise
 
 Points = npt.NDArray[np.float64]
 
@@ -41,13 +43,52 @@ def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
     return not bool(outside(ruled, profile, -cell_m / 2).all())
 
 
-def without_area_of(ruled: npt.NDArray[np.bool_], spec: GridSpec, footprint: Points, pose: Pose2) -> npt.NDArray[np.bool_]:
-    """(rows, cols) the ruled cells but for the connected areas that the footprint, (N, 2) in the base frame, stands in."""
-    pixels = (pose.to_parent(footprint) - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
-    body = np.zeros(ruled.shape, dtype=np.uint8)
+def areas_apart(
+    grid: OccupancyGrid, zones: Iterable[Zone], profile: RobotProfile, pose: Pose2
+) -> tuple[list[BoolGrid], BoolGrid]:
+    """(rows, cols) each, with their margins: the areas that the footprint stands in, one by one, and all others in one.
+
+    Each zone is an area, and so is whatever of one beware class is connected. So a thing inside a zone, or a zone that overlaps
+    it, stays one of the others, and a cell may belong to both. `zones`: those that the grid was made with.
+    """
+    spec, cell_m = grid.spec, grid.spec.resolution_m
+    others = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    under: list[BoolGrid] = []
+    if not others.size:
+        return under, others
+    body = _footprint_cells(spec, profile, pose)
+    for class_id, layer in grid.beware.items():
+        if not layer.any():
+            continue
+        margin_m = grid.margins_m.get(class_id, 0.0)
+        _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
+        numbers = np.unique(things[_grown(body, margin_m, cell_m) & layer])
+        under += [_grown(things == number, margin_m, cell_m) for number in numbers]
+        others |= _grown(layer & ~np.isin(things, numbers), margin_m, cell_m)
+    for zone in zones:
+        if not zone.closed or not _reaches(zone, spec):
+            continue
+        area = _grown(rasterise(zone.polygon, spec), zone.margin_m, cell_m)
+        if (area & body).any():
+            under.append(area)
+        else:
+            others |= area
+    return under, others
+
+
+def _footprint_cells(spec: GridSpec, profile: RobotProfile, pose: Pose2) -> BoolGrid:
+    """(rows, cols) the cells whose middle the footprint covers, and those that its border runs through."""
+    pixels = (pose.to_parent(profile.footprint()) - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m - 0.5
+    body = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
     cv2.fillConvexPoly(body, np.round(pixels * 256).astype(np.int32), 1, shift=8)
-    _, areas = cv2.connectedComponents(ruled.view(np.uint8), connectivity=8)
-    return ruled & ~np.isin(areas, np.unique(areas[body.view(np.bool_) & ruled]))
+    return body.view(np.bool_)
+
+
+def _reaches(zone: Zone, spec: GridSpec) -> bool:
+    """Whether a zone's bounding box, with its margin, comes upon the grid at all."""
+    low, high = np.min(zone.polygon, axis=0) - zone.margin_m, np.max(zone.polygon, axis=0) + zone.margin_m
+    right, top = spec.origin_x_m + spec.cols * spec.resolution_m, spec.origin_y_m + spec.rows * spec.resolution_m
+    return bool(low[0] <= right and low[1] <= top and high[0] >= spec.origin_x_m and high[1] >= spec.origin_y_m)
 
 
 def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

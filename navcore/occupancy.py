@@ -91,16 +91,7 @@ class Occupancy:
 
     def part(self, top: int, left: int, bottom: int, right: int) -> OccupancyGrid:
         """The part of the grid in rows top … bottom−1 and columns left … right−1, which lie on it."""
-        return self._made(self._spec_of(top, left, bottom, right), lambda mask: mask.window(top, left, bottom, right))
-
-    def _spec_of(self, top: int, left: int, bottom: int, right: int) -> GridSpec:
-        return GridSpec(
-            resolution_m=self.spec.resolution_m,
-            rows=bottom - top,
-            cols=right - left,
-            origin_x_m=self.spec.origin_x_m + left * self.spec.resolution_m,
-            origin_y_m=self.spec.origin_y_m + top * self.spec.resolution_m,
-        )
+        return self._made(self.spec.part(top, left, bottom, right), lambda mask: mask.window(top, left, bottom, right))
 
     def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
         """The part of the grid within a square of `reach_m` about a pose, widened by the largest margin; may be empty."""

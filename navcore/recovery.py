@@ -90,7 +90,7 @@ class Recovery:
         if self.means is Means.NONE:
             return now._enter(Means.WAIT, pose, stamp_ns) if stuck else now
         if self.means is Means.GIVE_UP:
-            return dataclasses.replace(now, means=Means.NONE) if motion.outcome is Outcome.FOLLOW else now
+            return dataclasses.replace(now, means=Means.NONE) if motion.outcome in ONWARD else now
         if self.means is Means.WAIT:
             if not stuck:
                 return dataclasses.replace(now, means=Means.NONE)
@@ -116,6 +116,8 @@ class Recovery:
         return self.means is Means.CLOSE or self.turned_rad >= 2 * math.pi
 
 
+ONWARD = (Outcome.FOLLOW, Outcome.TURN, Outcome.ALIGN, Outcome.ARRIVED)
+"""Who can do one of these after having given up has found a way after all."""
 AGAIN_M = 0.5
 """What is begun nearer than this to where it was begun before has not helped."""
 TRAIL_STEP_M, TRAIL_POINTS = 0.1, 50

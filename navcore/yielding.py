@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.followed import BRISK, Track
-from navcore.robot import RobotProfile
+from navcore.robot import RobotProfile, Twist
 from navcore.settings import between
 from navcore.transform import Pose2
 
@@ -180,16 +180,21 @@ def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: Robot
     return int(waiting if waiting >= 0 or here > enough else np.flatnonzero(np.array(room) >= here).max(initial=-1))
 
 
-def allowed_mps(bodies: Bodies, profile: RobotProfile, rules: PeopleRules) -> float:
-    """How fast any point of the body may be, for the people that are near; 0 to stand, infinite with nobody near."""
-    most = math.inf
+def allowed_mps(bodies: Bodies, twist: Twist, profile: RobotProfile, rules: PeopleRules) -> float:
+    """How fast any point of the body may be in such a motion, for the people near; 0 to stand, infinite with nobody near."""
+    most, turns = math.inf, abs(twist.w_radps) * profile.circumscribed_radius_m > abs(twist.v_mps)
+
+    def is_met(x: float) -> bool:
+        """Whether the body may itself come nearer to him: when it turns, its corners do all round."""
+        return turns or (x < 0 if twist.v_mps < 0 else x > 0)
+
     for x, y, vx, vy, radius in np.vstack([bodies.walking, bodies.standing]).tolist():
         gap_m = _gap(x, y, profile) - radius
         most = min(most, rules.near_mps + max(0.0, gap_m - rules.near_m))
         if vx or vy:
-            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), x > 0, rules))
+            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), is_met(x), rules))
     for x, y, pace_mps, radius in bodies.restless.tolist():
-        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, x > 0, rules))
+        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, is_met(x), rules))
     return 0.0 if most < LEAST_MPS else most
 
 

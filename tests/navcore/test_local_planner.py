@@ -21,7 +21,7 @@ from navcore.patience import Patience
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.surroundings import Surroundings, candidates
 from navcore.transform import Pose2
-from navcore.yielding import MANNERS, NOBODY, Bodies
+from navcore.yielding import MANNERS, NOBODY, Bodies, allowed_mps
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
@@ -708,3 +708,15 @@ def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for
     assert leaves_his_lane_after_s(None, for_s=90.0) == (math.inf, False)  # the control: neither gives way
     leaves_s, touched = leaves_his_lane_after_s(Patience(), for_s=90.0)
     assert MANNERS.patience_s < leaves_s < 90.0 and not touched
+
+
+@law(150)
+@given(st.integers(0, 2**32 - 1))
+def test_nobody_beside_a_robot_that_turns_is_reached_by_its_rim_before_it_stands(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y, speed, twist_w = rng.uniform(-1.5, 1.5), rng.uniform(-2, 2), rng.uniform(0.5, 1.4), rng.uniform(0.2, 0.9)
+    people = crossing(x, y, 0.0, -math.copysign(speed, y))
+    rim = min(allowed_mps(people, Twist(v_mps=0.0, w_radps=twist_w), HUSKY, MANNERS), twist_w * HUSKY.circumscribed_radius_m)
+    gap = math.hypot(max(abs(x) - HUSKY.length_m / 2, 0), max(abs(y) - HUSKY.width_m / 2, 0)) - 0.3
+    needs = (speed + rim) * MANNERS.reaction_s + speed * rim / MANNERS.braking_mps2 + rim**2 / (2 * MANNERS.braking_mps2)
+    assert rim == 0.0 or gap >= needs

@@ -22,7 +22,7 @@ from navcore.robot import HUSKY, STANDSTILL, Command, Twist
 from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
-from navcore.zones import Zone
+from navcore.zones import Zone, ZoneKind
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 
 SECOND = 1_000_000_000
@@ -410,3 +410,50 @@ def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_
     assert driver.pose_in_doubt
     driver.trust_pose()
     assert len(driver._near.points) == 0 and not driver.pose_in_doubt
+
+
+NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
+
+
+@pytest.mark.parametrize("thought_before", [False, True])
+def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(thought_before: bool) -> None:
+    driver = pilot()
+    if thought_before:
+        think(driver)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
+    driver.note_failure(OPEN, RuntimeError("no weights"))
+    ahead = pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN)
+    assert ahead.twist == STANDSTILL and Cause.BEWARE_AHEAD in causes(ahead)
+    back = pushed(driver, Twist(v_mps=-0.2, w_radps=0.0)).command(lambda: SECOND, 0.05, newest=OPEN)
+    assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
+
+
+def test_a_speed_limit_holds_for_a_hand_too() -> None:
+    limit = dataclasses.replace(NEAR, polygon=((-2.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-2.0, 2.0)))
+    limit = dataclasses.replace(limit, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.1)
+    for zones, fastest in (((limit,), 0.1), ((), 0.5)):
+        driver = pushed(pilot(), Twist(v_mps=0.5, w_radps=0.2))
+        driver.change(lambda intent, zones=zones: dataclasses.replace(intent, zones=zones))  # type: ignore[misc]
+        think(driver)
+        for _ in range(10):
+            sent = command(driver).twist
+        assert sent.v_mps == pytest.approx(fastest) and sent.w_radps == pytest.approx(0.4 * fastest)
+
+
+@pytest.mark.parametrize("accepted", [True, False])
+def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(accepted: bool) -> None:
+    driver = pilot((3.0, 0.0))
+    driver.think(OPEN, clock=lambda: SECOND)
+    there = Pose2(x_m=-5.0, y_m=-5.0, yaw_rad=0.0)
+    for late_ns in (100_000_000, 200_000_000):
+        elsewhere = picture(Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there)
+        driver.think(elsewhere, clock=lambda: SECOND)
+    assert driver.pose_in_doubt
+    if accepted:
+        driver.trust_pose()
+    else:
+        driver._mapped = driver._watched = type(driver._mapped)()  # the control: believed, and nobody has put it down there
+    driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
+    trodden = driver.navigator.map.explored.known(SPEC)
+    row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
+    assert trodden[row, col] == accepted

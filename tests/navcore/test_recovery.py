@@ -14,9 +14,9 @@ from navcore.grid import GridSpec
 from navcore.local_planner import Points, plan_motion
 from navcore.motion import IDLE, LocalRules, Motion, Outcome
 from navcore.navigator import Navigator, Order
-from navcore.path import NoPath, Path
+from navcore.path import NoPath, Path, Reason
 from navcore.recovery import Means, Recovery, RecoveryRules, closed_way, trail_with
-from navcore.robot import HUSKY, STANDSTILL
+from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.route import Route
 from navcore.segment import ColourSegmenter
 from navcore.transform import Pose2
@@ -177,10 +177,10 @@ def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again(
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     first, _ = stuck_for(navigator, here, 0.0, 7.0)
-    assert navigator._closed[1]
+    assert navigator._closed
     last, outcomes = stuck_for(navigator, here, 7.0, 40.0)
     assert outcomes[-1] is Outcome.GIVEN_UP
-    assert not navigator._closed[1]
+    assert not navigator._closed
     np.testing.assert_array_equal(last.track[-1], first.track[-1])
 
 
@@ -207,5 +207,33 @@ def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it(
     stuck_for(navigator, Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), 0.0, 2.5)
     crept = Pose2(x_m=-2.1, y_m=0.0, yaw_rad=0.0)  # still at the place where it was boxed in, but a good way on
     stuck_for(navigator, crept, 2.5, 5.0)
-    (closed,) = navigator._closed[1]
+    (closed,) = navigator._closed
     assert min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon) > HUSKY.circumscribed_radius_m
+
+
+TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=Outcome.TURN)
+
+
+def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_begins_anew() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    _, outcomes = stuck_for(navigator, here, 0.0, 47.0)
+    assert outcomes[-1] is Outcome.GIVEN_UP
+    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator._recovery
+    route = navigator.route(navigator.occupancy(ORDER), here, ORDER)
+    assert navigator.recover(TURNS, frame, route, ORDER) == TURNS
+    navigator._recovery = gave_up
+    other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
+    route = navigator.route(navigator.occupancy(other), here, other)
+    assert navigator.recover(STUCK, frame, route, other).outcome is Outcome.BOXED_IN  # it waits, as at first
+    assert navigator._recovery.tried is Means.NONE
+
+
+def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    route, _ = stuck_for(navigator, here, 0.0, 7.0)
+    assert navigator._closed
+    looked = dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
+    navigator.recover(IDLE, picture(pose=here, stamp_ns=8_000_000_000), looked, ORDER)
+    assert not navigator._closed

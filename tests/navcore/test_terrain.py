@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -16,7 +17,7 @@ from navcore.points import PointRules, observe
 from navcore.robot import HUSKY, STANDSTILL, Twist
 from navcore.segment import ColourSegmenter
 from navcore.terrain import ground_heights
-from tests.navcore.scene import LENS, MOUNT, ORIGIN, SPEC, Box, picture
+from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, picture
 
 Floats = npt.NDArray[np.float64]
 Surface = Callable[[Floats, Floats], Floats]
@@ -163,3 +164,23 @@ def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_s
     assert time_to_contact(points, ahead, HUSKY) == pytest.approx(lip_m - HUSKY.length_m / 2, abs=0.15)
     assert len(near_points(seen(ramp(-0.12)))) == 0
     assert math.isinf(time_to_contact(near_points(seen(hills)), ahead, HUSKY))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])
+def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_on_it_is_not(slope: float) -> None:
+    frame = seen(ramp(slope))
+    red = dataclasses.replace(frame, rgb=np.full_like(frame.rgb, (220, 20, 20)))
+    rule = RED_LIST.classes[0]
+    measured = (frame.depth_m > 0) & (frame.depth_m < 4.0)
+    labels = ColourSegmenter().segment(red, RED_LIST).class_ids
+    assert (labels[measured] == rule.class_id).mean() > 0.99
+
+    if slope < 0:
+        return  # below the robot's plane all that is red counts
+
+    def stepped(x: Floats, y: Floats) -> Floats:
+        return ramp(slope)(x, y) + 0.3 * (x > 2.0)
+
+    box = seen(stepped)
+    labels = ColourSegmenter().segment(dataclasses.replace(box, rgb=np.full_like(box.rgb, (220, 20, 20))), RED_LIST).class_ids
+    assert (labels[(box.depth_m > 2.2) & (box.depth_m < 4.0)] == rule.class_id).mean() < 0.05

@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid import BoolGrid
 from navcore.motion import Outcome
 from navcore.path import NoPath, Path, Reason, plan
+from navcore.robot import HUSKY
 from navcore.transform import Pose2
 from navcore.way_out import way_out
 from navcore.zones import Zone
 from tests.navcore.laws import law
-from tests.navcore.scene import picture
+from tests.navcore.scene import Paint, picture
 from tests.navcore.test_pilot import navigator, order
 
 
@@ -68,3 +71,49 @@ def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_bu
     assert 0.9 + 0.6 < end[0] < 2.8 - 0.6
     assert leaving.motion.outcome is Outcome.FOLLOW
     assert leaving.motion.twist.v_mps > 0.0
+
+
+def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[Outcome, list[Pose2]]:
+    """How leaving ended, and where the robot was on its way."""
+    loop, pose, driven = navigator(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), list[Pose2]()
+    for tick in range(150):
+        frame = picture(*things, pose=pose, stamp_ns=(tick + 1) * 100_000_000)
+        motion = loop.tick(frame, order(None, zones=zones, leave=True)).motion
+        if motion.outcome is Outcome.ARRIVED:
+            break
+        turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * 0.05)
+        pose = pose @ turn @ Pose2(x_m=motion.twist.v_mps * 0.1, y_m=0.0, yaw_rad=0.0) @ turn
+        driven.append(pose)
+    return motion.outcome, driven
+
+
+def come_over(driven: list[Pose2], low: tuple[float, float], high: tuple[float, float]) -> bool:
+    """Whether any part of the footprint was over a rectangle."""
+    area = shapely.box(*low, *high)
+    return any(bool(shapely.intersects(area, shapely.Polygon(pose.to_parent(HUSKY.footprint())))) for pose in driven)
+
+
+def across(name: str, first_m: float, last_m: float) -> Zone:
+    corners = ((first_m, -3.0), (last_m, -3.0), (last_m, 3.0), (first_m, 3.0))
+    return Zone(id=name, name=name, polygon=corners)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_way_out_leads_over_nothing_that_lies_in_the_area(there: bool) -> None:
+    mark = Paint(x=(1.0, 1.3), y=(-0.4, 0.4))
+    outcome, driven = driven_out(*[mark] * there, zones=(across("under", -3.0, 1.6),))
+    assert outcome is Outcome.ARRIVED
+    assert come_over(driven, (1.0, -0.4), (1.3, 0.4)) is not there  # without it the way out is straight ahead
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_way_out_leads_into_no_zone_that_overlaps_the_area(there: bool) -> None:
+    under, other = across("under", -2.0, 0.9), across("other", 0.85, 1.5)
+    outcome, driven = driven_out(zones=(under, other) if there else (under,))
+    assert outcome is Outcome.ARRIVED
+    assert come_over(driven, (0.95, -3.0), (1.5, 3.0)) is not there
+
+
+def test_off_the_map_leaving_is_a_plain_answer() -> None:
+    off = picture(pose=Pose2(x_m=13.0, y_m=0.0, yaw_rad=0.0))
+    assert navigator().tick(off, order(None, zones=(across("z", -1.0, 1.0),), leave=True)).motion.twist.v_mps == 0.0
