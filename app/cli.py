@@ -88,9 +88,7 @@ def console(
     prior: PriorOption = None,
     kept: KeptOption = None,
     navigation: NavigationOption = None,
-    login: Annotated[
-        bool, typer.Option("--login", help="Ask for a login on loopback too, e.g. behind a reverse proxy.")
-    ] = False,
+    login: Annotated[bool, typer.Option("--login", help="Ask for a login on loopback too.")] = False,
     unattended: Annotated[
         Literal["go on", "pause"], typer.Option(help="What a mission does when whoever was in control has gone silent.")
     ] = "go on",

@@ -111,6 +111,7 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
         recall(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
         stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
         recorder = Recorder(pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name)
+        stack.callback(recorder.close)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
             robot=robot,

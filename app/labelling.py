@@ -99,9 +99,9 @@ class LabellingFolder:
         """Take over what an earlier session left; a picture whose writing was cut off is left out."""
         if self._opened:
             return
-        self._class_names = list(BEWARE_CLASSES)
+        class_names, found, sums, sizes = list(BEWARE_CLASSES), list[Files](), type(self._sums)(), set[tuple[int, int]]()
         if (self.folder / CARD_NAME).exists():
-            self._class_names = list(json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))["class_names"])
+            class_names = self._names_on_card()
             for label in sorted(self.folder.glob("train/label/*.npy")):
                 files = _files_of(label.stem)
                 try:
@@ -109,13 +109,21 @@ class LabellingFolder:
                     read_rgb(self.folder / files[0])
                 except BadConfiguration:
                     continue
-                self._files.append(files)
-                self._bytes_used += self._size_of(files)
-                self._sums.add(depth)
-                self._sizes.add((labels.shape[0], labels.shape[1]))
-            if self._files:
-                self._publish()
+                found.append(files)
+                sums.add(depth)
+                sizes.add((labels.shape[0], labels.shape[1]))
+        # All in one step: a disk that then refuses the lists finds what was read only once in them when it is tried again.
+        self._class_names, self._files, self._sums, self._sizes = class_names, found, sums, sizes
+        self._bytes_used = sum(map(self._size_of, found))
+        if found:
+            self._publish()
         self._opened = True
+
+    def _names_on_card(self) -> list[str]:
+        try:
+            return [str(name) for name in json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))["class_names"]]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StorageFailed(f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away") from None
 
     def _size_of(self, files: Files) -> int:
         return sum((self.folder / path).stat().st_size for path in files)

@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 CLOUD_PERIOD_S = 1.0
 SERIES_PERIOD_S = 1.0
 SERIES = ("t_s", "distance_m", "explored_m2", "explored_m3", "speed_mps", "tick_ms")
+MAX_SERIES = 7200
+"""Rows; of a longer run every second one is kept, and half as many are added from then on."""
 DRIVEN_STEP_M = 0.05
 MAX_DRIVEN = 20_000
 """The driven path keeps its newest kilometre."""
@@ -68,6 +70,9 @@ class Recorder:
         self._cloud_ns = 0
         self._run: dict[str, Any] | None = None
         self._stop_noted: str | None = None
+        self._period_s = SERIES_PERIOD_S
+        self._known: set[int] = set()
+        self._last: Decision | None = None
 
     def note_decision(self, decision: Decision) -> None:
         """Called by the think thread after each tick."""
@@ -143,20 +148,32 @@ class Recorder:
             self._begin_run(decision, mission)
         elif self._run is not None:
             series = self._run["series"]
-            if self._run_s(decision) >= len(series["t_s"]) * SERIES_PERIOD_S:
+            if self._run_s(decision) >= len(series["t_s"]) * self._period_s:
                 series["t_s"].append(round(self._run_s(decision), 2))
                 series["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
                 series["explored_m2"].append(round(self.explored_m2, 2))
                 series["explored_m3"].append(round(self._pilot.navigator.map.explored.volume_m3, 2))
                 series["speed_mps"].append(round(decision.frame.twist.v_mps, 3))
                 series["tick_ms"].append(round(self.tick_ms(), 2))
+                if len(series["t_s"]) >= MAX_SERIES:
+                    self._run["series"] = {name: column[::2] for name, column in series.items()}
+                    self._period_s *= 2
+            self._run["goals"] += [[goal.x_m, goal.y_m] for goal in mission.queue if goal.id not in self._known]
+            self._known |= {goal.id for goal in mission.queue}
+            self._last = decision
             if mission.phase is Phase.IDLE:
                 self._end_run(decision, mission)
+
+    def close(self) -> None:
+        """Keep the report of a run that has not ended: nothing comes after it. Call when no thread feeds this any more."""
+        if self._run is not None and self._last is not None:
+            self._end_run(self._last, self._pilot.intent.mission)
 
     def _begin_run(self, decision: Decision, mission: Mission) -> None:
         if self._referee is not None:
             self._referee.new_run()
             self._stop_noted = None  # a new referee has to be told again
+        self._period_s, self._known, self._last = SERIES_PERIOD_S, {goal.id for goal in mission.queue}, decision
         self._run = {
             "id": uuid.uuid4().hex[:12],
             "scenario": self._scenario,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,7 +58,7 @@ def password(name: NameArgument, data: DataOption = Path("data")) -> None:
     from web.access.users import hash_password
 
     with _users(data) as users:
-        users.replace(dataclasses.replace(_user(users, name), password_hash=hash_password(_password())))
+        users.change(name, password_hash=hash_password(_password()))
     typer.echo(f"{name} has a new password.")
 
 
@@ -73,7 +72,7 @@ def change_role(
     from web.access.roles import Role
 
     with _users(data) as users:
-        users.replace(dataclasses.replace(_user(users, name), role=Role(role)))
+        users.change(name, role=Role(role))
     typer.echo(f"{name} is {role} now.")
 
 
@@ -84,7 +83,7 @@ def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
 
     token, token_hash = new_token()
     with _users(data) as users:
-        users.replace(dataclasses.replace(_user(users, name), token_hash=token_hash))
+        users.change(name, token_hash=token_hash)
     typer.echo(token)
 
 

@@ -64,6 +64,7 @@ class ZoneBook:
         self._zones, self._spec, self._shelf, self._bind, self._calendar_s = zones, spec, shelf, bind, calendar_s
         self._new_id = new_id
         self._lock = threading.RLock()
+        self._newest = {zone.id: zone.version for zone in (*zones, *(zone for kept in self.sets().values() for zone in kept))}
         self._done: list[_Edit] = []
         self._undone: list[_Edit] = []
 
@@ -102,7 +103,9 @@ class ZoneBook:
         return self._added([draft], f"new zone {draft.name!r}")[0]
 
     def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
-        """Store many zones as one step."""
+        """Store many zones as one step; those whose time is over by now are off, as they are where they come from."""
+        now_s = self._calendar_s()
+        drafts = [_as_it_is_by(now_s, draft) for draft in drafts]
         return self._added(drafts, f"import of {len(drafts)} {'zone' if len(drafts) == 1 else 'zones'}")
 
     def _added(self, drafts: Sequence[ZoneDraft], text: str) -> tuple[Zone, ...]:
@@ -164,17 +167,22 @@ class ZoneBook:
         return {name: tuple(map(zone_of, records)) for name, records in self._shelf.kept(SETS).items()}
 
     def save_set(self, name: str) -> None:
-        """Keep the present zones under a name, in the place of what had it before."""
+        """Keep the present zones under a name, in the place of what had it before; of an expiry, how long it is until then."""
         with self._lock:
             kept = self._shelf.kept(SETS)
             if name not in kept and len(kept) >= MAX_SETS:
                 raise Refused(f"at most {MAX_SETS} sets are kept; delete one first")
-            self._shelf.keep(SETS, name, [zone_record(zone) for zone in self._zones])
+            now_s = self._calendar_s()
+            lasting = [
+                zone if zone.expires_at_s is None else dataclasses.replace(zone, expires_at_s=zone.expires_at_s - now_s)
+                for zone in self._zones
+            ]
+            self._shelf.keep(SETS, name, [zone_record(zone) for zone in lasting])
 
     def use_set(self, name: str) -> None:
         """Let a set's zones bind the robot in the place of the present ones; one step, which can be undone."""
         with self._lock:
-            wanted = {zone.id: zone for zone in self._set(name)}
+            wanted = {zone.id: self._counted_from_now(zone) for zone in self._set(name)}
             self._step(f"switch to {name!r}", {**{zone.id: None for zone in self._zones}, **wanted})
 
     def delete_set(self, name: str) -> None:
@@ -191,11 +199,18 @@ class ZoneBook:
 
     # Inside
 
+    def _counted_from_now(self, zone: Zone) -> Zone:
+        """A zone of a set, whose expiry says how long it holds; an older set says until when, and then it holds for good."""
+        if zone.expires_at_s is None:
+            return zone
+        lasts_s = zone.expires_at_s if 0 < zone.expires_at_s < LONGEST_S else None
+        return dataclasses.replace(zone, expires_at_s=None if lasts_s is None else self._calendar_s() + lasts_s)
+
     def _expiry(self, draft: ZoneDraft) -> float | None:
         now_s = self._calendar_s()
         at_s = draft.expires_at_s if draft.expires_in_s is None else now_s + draft.expires_in_s
         if at_s is not None and not now_s < at_s < now_s + LONGEST_S:
-            raise BadGeometry("the zone's expiry has to lie within the next year; give it anew, or none")
+            raise BadGeometry(f"zone {draft.name!r}: its expiry has to lie within the next year; give it anew, or none")
         return at_s
 
     def _expired(self, zone: Zone) -> bool:
@@ -217,22 +232,28 @@ class ZoneBook:
         self._undone = []
 
     def _apply(self, wanted: Mapping[str, Zone | None]) -> None:
-        """Store first, bind then: what is refused has changed nothing."""
+        """Store first, bind then: what is refused has changed nothing.
+
+        A version is given once: one who holds an older edit of a zone that went and came back is not to be believed.
+        """
         present = {zone.id: zone for zone in self._zones}
         saved = {
-            zone_id: dataclasses.replace(zone, version=max(zone.version, _version(present.get(zone_id)) + 1))
+            zone_id: dataclasses.replace(zone, version=max(zone.version, self._newest.get(zone_id, 0) + 1))
             for zone_id, zone in wanted.items()
             if zone is not None
         }
         deleted = [zone_id for zone_id, zone in wanted.items() if zone is None]
         self._shelf.change_zones(saved.values(), deleted)
+        self._newest |= {zone_id: zone.version for zone_id, zone in saved.items()}
         merged = {**present, **saved}
         self._zones = tuple(zone for zone_id, zone in merged.items() if zone_id not in deleted)
         self._bind(self._zones)
 
 
-def _version(zone: Zone | None) -> int:
-    return 0 if zone is None else zone.version
+def _as_it_is_by(now_s: float, draft: ZoneDraft) -> ZoneDraft:
+    if draft.expires_at_s is None or draft.expires_in_s is not None or draft.expires_at_s > now_s:
+        return draft
+    return dataclasses.replace(draft, enabled=False, expires_at_s=None)
 
 
 def _last(edits: list[_Edit], verb: str) -> _Edit:

@@ -17,7 +17,7 @@ from navcore.errors import BadGeometry
 from navcore.grid import BoolGrid, GridSpec, inflate, inflation_radius
 from navcore.zones import MAX_CORNERS, Zone, cells_of
 
-MAX_PARTS = 200
+MAX_PARTS, MAX_HOLES = 200, 2000
 INSET = 0.1
 """So many cells the polygon stays inside its cells: on their border it would touch, and so take, the next ones."""
 Corners = tuple[tuple[float, float], ...]
@@ -40,9 +40,7 @@ def polygons_of(mask: BoolGrid, spec: GridSpec) -> tuple[Corners, ...]:
     whole = shapely.union_all(list(_runs(mask, spec)))
     parts: list[Polygon] = []
     for polygon in sorted(_polygons(whole), key=lambda part: -part.area):
-        parts.extend(_simple(polygon))
-        if len(parts) > MAX_PARTS:
-            raise _too_many()
+        parts.extend(_simple(polygon, MAX_PARTS - len(parts)))
     inset_m = INSET * spec.resolution_m
     shrunk = (inner for part in parts for inner in _polygons(part.buffer(-inset_m, join_style="mitre")))
     return tuple(tuple((float(x), float(y)) for x, y in polygon.exterior.coords[:-1]) for polygon in shrunk)
@@ -62,16 +60,33 @@ def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
         yield box(x + start * side, y + row * side, x + end * side, y + (row + 1) * side)
 
 
-def _simple(polygon: Polygon) -> list[Polygon]:
-    """The polygon cut in two, and again, until no part has a hole or too many corners."""
-    (polygon,) = _polygons(polygon.simplify(0.0))
-    if not polygon.interiors and len(polygon.exterior.coords) <= MAX_CORNERS:
-        return [polygon]
+def _simple(whole: Polygon, most: int) -> list[Polygon]:
+    """The polygon cut in two, and again, until no part has a hole or too many corners; raises `BadGeometry` for too many."""
+    if len(whole.interiors) > MAX_HOLES:
+        raise _too_many()
+    found, waiting = list[Polygon](), [whole]
+    while waiting:
+        if len(found) + len(waiting) > most:
+            raise _too_many()
+        (polygon,) = _polygons(waiting.pop().simplify(0.0))
+        if not polygon.interiors and len(polygon.exterior.coords) <= MAX_CORNERS:
+            found.append(polygon)
+        else:
+            one_way, other_way = _cut(polygon)
+            waiting += one_way if len(one_way) <= len(other_way) else other_way
+    return found
+
+
+def _cut(polygon: Polygon) -> list[list[Polygon]]:
+    """What it falls into, cut through a hole, so that it is one no more, or else in the middle: up and down, and across."""
     left, low, right, top = polygon.bounds
-    hole = polygon.interiors[0].centroid if polygon.interiors else polygon.centroid
-    at_x = min(max(hole.x, left + 1e-6), right - 1e-6)
-    halves = (box(left, low, at_x, top), box(at_x, low, right, top))
-    return [part for half in halves for piece in _polygons(polygon.intersection(half)) for part in _simple(piece)]
+    middle = polygon.interiors[0].centroid if polygon.interiors else box(left, low, right, top).centroid
+    at_x, at_y = min(max(middle.x, left + 1e-6), right - 1e-6), min(max(middle.y, low + 1e-6), top - 1e-6)
+    ways = (
+        (box(left, low, at_x, top), box(at_x, low, right, top)),
+        (box(left, low, right, at_y), box(left, at_y, right, top)),
+    )
+    return [[piece for half in halves for piece in _polygons(polygon.intersection(half))] for halves in ways]
 
 
 def _polygons(shape: shapely.Geometry) -> Sequence[Polygon]:

@@ -32,14 +32,33 @@ class UserTable:
             values = (user.name, str(user.role), user.password_hash, user.token_hash)
             connection.execute("INSERT INTO users (name, role, password_hash, token_hash) VALUES (?, ?, ?, ?)", values)
 
-    def replace(self, user: User) -> None:
-        """Role, password and token of an existing one; raises `NotKnown`, and `Refused` for the last admin's loss of it."""
+    def change(
+        self,
+        name: str,
+        *,
+        role: Role | None = None,
+        password_hash: str | None = None,
+        token_hash: str | None = None,
+        instead_of: str | None = None,
+    ) -> User:
+        """Role, password or token of an existing one; raises `NotKnown`, and `Refused` for the last admin's loss of it.
+
+        What is not said stays as it is by then: two who change one user at once undo nothing of each other.
+        """
+        query = (
+            "UPDATE users SET role = coalesce(?, role), password_hash = coalesce(?, password_hash),"
+            " token_hash = coalesce(?, token_hash) WHERE name = ? AND password_hash = coalesce(?, password_hash)"
+        )
         with self._database.writing() as connection:
-            values = (str(user.role), user.password_hash, user.token_hash, user.name)
-            query = "UPDATE users SET role = ?, password_hash = ?, token_hash = ? WHERE name = ?"
-            if connection.execute(query, values).rowcount == 0:
-                raise NotKnown(f"no user is called {user.name!r}")
+            values = (None if role is None else str(role), password_hash, token_hash, name, instead_of)
+            changed = connection.execute(query, values)
+            row = connection.execute("SELECT role, password_hash, token_hash FROM users WHERE name = ?", (name,)).fetchone()
+            if row is None:
+                raise NotKnown(f"no user is called {name!r}")
+            if changed.rowcount == 0:
+                raise Refused("the password has been changed meanwhile")
             _need_an_admin(connection)
+        return User(name=name, role=Role(row[0]), password_hash=row[1], token_hash=row[2])
 
     def remove(self, name: str) -> None:
         """Raises `NotKnown`, and `Refused` for the last admin."""

@@ -135,7 +135,7 @@ def test_there_is_always_an_admin(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="last admin"):
         store.users.remove("admin")
     with pytest.raises(Refused, match="last admin"):
-        store.users.replace(dataclasses.replace(admin, role=Role.VIEWER))
+        store.users.change(admin.name, role=Role.VIEWER)
     assert store.users.all() == (admin,)
     with pytest.raises(NotKnown):
         store.users.remove("nobody")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from collections.abc import Collection, Sequence
@@ -24,6 +25,7 @@ from navcore.config import NavigatorConfig
 from navcore.errors import StorageFailed
 from navcore.robot import STANDSTILL
 from navcore.safety import Cause, StopReason, Verdict
+from tests.navcore.scene import picture
 from web.insight import Entry, Kind
 
 
@@ -179,3 +181,33 @@ def test_a_disk_that_hangs_holds_up_nobody_who_notes_or_reads() -> None:
     writer.join(5.0)
     journal.write()
     assert [entry.id for entry in disk.entries] == [8, 9, 10]
+
+
+def driven(pilot: Pilot, recorder: Recorder, *, from_s: float, to_s: float) -> None:
+    """Ticks of a standing robot, one a second, as the recorder hears of them."""
+    for second in range(int(from_s), int(to_s)):
+        frame = picture(stamp_ns=(second + 1) * 1_000_000_000)
+        decision = pilot.thought.decision or pilot.think(frame, clock=lambda: 0)
+        assert decision is not None
+        recorder.note_decision(dataclasses.replace(decision, frame=frame))
+
+
+def test_a_run_that_goes_round_and_round_is_bounded_and_kept_when_the_console_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.recorder.MAX_SERIES", 16)
+    store, pilot = Store(tmp_path), standing_pilot()
+    pilot.change_mission(lambda mission: mission.cancel().add(3.0, 0.0, pilot.navigator.map.spec).start())
+    recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
+    driven(pilot, recorder, from_s=0, to_s=100)
+    pilot.change_mission(lambda mission: mission.add(2.0, 1.0, pilot.navigator.map.spec))
+    driven(pilot, recorder, from_s=100, to_s=200)
+    assert not store.runs()
+    recorder.close()
+    recorder.close()
+    (run,) = store.runs()
+    assert run["goals"] == [[3.0, 0.0], [2.0, 1.0]]
+    series = store.run(run["id"])["series"]
+    times = series["t_s"]
+    assert 8 <= len(times) <= 16 and times[-1] > 180.0 and all(len(column) == len(times) for column in series.values())
+    store.close()

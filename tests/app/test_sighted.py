@@ -11,9 +11,10 @@ import pytest
 from app.labelling import LabellingFolder, region_in
 from app.sighted import Sighted, packed
 from navcore.beware import BewareClass, BewareList
-from navcore.errors import BadConfiguration, NotKnown, Refused
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.frame import Frame, Intrinsics
 from navcore.learning.dataset import load_dataset
+from navcore.learning.dataset_card import CARD_NAME
 from navcore.robot import STANDSTILL
 from navcore.segment import Labels
 from navcore.transform import Pose2, camera_mount
@@ -117,3 +118,28 @@ def test_what_stands_out_in_a_box_is_found_and_a_bad_box_is_refused() -> None:
     for box in ((0, 0, 161, 50), (50, 50, 50, 80), (10, 10, 13, 60), (-1, 0, 20, 20)):
         with pytest.raises(BadConfiguration, match="box"):
             region_in(rgb, box)
+
+
+def test_a_disk_that_refuses_the_lists_finds_every_picture_in_them_once_when_it_takes_them_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    for said in ("cup", "toy", None):
+        view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+        LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said=said)
+    again = LabellingFolder(tmp_path)
+
+    def full(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    with monkeypatch.context() as refusing:
+        refusing.setattr("app.labelling.write_text", full)
+        for _ in range(5):
+            with pytest.raises(StorageFailed):
+                again.state()
+    assert again.state().pictures == 3
+    assert len((tmp_path / "train_rgb.txt").read_text().splitlines()) == 3
+    (tmp_path / CARD_NAME).write_text("{ no card")
+    with pytest.raises(StorageFailed, match="cannot be read"):
+        LabellingFolder(tmp_path).state()

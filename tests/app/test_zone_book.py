@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from app.preview import compared
 from app.storage import Store
 from app.zone_book import ZoneBook
-from navcore.errors import BadGeometry, NotKnown, Refused, StorageFailed
+from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.grid import GridSpec, OccupancyGrid, inflate_layers
 from navcore.path import NoPath, plan
 from navcore.path import Path as FoundPath
@@ -121,8 +122,11 @@ def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(desk: Desk, c
         ("round", True, None),
     ]
     assert "'wet' has expired" in caplog.text
-    with pytest.raises(BadGeometry, match="expiry"):
-        desk.book.add_all([ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)])
+    past = ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)
+    with pytest.raises(BadGeometry, match="'past': its expiry"):
+        desk.book.add(past)
+    (taken,) = desk.book.add_all([past])  # an export holds what is over by now, and can be imported all the same
+    assert not taken.enabled and taken.expires_at_s is None
 
 
 def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) -> None:
@@ -195,3 +199,31 @@ def test_what_cuts_the_goal_off_is_named_and_what_does_not_is_not() -> None:
     halves = (zone("north", 0.0, -0.2, 2.9), zone("south", 0.0, -2.9, 0.2), aside)
     assert set(tried(halves).cut_by) == {"north", "south"}
     assert tried((aside,), zone("slow", 0.0, -2.9, 2.9, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)).cut_by == ()
+
+
+def test_who_holds_an_older_edit_of_a_zone_that_went_and_came_back_is_not_believed(desk: Desk) -> None:
+    zone = desk.book.add(ROUND)
+    held = desk.book.replace(zone.id, dataclasses.replace(ROUND, name="held")).version
+    desk.book.save_set("day")
+    for _ in range(2):
+        desk.book.undo()
+    desk.book.redo()
+    desk.book.replace(zone.id, dataclasses.replace(ROUND, name="by somebody else"))
+    with pytest.raises(Outdated):
+        desk.book.replace(zone.id, ROUND, expected_version=held)
+    desk.book.delete(zone.id)
+    desk.book.use_set("day")
+    desk.book.replace(zone.id, dataclasses.replace(ROUND, name="by somebody else"))
+    with pytest.raises(Outdated):
+        desk.book.replace(zone.id, ROUND, expected_version=held)
+
+
+def test_a_set_says_how_long_its_zones_hold_and_not_until_when(desk: Desk) -> None:
+    desk.book.add(dataclasses.replace(ROUND, expires_in_s=3600.0))
+    desk.now_s += 600.0
+    desk.book.save_set("night")
+    desk.now_s += 24 * 3600.0
+    desk.book.use_set("night")
+    desk.book.expire()
+    (zone,) = desk.bound
+    assert zone.enabled and zone.expires_at_s == pytest.approx(desk.now_s + 3000.0)

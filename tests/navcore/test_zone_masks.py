@@ -54,3 +54,22 @@ def test_a_picture_of_specks_is_refused() -> None:
     specks[::2, ::2] = True
     with pytest.raises(BadGeometry, match="instead of a keep-out mask"):
         polygons_of(specks, SPEC)
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_a_comb_becomes_zones_however_it_lies_and_a_finer_one_is_refused(across: bool) -> None:
+    def comb(side: int, pitch: int) -> tuple[BoolGrid, GridSpec]:
+        mask = np.zeros((side, side), dtype=np.bool_)
+        mask[:, :3] = True
+        mask[::pitch, :-1] = True
+        spec = GridSpec.centred(size_m=(side * 0.05, side * 0.05), resolution_m=0.05)
+        return np.ascontiguousarray(mask.T if across else mask), spec
+
+    mask, spec = comb(520, 2)
+    zones = [Zone(id=str(i), name="z", polygon=check_polygon(ring, spec)) for i, ring in enumerate(polygons_of(mask, spec))]
+    assert 1 < len(zones) < 20
+    np.testing.assert_array_equal(closed_cells(zones, spec), mask)
+    dense = np.zeros((160, 160), dtype=np.bool_)
+    dense[::2] = dense[:, ::2] = True  # a mesh: every gap is a hole
+    with pytest.raises(BadGeometry, match="instead of a keep-out mask"):
+        polygons_of(dense, GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05))

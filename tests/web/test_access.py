@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from app.viser_client import camera
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, Refused
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_server import PAGE, scene, viewer_of
@@ -310,3 +310,25 @@ def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
         control.give(bob)
     control.give(anna)
     assert control.now.holder is None
+
+
+def test_what_nests_too_deep_is_put_down_as_that_and_the_audit_stays_readable(locked: ConsoleServer) -> None:
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        for depth in (5, 300, 900):
+            headers = {"Content-Type": "application/json"}
+            assert viewer.post("/api/v1/stop", content="[" * depth + "]" * depth, headers=headers).status_code == 200
+        audit = operator.get("/api/v1/audit")
+        assert audit.status_code == 200
+        details = [entry["detail"] for entry in audit.json() if entry["path"] == "/api/v1/stop"]
+        assert details == ["1800 bytes, nested too deep", "600 bytes, nested too deep", [[[[[]]]]]]
+
+
+def test_an_admins_change_is_not_undone_by_one_that_began_before_it(accounts: Accounts) -> None:
+    users = accounts.store.users
+    (before,) = (user for user in users.all() if user.name == "operator")
+    users.change("operator", role=Role.VIEWER)
+    after = users.change("operator", password_hash=hash_password("another password"), instead_of=before.password_hash)
+    assert after.role is Role.VIEWER and after.token_hash == before.token_hash
+    with pytest.raises(Refused, match="meanwhile"):
+        users.change("operator", password_hash=before.password_hash, instead_of=before.password_hash)
+    assert users.change("operator", token_hash="f" * 64).password_hash == after.password_hash

@@ -235,3 +235,35 @@ def test_a_console_that_is_gone_is_said_to_be_gone_and_the_page_finds_it_again(
     finally:
         again.stop()
         context.close()
+
+
+def test_the_space_key_stops_wherever_a_blank_means_nothing(page: Page, operations: FakeOperations) -> None:
+    fields = {"number": "<input type=number id=probe>", "list": "<select id=probe><option>a<option>b</select>"}
+    for count, (name, field) in enumerate(fields.items(), 1):
+        page.evaluate("field => document.body.insertAdjacentHTML('beforeend', field)", field)
+        page.locator("#probe").focus()
+        page.keyboard.press("Space")
+        expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+        assert operations.stops == ["console key"] * count, name
+        page.evaluate("document.getElementById('probe').remove()")
+        page.get_by_test_id("reset").click()
+        expect(page.get_by_test_id("reset")).to_be_disabled()
+
+
+def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(page: Page, operations: FakeOperations) -> None:
+    held: list[object] = []
+    page.route("**/api/v1/hang**", lambda route: held.append(route))  # never answered
+    page.evaluate(
+        """async (count) => {
+            const { get } = await import("/page/api.js");
+            window.failed = 0;
+            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch(() => { window.failed += 1; });
+        }""",
+        8,
+    )
+    page.wait_for_function("() => document.querySelector('.progress:not([hidden])')")
+    assert len(held) == 8 and page.evaluate("window.failed") == 0
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    page.wait_for_function("() => window.failed === 8")
+    assert operations.stops[0] == "console key"

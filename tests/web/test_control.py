@@ -173,3 +173,15 @@ def test_when_the_operator_goes_silent_the_mission_does_as_configured(unattended
     assert operations.state().phase is phase
     attendance.look()
     assert operations.state().phase is phase
+
+
+@pytest.mark.parametrize("who", ["viewer", "operator"])
+def test_the_stop_is_heard_on_the_sign_of_life_too_once_and_from_everybody(
+    who: str, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    with live(locked, Authorization=f"Bearer {accounts.tokens[who]}") as page:
+        for _ in range(2):
+            page.send(json.dumps({"type": "stop", "by": "console key"}))
+        eventually(lambda: operations.state().stop_latched)
+        news(page, type="control")
+    assert operations.stops == [f"{who} (console key)"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from typing import Any
+from urllib.parse import quote
 
 import cv2
 import httpx
@@ -77,7 +78,7 @@ def test_edits_are_taken_back_and_done_again(client: httpx.Client) -> None:
     client.delete("/api/v1/zones/z1")
     assert client.get("/api/v1/zones").json()["undo"] == "deletion of 'first'"
     assert names(client.post("/api/v1/zones/undo")) == ["first"]
-    assert client.get("/api/v1/zones/z1").headers["etag"] == '"1"'
+    assert client.get("/api/v1/zones/z1").headers["etag"] == '"2"'  # a version is given once
     assert names(client.post("/api/v1/zones/redo")) == []
     assert client.get("/api/v1/zones").json()["redo"] is None
 
@@ -187,3 +188,20 @@ def test_goals_have_headings_and_names_are_ordered_looped_and_kept(client: httpx
     assert [(goal["name"], goal["yaw_rad"]) for goal in loaded["queue"]] == [("gate", None), ("dock", 1.5)]
     assert client.delete("/api/v1/missions/rounds").status_code == 204
     wrong(client.post("/api/v1/missions/rounds/load"), 404)
+
+
+@pytest.mark.parametrize("name", ["Mon/Tue", "a/b/c", "use", "night/use"])
+def test_a_name_with_a_slash_is_a_name(name: str, client: httpx.Client) -> None:
+    at = quote(name, safe="")
+    client.post("/api/v1/zones", json=zone("guests only"))
+    assert client.put(f"/api/v1/zone-sets/{at}").status_code == 204
+    assert [one["name"] for one in client.get("/api/v1/zone-sets").json()] == [name]
+    assert names(client.post(f"/api/v1/zone-sets/{at}/use")) == ["guests only"]
+    assert client.delete(f"/api/v1/zone-sets/{at}").status_code == 204
+    client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0})
+    assert client.put(f"/api/v1/missions/{at}").status_code == 204
+    assert client.post(f"/api/v1/missions/{at}/load").status_code == 200
+    assert client.delete(f"/api/v1/missions/{at}").status_code == 204
+    assert client.put("/api/v1/beware", json={"classes": [{"name": name, "class_id": 60}]}).status_code == 200
+    edited = client.patch(f"/api/v1/beware/{at}", json={"enabled": False})
+    assert edited.status_code == 200 and edited.json()["classes"][0]["enabled"] is False

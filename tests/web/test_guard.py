@@ -91,3 +91,15 @@ def test_every_answer_carries_the_headers_that_keep_browsers_honest(client: http
         assert headers["x-content-type-options"] == "nosniff" and "frame-ancestors 'self'" in headers["content-security-policy"]
     assert "unsafe" not in client.get("/").headers["content-security-policy"]
     assert client.get("/healthz", headers={"Host": "evil.example"}).status_code == 421
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\x00", "\x7f"])
+def test_no_route_is_reached_by_a_path_that_only_a_router_takes_for_its_own(end: str, accounts: Accounts) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
+    accounts.access.control.take(accounts.visitor("admin"))
+    reached = {
+        (method, path): status
+        for method, path in routes_of(app)
+        if (status := ask(app, method, path + end, accounts.headers("operator"), quiet=True)) not in (403, 404)
+    }
+    assert reached == {}

@@ -17,6 +17,7 @@ from web.access.rules import SAFE, STOP
 log = logging.getLogger(__name__)
 
 MAX_DETAIL_BYTES = 4000
+MAX_DEPTH = 20
 _SILENT = {"/api/v1/preview"}
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
@@ -88,4 +89,15 @@ def _detail(body: bytes) -> Any:
         json.dumps(detail, allow_nan=False).encode()
     except (ValueError, RecursionError):
         return f"{len(body)} bytes that are no JSON"
-    return detail
+    return f"{len(body)} bytes, nested too deep" if is_deep(detail) else detail
+
+
+def is_deep(value: Any) -> bool:
+    """Whether JSON nests deeper than anybody means, or can be written again for who asks."""
+    layer = [value]
+    for _ in range(MAX_DEPTH):
+        nested = [one.values() if isinstance(one, dict) else one for one in layer if isinstance(one, dict | list)]
+        layer = [inner for values in nested for inner in values]
+        if not layer:
+            return False
+    return True

@@ -18,7 +18,7 @@ LOGOUT = "/logout"
 _BY_ANYONE = {("POST", STOP), ("POST", f"{_API}/preview"), ("POST", LOGOUT), ("PUT", f"{_API}/me/password")}
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
 _OPERATORS = re.compile(rf"{_API}/audit(/|$)")
-_DRIVES = re.compile(rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/[^/]+/(load|start|queue))/?")
+_DRIVES = re.compile(rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?")
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """To stand still is always allowed."""
 

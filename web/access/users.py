@@ -34,7 +34,7 @@ class User:
 
 
 class Users(Protocol):
-    """Where accounts are kept. `add`, `replace` and `remove` raise `Refused` or `NotKnown`, all `StorageFailed`."""
+    """Where accounts are kept. `add`, `change` and `remove` raise `Refused` or `NotKnown`, all `StorageFailed`."""
 
     def all(self) -> tuple[User, ...]:
         """By name."""
@@ -42,8 +42,16 @@ class Users(Protocol):
     def add(self, user: User) -> None:
         """A new one."""
 
-    def replace(self, user: User) -> None:
-        """Role, password and token of one there is."""
+    def change(
+        self,
+        name: str,
+        *,
+        role: Role | None = None,
+        password_hash: str | None = None,
+        token_hash: str | None = None,
+        instead_of: str | None = None,
+    ) -> User:
+        """What is said of one there is, and nothing else of him; `instead_of`: only as long as that is his password's hash."""
 
     def remove(self, name: str) -> None:
         """One fewer."""

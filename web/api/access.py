@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path
@@ -34,8 +33,8 @@ def access_router(house: House) -> APIRouter:
                 return known
         raise NotKnown("no user has this name")
 
-    def replace(changed: User) -> UserOut:
-        locked().users.replace(changed)
+    def change(name: str, **what: Any) -> UserOut:
+        changed = locked().users.change(name, **what)
         locked().refresh()
         return _user_of(changed)
 
@@ -50,7 +49,7 @@ def access_router(house: House) -> APIRouter:
         known = user(visitor.name)
         if not is_password(body.present, known.password_hash):
             raise Refused("the present password is another")
-        replace(dataclasses.replace(known, password_hash=hash_password(body.password)))
+        change(known.name, password_hash=hash_password(body.password), instead_of=known.password_hash)
 
     @router.get("/users", response_model=list[UserOut], responses={409: RESPONSES[409]})
     def list_users() -> list[UserOut]:
@@ -68,18 +67,18 @@ def access_router(house: House) -> APIRouter:
     @router.put("/users/{name}/role", response_model=UserOut, responses=_REFUSALS)
     def change_role(name: UserName, body: RoleIn) -> UserOut:
         """What he may do; his sessions end."""
-        return replace(dataclasses.replace(user(name), role=Role(body.role)))
+        return change(name, role=Role(body.role))
 
     @router.put("/users/{name}/password", response_model=UserOut, responses=_REFUSALS)
     def change_password(name: UserName, body: PasswordIn) -> UserOut:
         """A new password for somebody; his sessions end."""
-        return replace(dataclasses.replace(user(name), password_hash=hash_password(body.password)))
+        return change(name, password_hash=hash_password(body.password))
 
     @router.post("/users/{name}/token", status_code=201, response_model=TokenOut, responses=_REFUSALS)
     def make_token(name: UserName) -> TokenOut:
         """A bearer token for programs, shown this once; the one before it is void."""
         token, token_hash = new_token()
-        replace(dataclasses.replace(user(name), token_hash=token_hash))
+        change(name, token_hash=token_hash)
         return TokenOut(token=token)
 
     @router.delete("/users/{name}", status_code=204, responses=_REFUSALS)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
-from web.access.audit import Ledger
+from web.access.audit import Ledger, is_deep
 from web.api.answers import finite
 from web.problems import JsonResponse
 
@@ -31,6 +31,7 @@ def audit_router(ledger: Ledger | None) -> APIRouter:
         `before` takes the id of the last entry of one answer and gives those that are older.
         """
         entries = [] if ledger is None else ledger.newest(count, before=before, who=who, since=since, until=until)
-        return [finite(dict(entry)) for entry in entries]
+        shown = ({**entry, "detail": "nested too deep"} if is_deep(entry.get("detail")) else entry for entry in entries)
+        return [finite(dict(entry)) for entry in shown]
 
     return router

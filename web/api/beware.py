@@ -45,7 +45,7 @@ def beware_router(operations: Operations) -> APIRouter:
         except Outdated:
             return conflict(expected)
 
-    @router.patch("/beware/{class_name}", response_model=BewareOut, responses={404: RESPONSES[404], **_REFUSALS})
+    @router.patch("/beware/{class_name:path}", response_model=BewareOut, responses={404: RESPONSES[404], **_REFUSALS})
     def edit_beware(
         class_name: Annotated[str, Path(max_length=MAX_NAME)],
         changes: BewarePatchIn,

@@ -1,7 +1,8 @@
 """Who drives, and driving by hand.
 
 `WS control/live` is a page's sign of life: the console says twice a second who is in control, the page answers, and while a
-drive key is held it sends velocities. A page that is closed, frozen or cut off sends none, and a velocity lives 0.25 s.
+drive key is held it sends velocities. A page that is closed, frozen or cut off sends none, and a velocity lives 0.25 s. The
+emergency stop is heard on it too, from everybody who may look.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from web.access.roles import CurrentVisitor, Role, Visitor
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import ControlOut, VisitorOut
-from web.schemas.hand import Drive, Here
+from web.schemas.hand import Drive, Halt, Here
 from web.sockets import until_one_ends
 
 Action = Literal["take", "ask", "give"]
@@ -33,7 +34,7 @@ DRIFT = 1e-3
 """How much the clocks of page and console may run apart."""
 BAD_MESSAGE = 1007
 
-LiveMessage: TypeAdapter[Here | Drive] = TypeAdapter(Annotated[Here | Drive, Field(discriminator="type")])
+LiveMessage: TypeAdapter[Here | Halt | Drive] = TypeAdapter(Annotated[Here | Halt | Drive, Field(discriminator="type")])
 
 
 def control_router(operations: Operations, control: Control, auditor: Auditor) -> APIRouter:
@@ -56,7 +57,7 @@ def control_router(operations: Operations, control: Control, auditor: Auditor) -
         await socket.accept()
         hand = Hand(operations, control, visitor)
         try:
-            await until_one_ends(_tell(socket, control, visitor), _listen(socket, control, hand, auditor))
+            await until_one_ends(_tell(socket, control, visitor), _listen(socket, operations, control, hand, auditor))
         except ValidationError:
             await socket.close(BAD_MESSAGE)
         finally:
@@ -100,6 +101,11 @@ class Hand:
         return way_s - quickest_s > LATE_S
 
 
+def stopped_by(visitor: Visitor, by: str) -> str:
+    """Who stopped the robot, and by what means, for the operators' eyes."""
+    return f"{visitor.name} ({by})" if visitor.logged_in else by
+
+
 async def _tell(socket: WebSocket, control: Control, visitor: Visitor) -> None:
     clock = asyncio.get_running_loop().time
     said_at, said = -BEAT_S, -1
@@ -110,13 +116,18 @@ async def _tell(socket: WebSocket, control: Control, visitor: Visitor) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def _listen(socket: WebSocket, control: Control, hand: Hand, auditor: Auditor) -> None:
+async def _listen(socket: WebSocket, operations: Operations, control: Control, hand: Hand, auditor: Auditor) -> None:
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
         heard = LiveMessage.validate_json(message.get("text") or "")
         control.note_life(hand.visitor)
+        if isinstance(heard, Halt) and not operations.state().stop_latched:
+            hand.let_go()
+            operations.stop(stopped_by(hand.visitor, heard.by))
+            who, role = hand.visitor.name, str(hand.visitor.role)
+            await auditor.note({"who": who, "role": role, "method": "WS", "path": f"stop?by={heard.by}"})
         if isinstance(heard, Drive) and hand.visitor.role.may(Role.OPERATOR):
             drove = hand.drives
             try:

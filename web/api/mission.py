@@ -12,6 +12,7 @@ from fastapi import APIRouter, Path, Query, Response
 
 from web.access.roles import CurrentVisitor
 from web.api.answers import goals, mission_of, state_of
+from web.api.control import stopped_by
 from web.port import MissionAction, Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import GoalOut, MissionOut, SavedMissionOut, StateOut
@@ -69,19 +70,19 @@ def mission_router(operations: Operations) -> APIRouter:
         saved = operations.goals.missions().items()
         return [SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop) for name, mission in saved]
 
-    @router.put("/missions/{name}", status_code=204, responses=_refusals(409, 422, 503))
+    @router.put("/missions/{name:path}", status_code=204, responses=_refusals(409, 422, 503))
     def save_mission(name: Annotated[Name, Path()]) -> Response:
         """Keep the waiting goals under a name."""
         operations.goals.save(name)
         return Response(status_code=204)
 
-    @router.post("/missions/{name}/load", response_model=MissionOut, responses=_refusals(404, 409, 422))
+    @router.post("/missions/{name:path}/load", response_model=MissionOut, responses=_refusals(404, 409, 422))
     def load_mission(name: Annotated[Name, Path()]) -> MissionOut:
         """Put kept goals in the place of those that wait; the mission then stands and waits for its start."""
         operations.goals.load(name)
         return mission_of(operations.state())
 
-    @router.delete("/missions/{name}", status_code=204, responses=_refusals(404, 503))
+    @router.delete("/missions/{name:path}", status_code=204, responses=_refusals(404, 503))
     def delete_mission(name: Annotated[Name, Path()]) -> Response:
         """Forget a kept mission."""
         operations.goals.forget(name)
@@ -99,7 +100,7 @@ def mission_router(operations: Operations) -> APIRouter:
         means, for the operators' eyes.
         """
         by = by if by.isprintable() and by.strip() else "REST"
-        operations.stop(f"{visitor.name} ({by})" if visitor.logged_in else by)
+        operations.stop(stopped_by(visitor, by))
         return state_of(operations)
 
     @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))

@@ -95,19 +95,19 @@ def zones_router(operations: Operations) -> APIRouter:
         """Zones that are kept under a name, e.g. for the night."""
         return [ZoneSetOut(name=name, zones=len(zones)) for name, zones in operations.zones.sets().items()]
 
-    @router.put("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]})
+    @router.put("/zone-sets/{name:path}", status_code=204, responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]})
     def save_set(name: SetName) -> Response:
         """Keep the present zones under a name."""
         operations.zones.save_set(name)
         return Response(status_code=204)
 
-    @router.post("/zone-sets/{name}/use", response_model=ZonesOut, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    @router.post("/zone-sets/{name:path}/use", response_model=ZonesOut, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
     def use_set(name: SetName) -> ZonesOut:
         """Let a set's zones bind the robot in the place of the present ones, as one edit that can be taken back."""
         operations.zones.use_set(name)
         return zones_of(operations)
 
-    @router.delete("/zone-sets/{name}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    @router.delete("/zone-sets/{name:path}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
     def delete_set(name: SetName) -> Response:
         """Forget a set; the present zones stay."""
         operations.zones.delete_set(name)

@@ -10,6 +10,19 @@ export class Refusal extends Error {
   }
 }
 
+const PATIENCE_MS = 60_000;
+const open = new Set();
+const alarms = [];
+
+// Everything the page fetches but the stop. A browser has few connections to one host, and the stop must not wait for one: it
+// ends all of these first, and none waits for ever.
+export async function fetched(address, options = {}) {
+  const giveUp = new AbortController();
+  const tooLong = setTimeout(() => giveUp.abort(), PATIENCE_MS);
+  open.add(giveUp);
+  try { return await fetch(address, { ...options, signal: giveUp.signal }); } finally { clearTimeout(tooLong); open.delete(giveUp); }
+}
+
 export async function request(method, path, body, headers = {}) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
   if (body !== undefined) {
@@ -18,7 +31,7 @@ export async function request(method, path, body, headers = {}) {
   }
   let response;
   try {
-    response = await during(fetch(`/api/v1${path}`, options), `${method} ${path}`);
+    response = await during(fetched(`/api/v1${path}`, options), `${method} ${path}`);
   } catch {
     throw new Refusal(0, { error: { message: "the console does not answer; nothing was changed as far as this page knows" } });
   }
@@ -32,12 +45,18 @@ export async function request(method, path, body, headers = {}) {
 export const get = (path) => request("GET", path);
 export const post = (path, body) => request("POST", path, body);
 
+const SOON_MS = 300;
+// Another way to say stop, that is open already: told of it where no answer comes soon.
+export const alsoStopsBy = (tell) => alarms.push(tell);
+
 // The stop is sent again until an answer comes: it may be the one request that a bad link swallows.
 export async function stop(by) {
+  for (const waiting of open) waiting.abort();
+  const unheard = setTimeout(() => alarms.forEach((tell) => tell(by)), SOON_MS);
   for (let attempt = 0; attempt < 3; attempt += 1) {
     try {
       const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(by)}`, { method: "POST", keepalive: true, signal: AbortSignal.timeout(1500) });
-      if (response.ok) return;
+      if (response.ok) { clearTimeout(unheard); return; }
     } catch { /* try again */ }
   }
   throw new Error("THE STOP DID NOT REACH THE ROBOT. Use the stop on the robot itself.");

@@ -1,7 +1,7 @@
 // Who is in control, this page's sign of life, and driving by hand. The console asks twice a second, the page answers: a page
 // that is closed, frozen or cut off is silent, and what it last asked of the wheels is forgotten within a quarter of a second.
 
-import { connect, get, post } from "./api.js";
+import { alsoStopsBy, connect, get, post } from "./api.js";
 import { attempt, say } from "./toasts.js";
 import { show as showUsers } from "./users.js";
 
@@ -23,6 +23,8 @@ const live = connect("/control/live", {
   },
   onClose: whoAmI,
 });
+
+alsoStopsBy((by) => live.send({ type: "stop", by }));
 
 // A session that has ended leaves a page that can do nothing: show the log-in instead.
 async function whoAmI() {

@@ -23,6 +23,8 @@ const LISTED = [
 ];
 export const pressStop = (by) => attempt(() => stop(by));
 const isText = (node) => node?.matches?.("input:not([type=checkbox]):not([type=range]):not([type=color]), select, textarea") ?? false;
+// Where a blank means something. In a number, a date or a list it does not, and there too the operator wants the robot to stop.
+const takesBlanks = (node) => node?.matches?.("input:is(:not([type]), [type=text], [type=search], [type=password], [type=url], [type=email]), textarea") ?? false;
 let showView = () => {};
 export const switchViewBy = (act) => { showView = act; };
 
@@ -31,11 +33,11 @@ function again() { if (drawing() && canRedo()) redo(); else if (!drawing()) trav
 function nudge(dx, dy, event) { const step = NUDGE_M * (event.shiftKey ? 5 : 1); snapshot(); shift(dx * step, dy * step); }
 
 export function onKey(event) {
+  if (event.code === "Space" && !takesBlanks(event.target)) { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
   if (isText(event.target)) {
     if (event.key === "Escape") event.target.blur();
     return;
   }
-  if (event.code === "Space") { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
     event.preventDefault();
@@ -65,7 +67,7 @@ const ELSEWHERE = {
 };
 
 // A focused button is pressed by the space key going up; here that key means stop and nothing else.
-export function swallowSpace(event) { handKey(event, false); if (event.code === "Space" && !isText(event.target)) { event.preventDefault(); event.stopPropagation(); } }
+export function swallowSpace(event) { handKey(event, false); if (event.code === "Space" && !takesBlanks(event.target)) { event.preventDefault(); event.stopPropagation(); } }
 
 function help() { if (element("help").open) element("help").close(); else element("help").showModal(); }
 

@@ -1,6 +1,6 @@
 // The cells of the map, kept up to date tile by tile: only what changed is fetched and painted.
 
-import { get } from "./api.js";
+import { fetched, get } from "./api.js";
 import { mixer, paint, read } from "./cells.js";
 
 const LARGE = 1_500_000;
@@ -26,7 +26,7 @@ export async function newest() {
   const work = async () => {
     for (let next = waiting.pop(); next; next = waiting.pop()) {
       const [row, col, at] = next;
-      const answer = await fetch(`/api/v1/map/tiles/${row}/${col}.png?v=${at}`);
+      const answer = await fetched(`/api/v1/map/tiles/${row}/${col}.png?v=${at}`);
       if (!answer.ok) throw new Error("no map yet");
       const cells = await read(await answer.blob());
       const tile = { cells, left: col * side, top: rows - row * side - cells.rows };

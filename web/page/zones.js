@@ -1,6 +1,6 @@
 // The table of zones: what holds where, switched, edited, taken back; sets of them; files in and out.
 
-import { post, request } from "./api.js";
+import { fetched, post, request } from "./api.js";
 import { download, element, make, reconcile, setText, setValue } from "./dom.js";
 import { setMode } from "./draft.js";
 import { shelf } from "./shelf.js";
@@ -83,7 +83,7 @@ function parsed(text, name) {
 }
 
 async function give(name, type) {
-  const response = await fetch(`/api/v1/${name}`);
+  const response = await fetched(`/api/v1/${name}`);
   if (!response.ok) throw new Error("the console did not give the file");
   download(name === "zones" ? "zones.geojson" : name, new Blob([await response.arrayBuffer()], { type }));
 }

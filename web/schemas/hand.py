@@ -6,13 +6,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from web.schemas.fields import Closed
+from web.schemas.fields import Closed, Name
 
 
 class Here(Closed):
     """A page says that it is still there."""
 
     type: Literal["here"]
+
+
+class Halt(Closed):
+    """The emergency stop, on the connection that is open already: a new one may be long in coming."""
+
+    type: Literal["stop"]
+    by: Name = "console"
 
 
 class Drive(Closed):
