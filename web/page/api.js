@@ -20,7 +20,11 @@ export async function fetched(address, options = {}) {
   const giveUp = new AbortController();
   const tooLong = setTimeout(() => giveUp.abort(), PATIENCE_MS);
   open.add(giveUp);
-  try { return await fetch(address, { ...options, signal: giveUp.signal }); } finally { clearTimeout(tooLong); open.delete(giveUp); }
+  try {
+    const answer = await fetch(address, { ...options, signal: giveUp.signal });
+    const body = await answer.blob(); // until it is read it keeps the connection
+    return new Response(body.size ? body : null, { status: answer.status, headers: answer.headers });
+  } finally { clearTimeout(tooLong); open.delete(giveUp); }
 }
 
 export async function request(method, path, body, headers = {}) {
@@ -32,7 +36,8 @@ export async function request(method, path, body, headers = {}) {
   let response;
   try {
     response = await during(fetched(`/api/v1${path}`, options), `${method} ${path}`);
-  } catch {
+  } catch (error) {
+    if (error instanceof Refusal) throw error;
     throw new Refusal(0, { error: { message: "the console does not answer; nothing was changed as far as this page knows" } });
   }
   const text = await response.text();
@@ -51,7 +56,8 @@ export const alsoStopsBy = (tell) => alarms.push(tell);
 
 // The stop is sent again until an answer comes: it may be the one request that a bad link swallows.
 export async function stop(by) {
-  for (const waiting of open) waiting.abort();
+  const first = { error: { message: "given up, to let the stop through; look whether it was done" } };
+  for (const waiting of open) waiting.abort(new Refusal(0, first));
   const unheard = setTimeout(() => alarms.forEach((tell) => tell(by)), SOON_MS);
   for (let attempt = 0; attempt < 3; attempt += 1) {
     try {
