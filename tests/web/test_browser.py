@@ -257,7 +257,8 @@ def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(pag
         """async (count) => {
             const { get } = await import("/page/api.js");
             window.failed = 0;
-            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch((error) => { window.failed += /let the stop through/.test(error.message); });
+            const told = (error) => { window.failed += /let the stop through/.test(error.message); };
+            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch(told);
         }""",
         8,
     )
