@@ -49,7 +49,7 @@ def areas_apart(
     """(rows, cols) each, with their margins: the areas that the footprint stands in, one by one, and all others in one.
 
     Each zone is an area, and so is whatever of one beware class is connected. So a thing inside a zone, or a zone that overlaps
-    it, stays one of the others, and a cell may belong to both. `zones`: those that the grid was made with.
+    it, stays one of the others, and a cell may belong to both. `zones` are all that count: the grid's own are merged.
     """
     spec, cell_m = grid.spec, grid.spec.resolution_m
     others = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
