@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
 from navcore.mission import Phase
 from tests.web.fake_operations import FakeOperations
@@ -145,11 +145,11 @@ def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: P
 
 
 def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Page, operations: FakeOperations) -> None:
-    for typed in ("99, 0", "4, 2.5", "here"):
+    for typed, words in (("99, 0", "outside the map"), ("4, 2.5", "inside an obstacle"), ("here", "is no goal")):
         page.get_by_test_id("goal-input").fill(typed)
         page.get_by_test_id("goal-add").click()
-    for words in ("outside the map", "inside an obstacle", "is no goal"):
         expect(page.get_by_test_id("toasts")).to_contain_text(words)
+        expect(page.get_by_test_id("goal-input")).to_have_value(typed)  # to be put right
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3\n1, 4\n1, 3\n0, 4")
     page.get_by_test_id("zone-finish").click()
@@ -165,6 +165,25 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Pa
     assert [(zone.name, zone.enabled) for zone in operations.zones.stored] == [("Carpet", False)]
     page.get_by_test_id("zone-delete").click()
     expect(page.get_by_test_id("zone")).to_have_count(0)
+
+
+def test_a_late_answer_does_not_wipe_what_was_typed_since(page: Page, operations: FakeOperations) -> None:
+    held: list[Route] = []
+    page.route("**/api/v1/goals", lambda route: held.append(route))
+    typed, add = page.get_by_test_id("goal-input"), page.get_by_test_id("goal-add")
+    typed.fill("3, 0")
+    with page.expect_request("**/api/v1/goals"):
+        add.click()
+    typed.fill("3, 1")
+    with page.expect_response("**/api/v1/goals"):
+        held.pop().continue_()
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    expect(typed).to_have_value("3, 1")
+    with page.expect_request("**/api/v1/goals"):
+        add.click()
+    held.pop().continue_()
+    expect(typed).to_have_value("")
+    assert [(goal.x_m, goal.y_m) for goal in operations.state().queue] == [(3.0, 0.0), (3.0, 1.0)]
 
 
 def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, operations: FakeOperations) -> None:

@@ -31,6 +31,8 @@ export function reconcile(list, items, keyOf, create, refresh) {
 }
 
 export function setText(node, text) { if (node.textContent !== text) node.textContent = text; }
+// What a field said has been taken; what was typed into it since then stays.
+export function spent(input, taken) { if (input.value === taken) input.value = ""; }
 export function setValue(input, value) { if (document.activeElement !== input && input.value !== String(value)) input.value = value; }
 
 // A file for the operator, and one from the operator.

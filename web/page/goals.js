@@ -1,7 +1,7 @@
 // The goals that wait: picked, named, ordered, looped, kept; and the offer of a better place when one is refused.
 
 import { post, request } from "./api.js";
-import { element, make, reconcile, setText, setValue } from "./dom.js";
+import { element, make, reconcile, setText, setValue, spent } from "./dom.js";
 import { rounded } from "./shapes.js";
 import { shelf } from "./shelf.js";
 import { attempt, say } from "./toasts.js";
@@ -11,15 +11,18 @@ const watchers = [];
 export const onOffer = (watcher) => watchers.push(watcher);
 let ids = [];
 
+// Whether it was taken.
 export async function addGoal([x, y], yaw = null, name = "") {
   setOffer(null);
   try {
     await post("/goals", { x_m: rounded(x), y_m: rounded(y), yaw_rad: yaw, name });
+    return true;
   } catch (error) {
     const nearest = error.body?.nearest;
-    if (!nearest) { say(error.message); return; }
+    if (!nearest) { say(error.message); return false; }
     setOffer([nearest.x_m, nearest.y_m], yaw);
     say(error.message, { action: { label: `Take ${nearest.x_m.toFixed(2)}, ${nearest.y_m.toFixed(2)}`, act: takeOffer } });
+    return false;
   }
 }
 
@@ -85,12 +88,11 @@ element("loop").onchange = async () => {
 };
 element("goal-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  const input = event.target.elements.place;
+  const input = event.target.elements.place, typed = input.value;
   attempt(async () => {
-    const numbers = input.value.split(/[,\s]+/).filter(Boolean).map(Number);
-    if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) throw new Error(`“${input.value}” is no goal; write x, y in metres and, if it matters, the heading in degrees`);
-    await addGoal(numbers, numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null);
-    input.value = "";
+    const numbers = typed.split(/[,\s]+/).filter(Boolean).map(Number);
+    if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) throw new Error(`“${typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees`);
+    if (await addGoal(numbers, numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null)) spent(input, typed);
   });
 });
 shelf(element("missions"), { path: "/missions", take: "load", verb: "Load", placeholder: "Name for the waiting goals", words: (entry) => `${entry.goals} goal${entry.goals > 1 ? "s" : ""}${entry.loop ? ", again and again" : ""}` });

@@ -1,7 +1,7 @@
 // Things kept under a name, in a small menu: take one, forget one, keep the present one.
 
 import { get, request } from "./api.js";
-import { make } from "./dom.js";
+import { make, spent } from "./dom.js";
 import { attempt } from "./toasts.js";
 
 // `take` is the last part of the address that takes one; `say` tells of an entry in words.
@@ -24,7 +24,8 @@ export function shelf(menu, { path, take, verb, placeholder, words, taken }) {
 
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    if (name.value.trim()) attempt(async () => { await request("PUT", address(name.value.trim())); name.value = ""; refresh(); });
+    const typed = name.value;
+    if (typed.trim()) attempt(async () => { await request("PUT", address(typed.trim())); spent(name, typed); refresh(); });
   });
   menu.addEventListener("toggle", () => { if (menu.open) attempt(refresh); });
 }

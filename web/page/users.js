@@ -2,7 +2,7 @@
 
 import { get, post, request } from "./api.js";
 import * as audit from "./audit.js";
-import { element, make, reconcile, setText } from "./dom.js";
+import { element, make, reconcile, setText, spent } from "./dom.js";
 import { attempt, say } from "./toasts.js";
 
 const ROLES = { viewer: "viewer: looks, and stops", operator: "operator: drives and edits as well", admin: "admin: decides on users as well" };
@@ -118,7 +118,8 @@ function build() {
   );
   form.onsubmit = (event) => {
     event.preventDefault();
-    act(async () => { await post("/users", { name: name.value, password: secret.value, role: role.value }); form.reset(); role.value = "operator"; name.focus(); });
+    const asked = { name: name.value, password: secret.value, role: role.value };
+    act(async () => { await post("/users", asked); spent(name, asked.name); spent(secret, asked.password); role.value = "operator"; name.focus(); });
   };
   const means = make("ul", { class: "means" }, ...Object.values(ROLES).map((words) => make("li", {}, words)));
   tabs.users.append(list, note, form, means);
