@@ -3,7 +3,7 @@
 A network knows a thing by its look, and much that stands on the floor has a foot that looks like one. Where much of a region of
 a class has something above it that no thing of the class is as high as, the region is dismissed: what rises above it is an
 obstacle by itself. From where depth errs too much to tell what is above from what is behind, it is in doubt until it is seen
-from nearer.
+from nearer. So it is with colours: the lowest of a red cupboard is no red floor.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from navcore.frame import Frame
 from navcore.relief import MIN_PIXELS, Heights, Mask, depth_error_m
 from navcore.search.bits import compiled
 
-CELL_M, SIDE = 0.05, 240
+CELL_M, SIDE = 0.05, 340
 """Columns that heights are compared in: cells of the map frame, so many to a side about the camera."""
 CEILING_M = 1.5
 """What hangs higher is above the robot, too."""
@@ -27,6 +27,8 @@ SHARE = 0.34
 """Of a region that has something above it, for the whole to be a part of that."""
 UNSURE_M = 0.07
 """Where depth errs by more than this one cannot tell what is above from what is behind."""
+FOOT_M, WHOLLY = 0.15, 0.9
+"""So near to something tall, and so much of it, lies a region that is its foot."""
 CLEARLY_M = 0.08
 """Higher than a thing of the class can be by as much: depth scatters."""
 
@@ -62,6 +64,26 @@ def overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights,
             if float(above.mean()) > SHARE:
                 (surely if sure else maybe)[window] |= regions[window] == region
     return surely, maybe
+
+
+def feet(low: Mask, tall: Mask, frame: Frame) -> Mask:
+    """(H, W) pixels of the regions of `low` that lie wholly at the foot of what is `tall`.
+
+    For colour rules, of what fits one: the foot of a red cupboard is no red floor. A marking that leads farther away is kept
+    whole, and what is taken for a foot is nearer to an obstacle than the robot comes.
+    """
+    columns = _columns(frame.depth_m, frame.T_map_camera, _lens(frame))
+    seen = columns >= 0
+    holding = np.zeros((SIDE, SIDE), dtype=np.uint8)
+    holding.ravel()[columns[tall & seen]] = 1
+    side = 2 * round(FOOT_M / CELL_M) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    near = np.asarray(cv2.dilate(holding, disc)).ravel()
+    count, regions = cv2.connectedComponents(low.view(np.uint8), connectivity=8)
+    of_all = np.bincount(regions[low & seen], minlength=count)
+    of_feet = np.bincount(regions[low & seen & (near[columns] > 0)], minlength=count)
+    wholly: Mask = ((of_feet >= WHOLLY * of_all) & (of_all > 0))[regions] & low
+    return wholly
 
 
 def _lens(frame: Frame) -> npt.NDArray[np.float64]:

@@ -13,12 +13,14 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
-from navcore.overhung import overhung
+from navcore.overhung import feet, overhung
 from navcore.relief import Heights, heights_above_floor, without_pictures, without_spills
 from navcore.terrain import ground_heights
 
 STEEPEST = 0.2
 """What rises or falls by no more than this per metre may be ground with something painted on it."""
+TALL_M = 0.1
+"""What rises by so much more than a marking can is an obstacle, however depth errs."""
 UNDECIDED = np.float32(0.5)
 """Confidence of what speaks neither for a thing nor against it: its log-odds are 0."""
 
@@ -122,7 +124,7 @@ def joined(seen: Labels, by_colour: npt.NDArray[np.uint8], beware: BewareList) -
 def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> npt.NDArray[np.uint8]:
     """(H, W) class id of the first entry whose colour rule a pixel fits, and which is not higher than the rule allows.
 
-    Higher than the ground there, that is, which may rise or fall before the robot.
+    Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of something of that colour.
     """
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
     class_ids = np.full(hsv.shape[:2], NOTHING, dtype=np.uint8)
@@ -130,10 +132,14 @@ def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) ->
         if entry.colour is None:
             continue
         fits = _matches(hsv, entry.colour)
-        high = fits & (heights_m > entry.colour.max_height_m)
-        if high.any():
-            high &= heights_m - ground_heights(frame, STEEPEST) > entry.colour.max_height_m
-        class_ids[fits & ~high] = entry.class_id
+        low, above = fits, heights_m
+        if (fits & (above > entry.colour.max_height_m)).any():
+            above = heights_m - ground_heights(frame, STEEPEST)
+            low = fits & ~(above > entry.colour.max_height_m)
+        tall = fits & (above > entry.colour.max_height_m + TALL_M)
+        if tall.any():
+            low &= ~feet(low, tall, frame)
+        class_ids[low] = entry.class_id
     return class_ids
 
 

@@ -91,9 +91,9 @@ def test_a_fallback_rule_is_silent_once_a_network_knows_the_class() -> None:
 
 
 def test_a_rule_holds_only_up_to_its_height() -> None:
-    pillar = picture(Box(x=(1.2, 1.5), y=(-0.2, 0.2), z=(0.0, 0.6), colour=RED))
-    red = (pillar.rgb == RED).all(axis=2)
-    found = ColourSegmenter().segment(pillar, LIST).class_ids[red] == 1
+    kerb = picture(Box(x=(1.2, 1.5), y=(-0.2, 0.2), z=(0.0, 0.12), colour=RED))
+    red = (kerb.rgb == RED).all(axis=2)
+    found = ColourSegmenter().segment(kerb, LIST).class_ids[red] == 1
     assert 0 < found.mean() < 0.3
 
 

@@ -12,9 +12,9 @@ from navcore.frame import Frame
 from navcore.overhung import overhung
 from navcore.points import PointRules, observe
 from navcore.relief import heights_above_floor
-from navcore.segment import Finder, JointSegmenter, Labels
+from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels
 from navcore.transform import Pose2
-from tests.navcore.scene import SPEC, Box, Paint, picture
+from tests.navcore.scene import RED, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 from tests.navcore.test_relief import PINK, noisy
 
 MINE = BewareClass(name="landmine", class_id=8, max_height_m=0.25)
@@ -141,3 +141,42 @@ def test_nothing_measured_is_nothing_dismissed() -> None:
 def test_the_list_that_is_shipped_knows_how_high_its_low_things_are() -> None:
     heights = {entry.name: entry.max_height_m for entry in default_beware_list().classes if entry.max_height_m is not None}
     assert heights == {"bottle": 0.4, "box": 0.45, "landmine": 0.25}
+
+
+def red(*things: Box | Paint, seed: int | None = None) -> npt.NDArray[np.bool_]:
+    """(H, W) what the colour rule takes for red floor."""
+    frame = picture(*things) if seed is None else noisy(picture(*things), seed)
+    found: npt.NDArray[np.bool_] = ColourSegmenter().segment(frame, RED_LIST).class_ids == RED_ID
+    return found
+
+
+def cupboard(x: float) -> Box:
+    return Box(x=(x, x + 0.4), y=(-0.4, 0.4), z=(0.0, 1.2), colour=RED)
+
+
+@pytest.mark.parametrize("x", [1.5, 3.0, 5.0])
+def test_the_foot_of_a_red_cupboard_is_no_red_floor(x: float) -> None:
+    for seed in range(5):
+        assert not red(cupboard(x), seed=seed).any()
+
+
+@pytest.mark.parametrize("x", [2.0, 3.0])
+def test_red_floor_that_leads_up_to_a_red_cupboard_stays_whole(x: float) -> None:
+    paint = Paint(x=(x - 0.8, x), y=(-0.4, 0.4))
+    for seed in range(5):
+        alone = red(paint, Box(x=(x, x + 0.4), y=(-0.4, 0.4), z=(0.0, 1.2)), seed=seed)
+        assert (red(paint, cupboard(x), seed=seed) | ~alone).all()
+
+
+def test_red_floor_around_a_red_post_and_one_beside_a_red_cupboard_stay_whole() -> None:
+    around, post = Paint(x=(1.5, 2.5), y=(-0.5, 0.5)), Box(x=(1.95, 2.05), y=(-0.05, 0.05), z=(0.0, 1.0), colour=RED)
+    grey = Box(x=post.x, y=post.y, z=post.z)
+    assert (red(around, post) | ~red(around, grey)).all()
+    beside = Paint(x=(1.6, 1.9), y=(-1.0, -0.6))
+    assert red(beside).sum() > 12
+    assert (red(beside, cupboard(2.0)) | ~red(beside)).all()
+
+
+def test_what_is_red_and_no_higher_than_a_kerb_is_no_foot() -> None:
+    """Depth errs by as much: only what is an obstacle for certain may speak against the operator's rule."""
+    assert red(Paint(x=(1.5, 1.6), y=(-0.4, 0.4)), Box(x=(1.6, 1.9), y=(-0.4, 0.4), z=(0.0, 0.12), colour=RED)).any()
