@@ -75,6 +75,8 @@ class Recipe:
     """How rare classes are made to count: by median frequency, by 1/ln(1.02 + share), or not at all."""
     weight_power: float = between(0.0, 1.0, default=1.0)
     """Power the class weights are raised to; below 1 rare classes count for less, so fewer false alarms."""
+    jaccard: float = between(0.0, 10.0, default=0.0)
+    """Weight of the soft Jaccard loss beside the cross entropies; for rare and thin classes."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Changes to the pictures."""
     he_init: bool = True

@@ -23,7 +23,7 @@ from navcore.esanet.weights import TrainedNetwork, WeightsCard, digest, save
 from navcore.learning.batches import Batch, Pictures, epoch_batches, training_batch
 from navcore.learning.dataset import Dataset
 from navcore.learning.evaluation import Looking, evaluate
-from navcore.learning.losses import pyramid_losses
+from navcore.learning.losses import jaccard_loss, pyramid_losses
 from navcore.learning.metrics import count_pixels, logarithmic_weights, mean_iou, median_frequency_weights
 from navcore.learning.ranks import Ranks
 from navcore.learning.recipe import Recipe, learning_rate, momentum
@@ -64,7 +64,7 @@ class Step:
     steps: int
     """Of every epoch."""
     loss: float
-    """Of this step, sum of the four scales."""
+    """Of this step: what `training_loss` says."""
 
 
 Watcher = Callable[[Step | Epoch], None]
@@ -145,7 +145,7 @@ class Training:
     def _step(self, learner: nn.Module, batch: Batch) -> float:
         """One step of the optimiser; returns the loss."""
         self._optimiser.zero_grad()
-        loss = training_loss(learner, batch, self._class_weights, bfloat16=self._at.bfloat16)
+        loss = training_loss(learner, batch, self._class_weights, bfloat16=self._at.bfloat16, jaccard=self.recipe.jaccard)
         torch.autograd.backward(loss)
         self._optimiser.step()
         if self.recipe.averaging:
@@ -219,16 +219,18 @@ class Training:
         )
 
 
-def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool) -> Tensor:
-    """The sum of the four scales' losses, a scalar with its gradient."""
+def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool, jaccard: float = 0.0) -> Tensor:
+    """The sum of the four scales' losses, and of the finest one's Jaccard loss so many times: a scalar with its gradient."""
     device = weights.device
     rgb = batch.rgb.to(device).contiguous(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
         outputs: Sequence[Tensor] = learner(rgb, batch.depth.to(device))
     # Cross entropy is several times as fast on class maps that are whole planes in memory.
     logits = [output.float().contiguous() for output in outputs]
-    losses = pyramid_losses(logits, batch.labels.to(device), weights)
-    return losses[0] + losses[1] + losses[2] + losses[3]
+    labels = batch.labels.to(device)
+    losses = pyramid_losses(logits, labels, weights)
+    total = losses[0] + losses[1] + losses[2] + losses[3]
+    return total + jaccard * jaccard_loss(logits[0], labels) if jaccard else total
 
 
 def class_weights(recipe: Recipe, dataset: Dataset) -> npt.NDArray[np.float64]:

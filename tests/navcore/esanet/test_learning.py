@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadFrame
-from navcore.learning.losses import pyramid_losses, weighted_cross_entropy
+from navcore.learning.losses import jaccard_loss, pyramid_losses, weighted_cross_entropy
 from navcore.learning.metrics import (
     confusion_matrix,
     count_pixels,
@@ -88,6 +88,45 @@ def test_pictures_without_labels_cost_nothing_and_teach_nothing() -> None:
 
 def test_a_class_of_weight_zero_teaches_nothing() -> None:
     assert weighted_cross_entropy(torch.randn(1, 2, 4, 4), torch.zeros(1, 4, 4).long(), torch.tensor([0.0, 1.0])).item() == 0.0
+
+
+@law(30)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 6))
+def test_of_sure_answers_the_jaccard_loss_is_what_lacks_to_the_mean_iou(seed: int, num_classes: int) -> None:
+    random = np.random.default_rng(seed)
+    said, truth = random.integers(0, num_classes, size=(2, 4, 6)), random.integers(0, num_classes + 1, size=(2, 4, 6))
+    truth[0, 0, 0] = 1
+    logits = 1e3 * np.moveaxis(np.eye(num_classes)[said], -1, 1)
+    known, shown = truth > 0, np.unique(truth[truth > 0]) - 1
+    ious = [
+        (known & (said == number) & (truth == number + 1)).sum() / (known & ((said == number) | (truth == number + 1))).sum()
+        for number in shown
+    ]
+    loss = jaccard_loss(torch.from_numpy(logits), torch.from_numpy(truth))
+    assert float(loss) == pytest.approx(1 - np.mean(ious), abs=1e-9)
+
+
+def test_in_doubt_the_jaccard_loss_names_a_rare_thing_that_cross_entropy_leaves_to_the_background() -> None:
+    """Of 100 pixels that look alike 40 are cable, and 1000 more are surely none."""
+    labels = torch.ones(1, 1, 1100, dtype=torch.uint8)
+    labels[0, 0, :40] = 2
+    doubt = torch.tensor(math.log(0.4 / 0.6), dtype=torch.float64, requires_grad=True)  # says cable with 0.4
+    cable = torch.cat([doubt.expand(100), torch.full((1000,), -50.0, dtype=torch.float64)])[None, None]
+    logits = torch.stack([torch.zeros_like(cable), cable], dim=1)
+    (cross_entropy,) = pyramid_losses([logits], labels, torch.ones(2))
+    (at_rest,) = torch.autograd.grad(cross_entropy, doubt, retain_graph=True)
+    (slope,) = torch.autograd.grad(jaccard_loss(logits, labels), doubt)
+    assert at_rest.item() == pytest.approx(0.0, abs=1e-9)
+    assert slope.item() < -0.03
+
+
+def test_pictures_without_labels_cost_nothing_by_the_jaccard_loss() -> None:
+    logits = torch.randn(1, 3, 8, 8, requires_grad=True)
+    loss = jaccard_loss(logits, torch.zeros(1, 8, 8, dtype=torch.uint8))
+    torch.autograd.backward(loss)
+    assert loss.item() == 0.0
+    assert logits.grad is not None
+    assert bool((logits.grad == 0).all())
 
 
 @pytest.mark.parametrize("label", [4, 255, -1])

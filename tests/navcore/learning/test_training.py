@@ -103,6 +103,19 @@ def test_bfloat16_learns_nearly_the_same(tmp_path: Path) -> None:
     assert losses[1] != losses[0]
 
 
+def test_the_jaccard_loss_counts_as_often_as_the_recipe_says(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    first: list[float] = []
+    for weight in (0.0, 1.0, 3.0):
+        news: list[Step | Epoch] = []
+        begun(tiny_recipe(epochs=1, jaccard=weight), tmp_path / "d", tmp_path / str(weight)).run(news.append)
+        assert isinstance(news[0], Step)
+        first.append(news[0].loss)
+    without, once, thrice = first
+    assert 0 < once - without < 1
+    assert thrice - without == pytest.approx(3 * (once - without), rel=1e-4)
+
+
 def test_class_weights_follow_the_recipe(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d")
     counts = count_pixels((dataset.read("train", index).labels for index in range(8)), 2)
