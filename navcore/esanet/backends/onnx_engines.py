@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
-from typing import Any
+import sys
+from types import ModuleType
+from typing import Any, cast
 
 from navcore.errors import BadConfiguration
 from navcore.esanet.backends.inference import THREADS, Batch
@@ -44,8 +47,7 @@ class OpenVinoInference:
 
     def __init__(self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS) -> None:
         """Raises `BadConfiguration` for a file that it cannot run."""
-        import openvino
-
+        openvino = _without_telemetry()
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
             "INFERENCE_PRECISION_HINT": precision,  # left to itself it takes bf16 wherever the processor has it
@@ -74,6 +76,13 @@ class OpenVinoInference:
 def is_installed(package: str) -> bool:
     """Whether an engine's package is there, without loading it."""
     return importlib.util.find_spec(package) is not None
+
+
+def _without_telemetry() -> Any:
+    """The package `openvino`, which else would tell its maker over the network that it was imported."""
+    # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its own, which sends nothing.
+    sys.modules.setdefault("openvino_telemetry", cast(ModuleType, None))
+    return importlib.import_module("openvino")
 
 
 def _check_ports(inputs: set[str], outputs: set[str]) -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import copy
 import dataclasses
 import functools
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +120,26 @@ def test_onnxruntime_answers_as_torch_does() -> None:
 @needs_openvino
 def test_openvino_answers_as_torch_does() -> None:
     assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*picture()), reference())
+
+
+@needs_openvino
+def test_openvino_tells_nobody_that_it_is_used(tmp_path: Path) -> None:
+    """Imported plainly it writes `~/intel` and sends events to its maker."""
+    program = """
+import socket, sys, threading
+from navcore.errors import BadConfiguration
+from navcore.esanet.backends.onnx_engines import OpenVinoInference
+def refuse(*_): raise SystemExit("it called somebody")
+socket.socket.connect = socket.getaddrinfo = refuse
+try: OpenVinoInference(b"junk")
+except BadConfiguration: pass
+assert not [name for name, module in sys.modules.items() if name.startswith("openvino_telemetry") and module]
+assert "openvino" in sys.modules
+"""
+    home = {**os.environ, "HOME": str(tmp_path)}
+    ended = subprocess.run([sys.executable, "-c", program], env=home, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert list(tmp_path.iterdir()) == []
 
 
 @needs_onnx
