@@ -27,7 +27,7 @@ SHARE = 0.34
 """Of a region that has something above it, for the whole to be a part of that."""
 UNSURE_M = 0.07
 """Where depth errs by more than this one cannot tell what is above from what is behind."""
-FOOT_M, WHOLLY = 0.15, 0.9
+FOOT_M, MOSTLY = 0.1, 0.5
 """So near to something tall, and so much of it, lies a region that is its foot."""
 CLEARLY_M = 0.08
 """Higher than a thing of the class can be by as much: depth scatters."""
@@ -78,12 +78,17 @@ def feet(low: Mask, tall: Mask, frame: Frame) -> Mask:
     holding.ravel()[columns[tall & seen]] = 1
     side = 2 * round(FOOT_M / CELL_M) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    near = np.asarray(cv2.dilate(holding, disc)).ravel()
+    near = np.asarray(cv2.dilate(holding, disc)).ravel()[columns] > 0
     count, regions = cv2.connectedComponents(low.view(np.uint8), connectivity=8)
     of_all = np.bincount(regions[low & seen], minlength=count)
-    of_feet = np.bincount(regions[low & seen & (near[columns] > 0)], minlength=count)
-    wholly: Mask = ((of_feet >= WHOLLY * of_all) & (of_all > 0))[regions] & low
-    return wholly
+    of_feet = np.bincount(regions[low & seen & near], minlength=count)
+    # Depth scatters single pixels of a foot to where there is none; what leads away is more than that, however little of all.
+    _, parts, boxes, _ = cv2.connectedComponentsWithStats((low & seen & ~near).view(np.uint8), connectivity=8)
+    leads_away = (parts > 0) & (boxes[parts, cv2.CC_STAT_AREA] >= MIN_PIXELS)
+    is_foot = (of_all > 0) & (of_feet >= MOSTLY * of_all)
+    is_foot[regions[leads_away]] = False
+    foot: Mask = is_foot[regions] & low
+    return foot
 
 
 def _lens(frame: Frame) -> npt.NDArray[np.float64]:

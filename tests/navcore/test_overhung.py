@@ -168,6 +168,22 @@ def test_red_floor_that_leads_up_to_a_red_cupboard_stays_whole(x: float) -> None
         assert (red(paint, cupboard(x), seed=seed) | ~alone).all()
 
 
+@pytest.mark.parametrize(
+    ("tape", "wall"),
+    [
+        (Paint(x=(2.0, 3.0), y=(-0.025, 0.025)), Box(x=(3.0, 3.2), y=(-4.0, 4.0), z=(0.0, 1.0), colour=RED)),
+        (Paint(x=(1.7, 2.0), y=(-0.15, 0.15)), Box(x=(2.0, 2.4), y=(-1.0, 1.0), z=(0.0, 1.0), colour=RED)),
+    ],
+)
+def test_a_narrow_marking_that_leads_up_to_something_wide_and_red_stays(tape: Paint, wall: Box) -> None:
+    """Most of what is red and low is then the wall's own foot."""
+    grey = Box(x=wall.x, y=wall.y, z=wall.z)
+    for seed in range(5):
+        alone = red(tape, grey, seed=seed)
+        assert alone.sum() > 12
+        assert (red(tape, wall, seed=seed) & alone).sum() > 0.95 * alone.sum()  # noise parts single pixels from it
+
+
 def test_red_floor_around_a_red_post_and_one_beside_a_red_cupboard_stay_whole() -> None:
     around, post = Paint(x=(1.5, 2.5), y=(-0.5, 0.5)), Box(x=(1.95, 2.05), y=(-0.05, 0.05), z=(0.0, 1.0), colour=RED)
     grey = Box(x=post.x, y=post.y, z=post.z)
