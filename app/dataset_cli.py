@@ -5,6 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 from collections.abc import Generator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,8 +108,14 @@ def _jobs(counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int
 def _rendered(jobs: list[Job], workers: int) -> Generator[tuple[Split, list[Picture]]]:
     """The pictures of each job, in the order of the jobs."""
     context = multiprocessing.get_context("spawn")
-    with context.Pool(workers, _hush, maxtasksperchild=1) as pool:
-        yield from pool.imap(_render, jobs)
+    with ProcessPoolExecutor(workers, context, _hush, max_tasks_per_child=1) as pool:
+        try:
+            yield from pool.map(_render, jobs)
+        except BrokenProcessPool:
+            # A pool of `multiprocessing` would start another process and wait for the lost pictures for ever.
+            raise BadConfiguration("a process that renders was killed; if memory is short, say fewer --workers") from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _hush() -> None:

@@ -18,6 +18,8 @@ OutArgument = Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make
 DepthOption = Annotated[Path, typer.Option("--depth-dir", metavar="DIR", help="16-bit depth PNGs of the pictures' names.")]
 UnitsOption = Annotated[float, typer.Option("--units-per-m", help="Of the depth PNGs; 1000 = millimetres.")]
 
+BackgroundOption = Annotated[bool, typer.Option("--background", help="Make what nobody drew on a class, not void.")]
+
 
 @import_cli.command()
 def cvat(
@@ -25,7 +27,7 @@ def cvat(
     out: OutArgument,
     depth_dir: DepthOption,
     rgb_dir: Annotated[Path | None, typer.Option("--rgb-dir", help="The pictures, where they are not in the archive.")] = None,
-    background: Annotated[bool, typer.Option("--background", help="Make the unlabelled rest a class, not void.")] = False,
+    background: BackgroundOption = False,
     units_per_m: UnitsOption = 1000.0,
 ) -> None:
     """Import masks drawn in CVAT."""
@@ -42,6 +44,7 @@ def labelme(
     depth_dir: Annotated[Path | None, typer.Option("--depth-dir", metavar="DIR", help="Depth PNGs; usually FOLDER.")] = None,
     classes: Annotated[str, typer.Option("--classes", help="Names in their order, comma-separated.")] = "",
     split: Annotated[str, typer.Option("--split", help="train, valid or test.")] = "train",
+    background: BackgroundOption = False,
     units_per_m: UnitsOption = 1000.0,
 ) -> None:
     """Import polygons drawn in labelme."""
@@ -53,7 +56,7 @@ def labelme(
     if chosen is None:
         raise BadConfiguration(f"--split {split!r:.40}: expected one of {', '.join(SPLITS)}")
     names = [name.strip() for name in classes.split(",") if name.strip()]
-    source = LabelmeFolder(folder, depth_dir=depth_dir or folder, class_names=names, split=chosen)
+    source = LabelmeFolder(folder, depth_dir=depth_dir or folder, class_names=names, split=chosen, keep_background=background)
     _write(source, source.class_names, out, units_per_m, {"imported_from": f"labelme folder {folder.name}"})
 
 
@@ -90,3 +93,5 @@ def _write(
     counts = writer.finish().counts
     typer.echo(f"{out}: {counts.train} pictures to train, {counts.valid} to validate and {counts.test} to test with")
     typer.echo(f"classes: {', '.join(class_names)}")
+    if "background" not in (name.casefold() for name in class_names):
+        typer.echo("no class is the rest: what learns from this alone sees one of these classes everywhere; see --background")

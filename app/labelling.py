@@ -22,7 +22,7 @@ import numpy.typing as npt
 from app.sighted import View, unpacked
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.learning.classes import BEWARE_CLASSES
-from navcore.learning.dataset_card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files
+from navcore.learning.dataset_card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files, check_labels
 from navcore.learning.dataset_writer import write_text
 from navcore.learning.pictures import read_depth, read_labels, read_rgb, write_grey, write_rgb
 from web.insight import LabellingState
@@ -89,11 +89,13 @@ class LabellingFolder:
         return np.asarray(labels, dtype=np.uint8)
 
     def _value(self, name: str) -> int:
-        return self._class_names.index(name) + 1
+        return [known.casefold() for known in self._class_names].index(name.casefold()) + 1
 
     def _name_classes(self, names: Sequence[str]) -> None:
         """Names are only ever added, at the end: what is on the disk keeps its meaning."""
-        self._class_names += [name for name in dict.fromkeys(names) if name not in self._class_names]
+        for name in names:
+            if name.casefold() not in (known.casefold() for known in self._class_names):
+                self._class_names.append(name)
 
     def _open(self) -> None:
         """Take over what an earlier session left; a picture whose writing was cut off is left out."""
@@ -106,6 +108,7 @@ class LabellingFolder:
                 files = _files_of(label.stem)
                 try:
                     depth, labels = read_depth(self.folder / files[1]), read_labels(self.folder / files[2])
+                    check_labels(labels, len(class_names), str(self.folder / files[2]))
                     read_rgb(self.folder / files[0])
                 except BadConfiguration:
                     continue
@@ -140,6 +143,8 @@ class LabellingFolder:
             for split in SPLITS:
                 for kind in KINDS:
                     (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
+            if (self.folder / CARD_NAME).exists():
+                self._write_card()  # a number in a label must never be on the disk without its name
             write_rgb(self.folder / files[0], rgb)
             write_grey(self.folder / files[1], depth_mm)
             np.save(partial, labels, allow_pickle=False)
@@ -158,6 +163,9 @@ class LabellingFolder:
             for column, kind in enumerate(KINDS):
                 lines = [files[column] for files in self._files] if split == "train" else []
                 write_text(self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines))
+        self._write_card()
+
+    def _write_card(self) -> None:
         card = DatasetCard(
             class_names=tuple(self._class_names),
             depth=self._sums.statistics(units_per_m=UNITS_PER_M),

@@ -76,14 +76,14 @@ def _data_set(trained: TrainedNetwork, looking: Looking, data: Path, split: str,
     import numpy as np
 
     from app.training_report import figures, show
-    from navcore.learning.dataset import load_dataset
+    from navcore.learning.dataset import dataset_for
     from navcore.learning.dataset_card import SPLITS
     from navcore.learning.dataset_writer import write_text
     from navcore.learning.evaluation import predict
     from navcore.learning.metrics import confusion_matrix
 
     card = trained.card
-    dataset = load_dataset(data, class_names=card.class_names, depth=card.depth)
+    dataset = dataset_for(data, class_names=card.class_names, depth=card.depth)
     chosen = next((known for known in SPLITS if known == split and dataset.count(known)), None)
     if chosen is None:
         raise BadConfiguration(f"--split {split!r:.40}: the data set has no such pictures")

@@ -49,7 +49,7 @@ def calibrate(
     from navcore.esanet import weights
     from navcore.learning.batches import Pictures
     from navcore.learning.calibration import calibrate as shift
-    from navcore.learning.dataset import load_dataset
+    from navcore.learning.dataset import dataset_for
     from navcore.learning.evaluation import Looking
 
     trained = weights.load(source)
@@ -57,7 +57,10 @@ def calibrate(
         raise BadConfiguration(f"{source} does not say at what size it was trained")
     if split not in ("train", "valid", "test"):
         raise BadConfiguration(f"--split {split!r}: expected train, valid or test")
-    pictures = Pictures(load_dataset(data), split, cache_mb=0)  # type: ignore[arg-type]
+    dataset = dataset_for(data, class_names=trained.card.class_names, depth=trained.card.depth)
+    if not dataset.count(split):  # type: ignore[arg-type]
+        raise BadConfiguration(f"--split {split}: the data set has no such pictures")
+    pictures = Pictures(dataset, split, cache_mb=0)  # type: ignore[arg-type]
     offsets = shift(trained.network, pictures, Looking(size=trained.card.size))
     weights.save(trained.network, trained.card, target)
     for name, offset in zip(trained.card.class_names, offsets, strict=True):

@@ -105,12 +105,15 @@ class BewareList:
         return self.replaced(checked if other.name == name else other for other in self.classes)
 
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
-        """The next version, with other entries; an id never changes its name, for the map remembers ids."""
+        """The next version, with other entries; id and name stay together, for the map remembers ids."""
         classes = tuple(classes)
         names = {entry.class_id: entry.name for entry in self.classes}
+        ids = {entry.name: entry.class_id for entry in self.classes}
         for entry in classes:
             if names.get(entry.class_id, entry.name) != entry.name:
                 raise BadConfiguration(f"beware list: class_id {entry.class_id} belongs to {names[entry.class_id]!r} for ever")
+            if ids.get(entry.name, entry.class_id) != entry.class_id:
+                raise BadConfiguration(f"beware list: {entry.name!r} has class_id {ids[entry.name]} for ever")
         return BewareList(classes=tuple(classes), version=self.version + 1)
 
 

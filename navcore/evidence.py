@@ -31,6 +31,8 @@ MISS = 0.25
 """What a look that shows the place and finds nothing takes away."""
 LEAST, MOST = -2.5, 3.0
 """Beyond these no look goes; a point as unsure as the least is forgotten."""
+CERTAIN = 0.95
+"""As sure as the map can be of what a network saw (the logistic of `MOST`, rounded down): more cannot be asked of it."""
 TRUSTED_M = 4.0
 """Further away a network may well overlook a small thing."""
 BORDER_PX = 8

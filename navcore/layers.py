@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
 from navcore.errors import BadConfiguration
+from navcore.evidence import CERTAIN
 from navcore.grid import BoolGrid, GridSpec
 from navcore.map_points import PointTable, refresh_planes
 from navcore.mask import Mask
@@ -91,7 +92,8 @@ class Layers:
         """Count, from now on and in all that was seen, only points as sure as the list wants them."""
         least = np.zeros(64, dtype=np.float32)
         for entry in beware.classes:
-            least[entry.class_id] = entry.min_confidence
+            # More than the map can ever be sure of would switch the class off unseen.
+            least[entry.class_id] = min(entry.min_confidence, CERTAIN)
         stale = np.flatnonzero(least != self._least)
         if len(stale):
             self._least = least

@@ -21,8 +21,8 @@ STEEPEST = 0.2
 """What rises or falls by no more than this per metre may be ground with something painted on it."""
 TALL_M = 0.1
 """What rises by so much more than a marking can is an obstacle, however depth errs."""
-UNDECIDED = np.float32(0.5)
-"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0."""
+UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
+"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds nobody who asks for a half."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

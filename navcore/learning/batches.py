@@ -65,6 +65,8 @@ def epoch_batches(
     """
     if batch % ranks:
         raise BadConfiguration(f"training: a batch of {batch} cannot be split among {ranks} processes")
+    if batch // ranks < 2:
+        raise BadConfiguration(f"training: a batch of {batch} leaves {ranks} processes one picture each; batch norm needs two")
     if count < batch:
         raise BadConfiguration(f"training: {count} pictures do not fill one batch of {batch}")
     order = np.random.default_rng([seed, epoch]).permutation(count).astype(np.int64)

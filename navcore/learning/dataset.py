@@ -99,6 +99,27 @@ def load_dataset(folder: Path, *, class_names: Sequence[str] | None = None, dept
     return Dataset(folder=folder, card=card, files=files)
 
 
+def dataset_for(folder: Path, *, class_names: Sequence[str], depth: DepthStatistics) -> Dataset:
+    """A data set for a network of these classes: its labels are the network's numbers, its depth in the network's units.
+
+    Raises `BadConfiguration` where the data set's own card says otherwise, else as `load_dataset` does.
+    """
+    dataset = load_dataset(folder, class_names=class_names, depth=depth)
+    path = dataset.folder / CARD_NAME
+    if path.is_file():
+        own = _read_card(path)
+        if [name.casefold() for name in own.class_names] != [name.casefold() for name in class_names]:
+            raise BadConfiguration(
+                f"{path}: the classes are {', '.join(own.class_names)}; the network's are {', '.join(class_names)}: labels are "
+                "numbers, so names and order must be the same"
+            )
+        if own.depth.units_per_m != depth.units_per_m:
+            raise BadConfiguration(
+                f"{path}: depth in {own.depth.units_per_m:g} units per metre, the network takes {depth.units_per_m:g}"
+            )
+    return dataset
+
+
 def measure_depth(folder: Path, *, units_per_m: float) -> DepthStatistics:
     """Depth statistics of the train split of a data set without a card."""
     folder, sums = folder.resolve(), DepthSums()

@@ -28,7 +28,8 @@ MAX_POINTS = 100_000
 """Of one polygon."""
 MASKS, PICTURES, SETS = "SegmentationClass/", "JPEGImages/", "ImageSets/Segmentation/"
 _SPLIT_OF: dict[str, Split] = {"train": "train", "val": "valid", "valid": "valid", "validation": "valid", "test": "test"}
-_VOID_NAMES = ("background", "void", "unlabeled", "_background_", "__ignore__")
+BACKGROUND = "background"
+_VOID_NAMES = ("void", "unlabeled", "_background_", "__ignore__")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,7 +63,11 @@ class CvatArchive:
             raise BadConfiguration(f"{path}: {len(entries)} entries, at most {MAX_ENTRIES} are read")
         self._entries = {_safe(entry.filename, str(path)): entry for entry in entries if not entry.is_dir()}
         colours = self._labelmap()
-        kept = {name: colour for name, colour in colours.items() if keep_background or name.casefold() not in _VOID_NAMES}
+        kept = {
+            name: colour
+            for name, colour in colours.items()
+            if keep_background or name.casefold() not in (BACKGROUND, *_VOID_NAMES)
+        }
         if not 0 < len(kept) <= MAX_CLASSES:
             raise BadConfiguration(f"{path}: labelmap.txt names {len(kept)} classes, expected 1 to {MAX_CLASSES}")
         self.class_names = tuple(kept)
@@ -149,16 +154,28 @@ class CvatArchive:
 class LabelmeFolder:
     """A folder of labelme JSON files: polygons (and rectangles) per picture, later ones over earlier ones."""
 
-    def __init__(self, folder: Path, *, depth_dir: Path, class_names: Sequence[str] = (), split: Split = "train") -> None:
-        """Raises `BadConfiguration`. Without `class_names` the classes are the labels that occur, in alphabetical order."""
-        self.folder, self._depth_dir, self._split = folder, depth_dir, split
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        depth_dir: Path,
+        class_names: Sequence[str] = (),
+        split: Split = "train",
+        keep_background: bool = False,
+    ) -> None:
+        """Raises `BadConfiguration`. Without `class_names` the classes are the labels that occur, in alphabetical order.
+
+        What nobody drew on is void, or with `keep_background` of the class `background`, which then comes first.
+        """
+        self.folder, self._depth_dir, self._split, self._keeps = folder, depth_dir, split, keep_background
         self._files = sorted(folder.glob("*.json"))
         if not self._files:
             raise BadConfiguration(f"{folder}: no labelme file (*.json) is there")
         if len(self._files) > MAX_ENTRIES:
             raise BadConfiguration(f"{folder}: more than {MAX_ENTRIES} files")
         occurring = {shape["label"] for path in self._files for shape in _shapes(path)} - set(_VOID_NAMES)
-        self.class_names = tuple(class_names) or tuple(sorted(occurring))
+        names = tuple(class_names) or tuple(sorted(occurring))
+        self.class_names = (BACKGROUND, *names) if keep_background and BACKGROUND not in names else names
         if not 0 < len(self.class_names) <= MAX_CLASSES or not occurring <= set(self.class_names):
             unknown = ", ".join(sorted(occurring - set(self.class_names)))
             raise BadConfiguration(f"{folder}: labels {unknown!r:.200} are not among the classes; expected 1 to {MAX_CLASSES}")
@@ -184,8 +201,8 @@ class LabelmeFolder:
         return read_rgb(_within(path.parent, _safe(named, str(path))))
 
     def _drawn(self, path: Path, shape: tuple[int, ...]) -> LabelArray:
-        """(H, W) with each polygon filled; what nobody drew on is void."""
-        labels = np.zeros(shape, dtype=np.uint8)
+        """(H, W) with each polygon filled."""
+        labels = np.full(shape, self.class_names.index(BACKGROUND) + 1 if self._keeps else 0, dtype=np.uint8)
         for drawn in _shapes(path):
             number = 0 if drawn["label"] in _VOID_NAMES else self.class_names.index(drawn["label"]) + 1
             cv2.fillPoly(labels, [_polygon(path, drawn)], number)

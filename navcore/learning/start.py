@@ -35,7 +35,7 @@ def taught_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> 
     if known.class_names == wanted.class_names:
         return start.network
     network = fresh_network(recipe, wanted.num_classes)
-    rows = [(wanted.class_names.index(name), known.class_names.index(name)) for name in _both(known, wanted)]
+    rows = _both(known, wanted)
     by_class = _per_class(wanted.architecture)
     learned, tensors = start.network.state_dict(), network.state_dict()
     for key, tensor in tensors.items():
@@ -47,8 +47,10 @@ def taught_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> 
     return network
 
 
-def _both(known: WeightsCard, wanted: WeightsCard) -> list[str]:
-    return [name for name in wanted.class_names if name in known.class_names]
+def _both(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:
+    """Of each class that both have, its number in what is wanted and in what is known; by name, in whatever case."""
+    numbers = {name.casefold(): number for number, name in enumerate(known.class_names)}
+    return [(number, numbers[name.casefold()]) for number, name in enumerate(wanted.class_names) if name.casefold() in numbers]
 
 
 def _per_class(architecture: Architecture) -> set[str]:

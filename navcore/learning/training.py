@@ -22,6 +22,7 @@ from navcore.esanet import EsaNet
 from navcore.esanet.weights import TrainedNetwork, WeightsCard, digest, save
 from navcore.learning.batches import Batch, Pictures, epoch_batches, training_batch
 from navcore.learning.dataset import Dataset
+from navcore.learning.dataset_card import Split
 from navcore.learning.evaluation import Looking, evaluate
 from navcore.learning.losses import jaccard_loss, pyramid_losses
 from navcore.learning.metrics import count_pixels, logarithmic_weights, mean_iou, median_frequency_weights
@@ -79,10 +80,14 @@ class Training:
         """From `start`, else from nothing; raises `BadConfiguration` when recipe, data and start do not fit together."""
         self.recipe, self.dataset, self.out, self._at = recipe, dataset, out, surroundings
         if recipe.selection != "last" and not dataset.count(recipe.selection):
-            raise BadConfiguration(f"training: selection: the data set has no {recipe.selection} pictures; say another split")
+            raise BadConfiguration(
+                f"training: selection: the data set has no {recipe.selection} pictures; say another split, or last"
+            )
+        if len(dataset.card.class_names) < 2:
+            raise BadConfiguration("training: the data set has one class: nothing that it could be told from")
         self.identity = recipe.identity(dataset.card, digest(start.network.state_dict(), {}) if start else None)
         self._pictures = Pictures(dataset, "train", cache_mb=surroundings.cache_mb)
-        self._selection = None if recipe.selection == "last" else Pictures(dataset, recipe.selection, cache_mb=256)
+        self._selection = None if recipe.selection == "last" else _selection(dataset, recipe.selection)
         self.steps = len(self._batches(0))
         card = self.card()
         network = taught_network(start, recipe, card) if start else fresh_network(recipe, card.num_classes)
@@ -217,6 +222,12 @@ class Training:
         return training_batch(
             self._pictures, indexes, recipe.size, recipe.augmentation, seed=recipe.seed, epoch=number, crop=recipe.crop
         )
+
+
+def _selection(dataset: Dataset, split: Split) -> Pictures:
+    if not any(dataset.read_labels(split, index).any() for index in range(dataset.count(split))):
+        raise BadConfiguration(f"training: selection: nothing is labelled in the {split} pictures; say another split, or last")
+    return Pictures(dataset, split, cache_mb=256)
 
 
 def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool, jaccard: float = 0.0) -> Tensor:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.frame import Frame, Intrinsics
 from navcore.learning.dataset import load_dataset
 from navcore.learning.dataset_card import CARD_NAME
+from navcore.learning.dataset_writer import write_text
 from navcore.robot import STANDSTILL
 from navcore.segment import Labels
 from navcore.transform import Pose2, camera_mount
@@ -95,6 +99,45 @@ def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_rest
         rim = sample.labels[~mask]
         assert (rim == 0).any() and (rim == stored.card.class_names.index("background") + 1).any()
     assert sorted(said) == ["background", "cup", "toy"]
+
+
+def test_a_capital_letter_makes_no_other_class_of_a_name(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    mask = seen.class_ids == CUP
+    folder = LabellingFolder(tmp_path)
+    folder.add(packed(frame, seen, BEWARE, mask), names={CUP: "Cup"}, said="CUP")
+    stored = load_dataset(tmp_path)
+    (value,) = np.unique(stored.read("train", 0).labels[mask])
+    assert stored.card.class_names[value - 1] == "cup"
+
+
+def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    mask = seen.class_ids == CUP
+    view = packed(frame, seen, BEWARE, mask)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
+    for most in range(8):  # texts that are written before the disk is full
+        count = itertools.count()
+
+        def filling(path: Path, text: str, count: Iterator[int] = count, most: int = most) -> None:
+            if next(count) >= most:
+                raise StorageFailed("the disk is full")
+            write_text(path, text)
+
+        with monkeypatch.context() as full:
+            full.setattr("app.labelling.write_text", filling)
+            with contextlib.suppress(StorageFailed):
+                LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="shoe")
+        LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="bag")
+    stored = load_dataset(tmp_path)
+    said = [np.unique(stored.read("train", index).labels[mask]).item() for index in range(stored.count("train"))]
+    names = [stored.card.class_names[value - 1] for value in said]
+    assert (names.count("cup"), names.count("bag")) == (1, 8)
+    assert set(names) <= {"cup", "bag", "shoe"}
 
 
 def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:

@@ -125,10 +125,44 @@ def test_a_rendered_data_set_may_have_pictures_of_several_sizes(tmp_path: Path, 
     assert shapes == [(48, 64)] * 8 + [(64, 96)] * 8
 
 
+def test_a_worker_that_is_killed_ends_the_rendering_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.dataset_cli._render", killed)
+    with pytest.raises(BadConfiguration, match="was killed"):
+        run("dataset", "render", tmp_path / "d", "--train", "8", "--valid", "0", "--test", "0", "--workers", "1")
+
+
+def killed(job: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    (tmp_path / "r.toml").write_text(RECIPE.replace("epochs = 3", "epochs = 1"))
+    run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", tmp_path / "out", "--threads", 1)
+    model, card = tmp_path / "out" / "model.safetensors", tmp_path / "d" / "dataset.json"
+    as_it_was = card.read_text()
+    for found, instead, text in (
+        ('"floor",\n  "book"', '"book",\n  "floor"', "names and order must be the same"),
+        ('"units_per_m": 1000.0', '"units_per_m": 5000.0', "5000 units per metre, the network takes 1000"),
+    ):
+        assert found in as_it_was
+        card.write_text(as_it_was.replace(found, instead))
+        for words in (("segment", model), ("weights", "calibrate", model, tmp_path / "c.safetensors")):
+            with pytest.raises(BadConfiguration, match=text):
+                run(*words, "--data", tmp_path / "d")
+    card.write_text(as_it_was)
+    run("weights", "calibrate", model, tmp_path / "c.safetensors", "--data", tmp_path / "d")
+    data_set(tmp_path / "e", valid=0)
+    with pytest.raises(BadConfiguration, match="no such pictures"):
+        run("weights", "calibrate", model, tmp_path / "c2.safetensors", "--data", tmp_path / "e")
+
+
 def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
     run("dataset", "import", "labelme", folder, tmp_path / "a", "--classes", "background,book,cup")
     assert load_dataset(tmp_path / "a").card.class_names == ("background", "book", "cup")
+    assert "no class is the rest" in run("dataset", "import", "labelme", folder, tmp_path / "a2")
+    assert "no class is the rest" not in run("dataset", "import", "labelme", folder, tmp_path / "a3", "--background")
     (tmp_path / "depth").mkdir()
     cv2.imwrite(str(tmp_path / "depth" / "a.png"), DEPTH)
     told = run("dataset", "import", "cvat", archive(tmp_path / "c.zip"), tmp_path / "b", "--depth-dir", tmp_path / "depth")

@@ -44,6 +44,15 @@ def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
     assert bound[-1] > 0
 
 
+def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> None:
+    cloud, seen = CloudMap(SPEC, MapRules()), labels(0.99, there=True)
+    for _ in range(20):
+        look(cloud, seen)
+    bound = [int(cloud.grid(LIST.edited("mat", min_confidence=least), ()).beware[7].sum()) for least in (0.5, 0.95, 0.99, 1.0)]
+    assert bound[0] > 0
+    assert bound == bound[:1] * 4
+
+
 def test_where_nothing_was_found_before_one_look_is_not_enough_but_two_are() -> None:
     cloud = CloudMap(SPEC, MapRules())
     assert look(cloud, labels(0.9, there=False)) == 0

@@ -82,6 +82,12 @@ def test_from_there_what_nothing_tall_is_near_to_is_in_no_doubt(x: float) -> Non
     assert kept(picture(mine(x), wall)) and kept(noisy(picture(mine(x), wall), seed=1))
 
 
+def test_what_is_in_doubt_binds_nobody_who_asks_for_a_half() -> None:
+    beware, frame = BewareList(classes=(MINE,)), picture(*chair(3.0))
+    assert not JointSegmenter(SeesMines()).segment(frame, beware).mask(beware).any()
+    assert JointSegmenter(SeesMines()).segment(picture(mine(3.0)), beware).mask(beware).any()
+
+
 def test_what_is_in_doubt_is_on_the_map_when_it_was_seen_from_nearer() -> None:
     beware, rules = BewareList(classes=(MINE,)), PointRules()
 

@@ -125,6 +125,11 @@ def test_a_bad_edit_is_refused_by_name_and_changes_nothing(name: str, changes: d
     assert before == LIST
 
 
+def test_a_class_keeps_its_id_since_the_map_knows_it_by_that() -> None:
+    with pytest.raises(BadConfiguration, match="'mud' has class_id 2 for ever"):
+        LIST.replaced(replace(entry, class_id=9) if entry.name == "mud" else entry for entry in LIST.classes)
+
+
 def test_the_list_that_is_shipped_is_sound() -> None:
     shipped = default_beware_list()
     assert shipped.enabled

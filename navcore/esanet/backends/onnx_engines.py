@@ -19,17 +19,17 @@ class OnnxRuntimeInference:
 
     def __init__(self, content: bytes, *, threads: int = THREADS) -> None:
         """Raises `BadConfiguration` for a file that it cannot run."""
-        import onnxruntime
-
         self.name = "onnxruntime f32"
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-        options.log_severity_level = 3
-        # Between two layers a waiting thread sleeps: on two cores the command thread needs one of them more than we do.
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
+            import onnxruntime
+
+            options = onnxruntime.SessionOptions()
+            options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+            options.log_severity_level = 3
+            # Between two layers a waiting thread sleeps: on two cores the command thread needs one of them more than we do.
+            options.add_session_config_entry("session.intra_op.allow_spinning", "0")
             self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # a damaged file can make it fail in any way
+        except Exception as error:  # a damaged file can make it fail in any way, a package that does not fit the machine too
             raise _bad("onnxruntime", error) from None
         _check_ports({i.name for i in self._session.get_inputs()}, {o.name for o in self._session.get_outputs()})
 
@@ -47,7 +47,6 @@ class OpenVinoInference:
 
     def __init__(self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS) -> None:
         """Raises `BadConfiguration` for a file that it cannot run."""
-        openvino = _without_telemetry()
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
             "INFERENCE_PRECISION_HINT": precision,  # left to itself it takes bf16 wherever the processor has it
@@ -56,7 +55,7 @@ class OpenVinoInference:
             "PERFORMANCE_HINT": "LATENCY",
         }
         try:
-            core = openvino.Core()
+            core = _openvino().Core()
             compiled = core.compile_model(core.read_model(content), "CPU", settings)
             self._request = compiled.create_infer_request()
         except Exception as error:
@@ -78,7 +77,7 @@ def is_installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
-def _without_telemetry() -> Any:
+def _openvino() -> Any:
     """The package `openvino`, which else would tell its maker over the network that it was imported."""
     # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its own, which sends nothing.
     sys.modules.setdefault("openvino_telemetry", cast(ModuleType, None))

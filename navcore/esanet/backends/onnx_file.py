@@ -69,9 +69,14 @@ def exported(network: EsaNet, card: OnnxCard) -> bytes:
         # The tracer warns of every check of a shape and of its own age; the result is compared with torch's before it is used.
         warnings.simplefilter("ignore")
         file = Path(folder) / f"network{SUFFIX}"
-        torch.onnx.export(
-            fixed, pictures, file, input_names=list(INPUTS), output_names=[OUTPUT], opset_version=OPSET, dynamo=False
-        )
+        try:
+            torch.onnx.export(
+                fixed, pictures, file, input_names=list(INPUTS), output_names=[OUTPUT], opset_version=OPSET, dynamo=False
+            )
+        except Exception as error:  # an onnx package that does not fit torch or the machine
+            raise BadConfiguration(
+                f"torch cannot export the network to ONNX: {str(error).partition(chr(10))[0]:.300}"
+            ) from None
         return with_card(file.read_bytes(), card)
 
 

@@ -122,6 +122,21 @@ def test_openvino_answers_as_torch_does() -> None:
     assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*picture()), reference())
 
 
+@needs_onnx
+@pytest.mark.parametrize("package", ["onnxruntime", "openvino", "onnx"])
+def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others(
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"{package}.py").write_text('raise ImportError("libm.so.6: version GLIBC_2.38 not found")\n')
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    engine, trials = choose(network_file(), threads=1)
+    failed = {trial.name.partition(" ")[0] for trial in trials if trial.failure}
+    assert failed == ({"onnxruntime", "openvino"} if package == "onnx" else {package})
+    assert engine.logits(*picture()).shape == reference().shape
+
+
 @needs_openvino
 def test_openvino_tells_nobody_that_it_is_used(tmp_path: Path) -> None:
     """Imported plainly it writes `~/intel` and sends events to its maker."""

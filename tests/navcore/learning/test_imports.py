@@ -171,6 +171,18 @@ def test_labelme_polygons_become_labels(inside: bool, tmp_path: Path) -> None:
     assert (labels[12:] == 0).all()
 
 
+def test_what_nobody_drew_on_can_be_a_class_in_labelme_too_and_a_drawn_background_is_one(tmp_path: Path) -> None:
+    folder = labelme(tmp_path / "l")
+    source = LabelmeFolder(folder, depth_dir=folder, keep_background=True)
+    assert source.class_names == ("background", "book", "cup")
+    (one,) = source
+    assert (one.sample.labels[3, 4], one.sample.labels[4, 14], one.sample.labels[15, 0]) == (3, 2, 1)
+    shape = {"label": "background", "points": [[0, 12], [20, 19]], "shape_type": "rectangle"}
+    drawn = labelme(tmp_path / "m", shapes=[shape])
+    (one,) = LabelmeFolder(drawn, depth_dir=drawn, class_names=("cup", "background"))
+    assert (one.sample.labels[15, 2], one.sample.labels[2, 2]) == (2, 0)
+
+
 def test_the_classes_of_labelme_can_be_told(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
     source = LabelmeFolder(folder, depth_dir=folder, class_names=("background", "cup", "book"), split="test")

@@ -116,6 +116,17 @@ def test_the_jaccard_loss_counts_as_often_as_the_recipe_says(tmp_path: Path) -> 
     assert thrice - without == pytest.approx(3 * (once - without), rel=1e-4)
 
 
+def test_what_could_teach_nothing_is_refused_before_it_begins(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    for label in (tmp_path / "d").glob("valid/label/*.npy"):
+        np.save(label, np.zeros_like(np.load(label)))
+    with pytest.raises(BadConfiguration, match="nothing is labelled in the valid pictures"):
+        begun(tiny_recipe(), tmp_path / "d", tmp_path / "out")
+    begun(tiny_recipe(selection="last"), tmp_path / "d", tmp_path / "out")
+    with pytest.raises(BadConfiguration, match="one picture each"):
+        epoch_batches(8, 4, seed=0, epoch=1, ranks=4)
+
+
 def test_class_weights_follow_the_recipe(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d")
     counts = count_pixels((dataset.read("train", index).labels for index in range(8)), 2)
@@ -263,7 +274,7 @@ def test_what_was_learned_is_carried_over_to_other_classes(tmp_path: Path) -> No
     begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
     start = weights.load(tmp_path / "first" / MODEL_NAME)
     kept = start.card.class_names[1]
-    card = dataclasses.replace(start.card, num_classes=3, class_names=("puddle", kept, "ladder"))
+    card = dataclasses.replace(start.card, num_classes=3, class_names=("puddle", kept.capitalize(), "ladder"))
     recipe = tiny_recipe(epochs=1)
     taught, fresh = taught_network(start, recipe, card).state_dict(), fresh_network(recipe, 3).state_dict()
     learned = start.network.state_dict()
