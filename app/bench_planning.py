@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -44,12 +45,16 @@ class Problem:
     """(rows, cols) where there is no way."""
     queries: tuple[tuple[Cell, Cell, float], ...]
     """Start, goal and the known optimal length, each."""
-    tolerance: float
-    """How far the known lengths are rounded, in cells."""
+    decimals: int
+    """So many of the known lengths' are right …"""
     occupied: BoolGrid | None = None
     """(rows, cols) before inflation, if known …"""
     radius: int = 0
     """… and the disc's radius in cells."""
+
+    def tolerance(self, length: float) -> float:
+        """How far a known length may be off, in cells: … but no more than six digits in all, which is what `%g` writes."""
+        return max(math.pow(10.0, -self.decimals), math.pow(10.0, math.floor(math.log10(max(length, 1.0))) - 5))
 
 
 def run_planning_bench(terminal: Terminal, maps: FilePath | None = None) -> None:
@@ -71,7 +76,7 @@ def published(folder: FilePath) -> Iterator[Problem]:
             name=file.stem,
             blocked=np.array([[letter not in ".GS" for letter in row] for row in rows]),
             queries=tuple(((int(w[5]), int(w[4])), (int(w[7]), int(w[6])), float(w[8])) for w in lines),
-            tolerance=max(10.0 ** -len(w[8].partition(".")[2]) for w in lines),
+            decimals=max(len(w[8].partition(".")[2]) for w in lines),
         )
     for file in sorted([*folder.glob("ros/*.npz"), *folder.glob("synthetic/forest*.npz")]):
         with np.load(file) as stored:
@@ -88,7 +93,7 @@ def _stored(name: str, stored: Any) -> Problem:
         name=name,
         blocked=~free,
         queries=tuple(((int(q[1]), int(q[0])), (int(q[3]), int(q[2])), float(q[4])) for q in stored["queries"]),
-        tolerance=1e-3,
+        decimals=3,
         occupied=occupied,
         radius=int(float(stored["inflation_m"]) / float(stored["res"]) + 1e-9),
     )
@@ -111,7 +116,7 @@ def forest(side: int, trees_per_m2: float) -> Problem:
         name=f"own forest, {side}²",
         blocked=blocked,
         queries=((start, goal, length_by_astar(blocked, start, goal)),),
-        tolerance=1e-6,
+        decimals=6,
         occupied=occupied,
         radius=radius_cells,
     )
@@ -175,7 +180,7 @@ def _all_queries(problem: Problem, space: FreeSpace, arena: Arena) -> tuple[npt.
     took, wrong = np.empty(len(problem.queries)), 0
     for index, (start, goal, length) in enumerate(problem.queries):
         outcome = plan_in(space, arena, start, goal)
-        wrong += isinstance(outcome, NoPath) or abs(outcome.length - length) > problem.tolerance + 1e-6 * length
+        wrong += isinstance(outcome, NoPath) or abs(outcome.length - length) > problem.tolerance(length)
         took[index] = _best(partial(plan_in, space, arena, start, goal))
     return took, wrong
 

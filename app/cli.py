@@ -163,13 +163,13 @@ def drive(
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
             shown = bar.add_task("starting", total=1.0)
             result = episode.run(lambda progress: bar.update(shown, description=progress.text(), completed=progress.share))
+        if report is not None:
+            report.write_text(json.dumps(result, indent=1), encoding="utf-8")
         keep(episode.pilot.navigator.map, listed, kept)
         if plots is not None:
             plot_episode(result, episode, album, plots)
     finally:
         episode.close()
-    if report is not None:
-        report.write_text(json.dumps(result, indent=1), encoding="utf-8")
     typer.echo(
         f"{'success' if result['success'] else 'FAILED'}: {result['goals_reached']} of {len(result['goals'])} goals, "
         f"{result['collisions']} collisions, {result['beware_intrusions']} beware and {result['zone_intrusions']} zone "

@@ -173,7 +173,7 @@ class CloudMap:
         return MapState(
             spec=self.spec,
             points=self._points.copied(),
-            poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses]).reshape(-1, 3),
+            poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64).reshape(-1, 3),
             seen=Mask.copied(explored.measured, rows, cols),
             looked=Mask.copied(explored.looked, rows, cols),
             trodden=Mask.copied(explored.trodden, rows, cols),

@@ -20,8 +20,9 @@ class NavigatorConfig:
 
     safety_margin_m: float = between(0.0, 1.0, default=0.15)
     """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
-    max_vertex_angle_deg: float = between(90.0, 179.9, default=170.0)
-    """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper."""
+    max_vertex_angle_deg: float = between(135.1, 179.9, default=170.0)
+    """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper. A path turns by
+    45° at least: below 135° bends would be left out, and the lines between waypoints cross what the path goes round."""
     start_relief_m: float = between(0.0, 2.0, default=0.6)
     """A robot that stands inside the inflation plans from the nearest free cell within this distance."""
     plan_budget: int = between(1_000, 1_000_000_000, default=2_000_000)

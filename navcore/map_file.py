@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -27,6 +28,7 @@ from navcore.mask import Mask
 from navcore.settings import between, from_table
 from navcore.whole_file import read_whole, write_whole
 
+log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
 VERSION = 1
 MAX_BYTES = 1 << 29
@@ -118,16 +120,17 @@ def load(path: Path) -> StoredMap:
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
-    """Raise `BadConfiguration` if points of the map would mean something else, or nothing, under this beware list."""
+    """Raise `BadConfiguration` if points of the map would mean something else under this beware list.
+
+    Of a class that was taken off the list they bind nobody, as they did not when it was taken off; that is logged.
+    """
     present = {entry.class_id: entry.name for entry in beware.classes}
     for class_id in sorted({int(number) for number in np.unique(stored.state.points.class_ids)} - {NOTHING}):
-        then, now = stored.class_names.get(class_id), present.get(class_id)
+        now = present.get(class_id)
+        then = stored.class_names.get(class_id, now)
         if now is None:
-            raise BadConfiguration(
-                f"the stored map has points of class {class_id} ({then!r}), which the beware list lacks; they would be free "
-                "floor: add the class to the list, switched off if need be"
-            )
-        if then != now:
+            log.warning("the stored map has points of %r (class %d), which the beware list lacks: free floor", then, class_id)
+        elif then != now:
             raise BadConfiguration(f"class {class_id} is {then!r} in the stored map and {now!r} in the beware list")
 
 

@@ -13,9 +13,9 @@ from navcore.grid import GridSpec
 from navcore.map_points import MapPoints
 from navcore.mask import Mask
 from navcore.raycast import BLOCK
-from navcore.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 _ROUNDING_M = 1e-3
+_HIGHEST_M = 1000.0
 """So far off the grid a point may be stored: it is kept in single precision."""
 
 
@@ -51,8 +51,9 @@ def check_state(state: MapState, where: str) -> None:
 def _rules(state: MapState) -> dict[str, bool]:
     """Part → whether its values are possible."""
     points, spec = state.points, state.spec
-    low = np.array([spec.origin_x_m, spec.origin_y_m, LOWEST_M])
-    size = np.array([spec.cols * spec.resolution_m, spec.rows * spec.resolution_m, HEIGHT_BINS * BIN_M])
+    # How high a point may be is said of the ground there, and how high that is nobody knows.
+    low = np.array([spec.origin_x_m, spec.origin_y_m, -_HIGHEST_M])
+    size = np.array([spec.cols * spec.resolution_m, spec.rows * spec.resolution_m, 2 * _HIGHEST_M])
     columns = (points.points_map, points.rgb, points.class_ids, points.confidence, points.range_m, points.pose_ids)
     masks = (state.seen, state.looked, state.trodden, state.prior)
     return {

@@ -154,6 +154,8 @@ def _row(
         x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
         z -= ground_m[j]
         level = (z - lowest_m) * bins
+        # The deeper a drop, the worse: what lies below the lowest bin is in that one.
+        level = zero if (z < deep) & (level < zero) else level
         # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would be a branch.
         inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (level >= zero)
         inside &= (x < wide) & (y < long) & (level < levels)

@@ -134,7 +134,9 @@ def blocks(cells: int) -> int:
 
 
 def pack(mask: BoolGrid, plane: Plane) -> None:
-    """Set the bits of `plane` to the cells of bool (rows, cols)."""
+    """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not 0."""
+    if mask.itemsize != 1:
+        mask = np.not_equal(mask, 0)
     flat = np.ascontiguousarray(mask).view(np.uint8).reshape(-1)
     _pack(flat, mask.shape[0], mask.shape[1], plane)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,7 @@ class InflatedGrid:
             else:
                 self._fresh[layer] = 0
         self._take_fresh()
+        self._drop_all_but(masks)
 
     def replace(self, planes: Mapping[int, Plane]) -> None:
         """The same for packed cells (`navcore.search.bits`), which are copied."""
@@ -53,6 +54,12 @@ class InflatedGrid:
         for layer, radius in enumerate(self._radii):
             self._fresh[layer] = planes.get(radius, 0)
         self._take_fresh()
+        self._drop_all_but(planes)
+
+    @property
+    def reach(self) -> int:
+        """How far about a change is looked, in cells: the widest radius in use."""
+        return int(self._halves.shape[1]) - 1
 
     def set_cells(self, radius: int, cells: Ints, occupied: bool) -> None:
         """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the grid."""
@@ -75,6 +82,14 @@ class InflatedGrid:
             self._radii += new
             self._raw = np.concatenate([self._raw, np.zeros((len(new), *self._raw.shape[1:]), dtype=np.uint64)])
             self._fresh = np.zeros_like(self._raw)
+            self._halves = half_widths(self._radii)
+
+    def _drop_all_but(self, radii: Container[int]) -> None:
+        """Give up the layers, empty by now, of other radii: the widest one says how far every change is followed."""
+        used = [layer for layer, radius in enumerate(self._radii) if radius in radii]
+        if 0 < len(used) < len(self._radii):
+            self._radii = tuple(self._radii[layer] for layer in used)
+            self._raw, self._fresh = self._raw[used], self._fresh[used]
             self._halves = half_widths(self._radii)
 
     def _check(self, mask: BoolGrid) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import logging
 import os
 import zipfile
 from pathlib import Path
@@ -221,13 +222,21 @@ def test_a_file_that_would_unpack_to_gigabytes_is_refused_unread(
         load(tmp_path / "m")
 
 
-def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(tmp_path: Path) -> None:
+def test_a_map_made_down_a_slope_is_a_map_too(tmp_path: Path) -> None:
+    state = state_of(3)
+    state.points.points_map[:, 2] -= 7.5
+    save(tmp_path / "m", state, NAMES)
+    assert_same(load(tmp_path / "m").state, state)
+
+
+def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     save(tmp_path / "m", state_of(3), NAMES)
     stored = load(tmp_path / "m")
     classes = tuple(BewareClass(name=name, class_id=class_id, enabled=False) for class_id, name in NAMES.items())
     check_classes(stored, BewareList(classes=(*classes, BewareClass(name="fourth", class_id=4))))
-    with pytest.raises(BadConfiguration, match=r"class 62 \('third'\), which the beware list lacks"):
-        check_classes(stored, BewareList(classes=classes[:2]))
+    with caplog.at_level(logging.WARNING):
+        check_classes(stored, BewareList(classes=classes[:2]))  # taken off the list by the operator
+    assert "'third' (class 62), which the beware list lacks" in caplog.text
     renamed = (dataclasses.replace(classes[0], name="other"), *classes[1:])
     with pytest.raises(BadConfiguration, match="class 1 is 'first' in the stored map and 'other' in the beware list"):
         check_classes(stored, BewareList(classes=renamed))

@@ -65,6 +65,20 @@ def test_a_radius_that_is_no_longer_named_blocks_nothing() -> None:
     assert not grid.space.blocked().any()
 
 
+def test_a_radius_that_was_tried_once_widens_no_later_change() -> None:
+    grid, mask = InflatedGrid(300, 300), np.zeros((300, 300), dtype=np.bool_)
+    mask[150, 150] = True
+    grid.update({2: mask, 90: mask})
+    grid.update({2: mask})
+    grid.set_cells(2, np.array([[10, 10]]), True)
+    mask[10, 10] = True
+    np.testing.assert_array_equal(grid.space.blocked(), inflate(mask, 2))
+    assert grid.reach == 2
+    grid.update({2: mask, 5: mask})
+    np.testing.assert_array_equal(grid.space.blocked(), inflate(mask, 5))
+    assert grid.reach == 5
+
+
 def test_a_mask_of_another_shape_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected the grid's shape \(40, 40\), got \(40, 41\)"):
         InflatedGrid(40, 40).update({2: np.zeros((40, 41), dtype=np.bool_)})
