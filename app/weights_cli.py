@@ -44,7 +44,7 @@ def calibrate(
     data: Annotated[Path, typer.Option(metavar="DIR", help="A data set that it was not trained on the split of.")],
     split: Annotated[str, typer.Option(help="The split to do best on.")] = "valid",
 ) -> None:
-    """Shift the classes' logits so that the mean IoU of a split is largest: undoes what class weights have skewed."""
+    """Shift the classes' logits so that the mean IoU of a split is largest, and scale them: as sure as it is right."""
     from navcore.errors import BadConfiguration
     from navcore.esanet import weights
     from navcore.learning.batches import Pictures
@@ -61,10 +61,11 @@ def calibrate(
     if not dataset.count(split):  # type: ignore[arg-type]
         raise BadConfiguration(f"--split {split}: the data set has no such pictures")
     pictures = Pictures(dataset, split, cache_mb=0)  # type: ignore[arg-type]
-    offsets = shift(trained.network, pictures, Looking(size=trained.card.size))
+    offsets, temperature = shift(trained.network, pictures, Looking(size=trained.card.size))
     weights.save(trained.network, trained.card, target)
     for name, offset in zip(trained.card.class_names, offsets, strict=True):
         typer.echo(f"{name}: {offset:+.3f}")
+    typer.echo(f"temperature: {temperature:.3f}")
 
 
 @weights_cli.command()

@@ -1,17 +1,22 @@
-"""Class offsets for a trained network: what the class weights of the loss have shifted is shifted back.
+"""What a trained network says is shifted and scaled until it says it as often, and as surely, as it is right.
 
 Weighted by rarity, a network learns to call a rare class when in doubt. One constant a class, added to its logits, undoes as
 much of that as maximises the mean IoU of a split that was not trained on (cf. logit adjustment, Menon et al., ICLR 2021). The
 constants go into the bias of the last layer: the network's shape and time stay the same.
+
+Then all logits are divided by one temperature (Guo et al., ICML 2017): it changes no class, but how sure the network is of it.
+A loss that asks for IoU makes it as sure as can be whether it is right or wrong, and then no second look can tell.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 import torch
+from scipy.optimize import minimize_scalar
 from torch.nn import functional
 
 from navcore.esanet.model import EsaNet
@@ -29,15 +34,38 @@ Logits = npt.NDArray[np.float32]
 
 def calibrate(
     network: EsaNet, pictures: Pictures, looking: Looking, *, seen: Callable[[int], None] = lambda count: None
-) -> npt.NDArray[np.float64]:
-    """Shift the network's class logits so that it does best on the pictures; returns the (C,) constants, class 0 at 0."""
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Shift and scale the network's class logits so that they fit the pictures best.
+
+    Returns the (C,) constants, class 0 at 0, and the temperature that what is shifted is divided by.
+    """
     logits, classes, weights = _collected(network, pictures, looking, seen)
     offsets = best_offsets(logits, classes, weights)
+    temperature = best_temperature(logits + offsets.astype(np.float32), classes, weights)
     last = network.decoder.upsample2.conv
     assert last.bias is not None
     with torch.no_grad():
         last.bias += torch.from_numpy(offsets).to(last.bias)
-    return offsets
+        for parameter in (last.weight, last.bias):
+            parameter /= temperature
+    return offsets, temperature
+
+
+def best_temperature(logits: Logits, classes: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]) -> float:
+    """What the logits have to be divided by for the true classes to be likeliest: least mean cross entropy.
+
+    Classes count alike: of the pixels nearly all are floor and wall, which anybody is sure of. Arguments as above.
+    """
+    of_class = np.bincount(classes, weights, minlength=logits.shape[1])
+    share = torch.from_numpy(weights / of_class[classes] / np.count_nonzero(of_class))
+    true, scores = torch.from_numpy(classes), torch.from_numpy(logits)
+
+    def cross_entropy(logarithm: float) -> float:
+        lost = functional.cross_entropy(scores / math.exp(logarithm), true, reduction="none")
+        return float((lost.double() * share).sum())
+
+    found = minimize_scalar(cross_entropy, bounds=(math.log(0.2), math.log(20.0)), method="bounded", options={"xatol": 1e-3})
+    return math.exp(float(found.x))
 
 
 def best_offsets(logits: Logits, classes: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

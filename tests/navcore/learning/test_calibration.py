@@ -1,12 +1,20 @@
-"""Class offsets undo a skew that is constant a class, and never make the split they are made for worse."""
+"""Class offsets undo a skew that is constant a class and never make their split worse; a temperature undoes false certainty."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import torch
 
-from navcore.learning.calibration import best_offsets
+from navcore.esanet import build
+from navcore.esanet.preprocess import Size
+from navcore.learning.batches import Pictures, plain_batch
+from navcore.learning.calibration import best_offsets, best_temperature, calibrate
+from navcore.learning.evaluation import Looking, logits_of
 from navcore.learning.metrics import confusion_matrix, mean_iou
+from tests.navcore.learning.made import data_set
 
 
 def score(logits: np.ndarray, classes: np.ndarray, weights: np.ndarray) -> float:
@@ -34,3 +42,27 @@ def test_a_network_that_is_right_stays_as_it_is() -> None:
     classes = np.array([0, 1, 2, 0, 1])
     logits = np.eye(3, dtype=np.float32)[classes]
     np.testing.assert_array_equal(best_offsets(logits, classes, np.ones(5)), 0.0)
+
+
+@pytest.mark.parametrize("temperature", [0.5, 1.0, 3.0])
+def test_a_network_that_is_too_sure_becomes_as_sure_as_it_is_right(temperature: float) -> None:
+    rng = np.random.default_rng(3)
+    honest = rng.normal(0, 1.5, (20_000, 3)).astype(np.float32)
+    likely = np.exp(honest) / np.exp(honest).sum(axis=1, keepdims=True)
+    classes = (rng.random((20_000, 1)) > likely.cumsum(axis=1)).sum(axis=1).clip(0, 2)
+    found = best_temperature(temperature * honest, classes, np.ones(20_000))
+    assert found == pytest.approx(temperature, rel=0.05)
+
+
+def test_what_is_calibrated_names_the_same_classes_less_surely(tmp_path: Path) -> None:
+    dataset = data_set(tmp_path)
+    network = build("r18-nbt1d", 2, width=0.125).eval()
+    with torch.no_grad():
+        network.decoder.upsample2.conv.weight *= 50.0  # wrong as often as right, and sure of it
+    pictures, looking = Pictures(dataset, "valid", cache_mb=1), Looking(size=Size(height=64, width=64))
+    batch = plain_batch([pictures[0]], looking.size, dataset.card.depth)
+    before = logits_of(network, batch, looking)
+    offsets, temperature = calibrate(network, pictures, looking)
+    assert temperature > 1.5
+    shifted = before + torch.from_numpy(offsets).float()[None, :, None, None]
+    torch.testing.assert_close(logits_of(network, batch, looking), shifted / temperature, rtol=1e-4, atol=1e-4)
