@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from navcore.beware import default_beware_list, load_beware_list
-from navcore.esanet.preprocess import Size
+from navcore.esanet.backends.network_file import SHIPPED
+from navcore.esanet.weights import load
 from navcore.learning.recipe import load_recipe
 from sim.scenario import load_scenario
 
@@ -43,7 +44,7 @@ def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(exa
 
 
 def test_the_recipe_of_the_readme_is_one(example: Callable[[str], Path]) -> None:
-    assert load_recipe(example("variant =")).size == Size(height=384, width=640)
+    assert load_recipe(example("variant =")).size == load(SHIPPED).card.size
 
 
 def test_every_make_target_and_file_that_the_readme_names_exists() -> None:
