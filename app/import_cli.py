@@ -94,4 +94,6 @@ def _write(
     typer.echo(f"{out}: {counts.train} pictures to train, {counts.valid} to validate and {counts.test} to test with")
     typer.echo(f"classes: {', '.join(class_names)}")
     if "background" not in (name.casefold() for name in class_names):
-        typer.echo("no class is the rest: what learns from this alone sees one of these classes everywhere; see --background")
+        typer.echo(
+            "no class is called background: unless one is the rest, what learns from this alone sees one of them everywhere"
+        )

@@ -15,8 +15,9 @@ from navcore.mask import Mask
 from navcore.raycast import BLOCK
 
 _ROUNDING_M = 1e-3
-_HIGHEST_M = 1000.0
 """So far off the grid a point may be stored: it is kept in single precision."""
+_HIGHEST_M = 1000.0
+"""What is said to be higher or deeper is no measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -125,14 +125,28 @@ def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[t
 
 def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray[np.bool_]:
     """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone is lost to rounding."""
-    return _rasterised(tuple((float(x), float(y)) for x, y in polygon), spec)
+    top, left, cells = _rasterised(tuple((float(x), float(y)) for x, y in polygon), spec)
+    whole = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    whole[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
+    whole.flags.writeable = False
+    return whole
 
 
 @lru_cache(maxsize=64)
-def _rasterised(polygon: tuple[tuple[float, float], ...], spec: GridSpec) -> npt.NDArray[np.bool_]:
+def _rasterised(polygon: tuple[tuple[float, float], ...], whole: GridSpec) -> tuple[int, int, npt.NDArray[np.bool_]]:
+    """First row, first column and the cells of the polygon's box: whole maps of zones long gone would fill the memory."""
+    corners = np.asarray(polygon, dtype=np.float64)
+    ends = (corners - np.array([whole.origin_x_m, whole.origin_y_m])) / whole.resolution_m
+    left, top = np.clip(np.floor(ends.min(axis=0)).astype(int) - 2, 0, [whole.cols, whole.rows]).tolist()
+    right, bottom = np.clip(np.ceil(ends.max(axis=0)).astype(int) + 2, [left, top], [whole.cols, whole.rows]).tolist()
+    if top == bottom or left == right:
+        return 0, 0, np.zeros((0, 0), dtype=np.bool_)
+    return top, left, _cells_in(corners, whole.part(top, left, bottom, right))
+
+
+def _cells_in(corners: npt.NDArray[np.float64], spec: GridSpec) -> npt.NDArray[np.bool_]:
     # fillPoly works on pixel centres with `shift` fractional bits: world metres → cells, where a centre is an integer.
     shift = 8
-    corners = np.asarray(polygon, dtype=np.float64)
     pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
     fixed = np.round((pixels - 0.5) * (1 << shift)).astype(np.int32)
     mask = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
@@ -144,6 +158,4 @@ def _rasterised(polygon: tuple[tuple[float, float], ...], spec: GridSpec) -> npt
     squares = shapely.box(low[:, 0], low[:, 1], low[:, 0] + spec.resolution_m, low[:, 1] + spec.resolution_m)
     clipped = rim[shapely.intersects(Polygon(corners), squares)]
     mask[clipped[:, 0], clipped[:, 1]] = 1
-    cells = mask > 0
-    cells.flags.writeable = False
-    return cells
+    return mask > 0

@@ -14,7 +14,7 @@ from shapely.geometry import Polygon
 
 from navcore.errors import BadGeometry
 from navcore.grid import BoolGrid, GridSpec
-from navcore.zones import MAX_CORNERS, check_polygon, rasterise
+from navcore.zones import MAX_CORNERS, _rasterised, check_polygon, rasterise
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
@@ -110,3 +110,14 @@ def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
         [[Polygon(polygon).contains(shapely.Point(SPEC.centre(r, c))) for c in range(SPEC.cols)] for r in range(SPEC.rows)]
     )
     assert (overlaps(polygon, deeper_than=HAIR) & ~by_centre).any()
+
+
+def test_of_a_small_zone_on_a_large_map_only_its_box_is_remembered() -> None:
+    large = GridSpec.centred(size_m=(150.0, 150.0), resolution_m=0.05)
+    corners = ((10.0, 10.0), (11.0, 10.0), (10.5, 11.0))
+    top, left, cells = _rasterised(corners, large)
+    assert cells.size < 1000
+    whole = rasterise(corners, large)
+    assert whole.shape == (large.rows, large.cols)
+    np.testing.assert_array_equal(whole[top:, left:][: cells.shape[0], : cells.shape[1]], cells)
+    assert whole.sum() == cells.sum() > 150

@@ -21,7 +21,7 @@ MIN_AGREEMENT = 0.999
 """An engine is taken only if it gives at least this share of pixels the class that torch in f32 gives them."""
 CLEARLY_FASTER = 0.9
 """A later candidate must need less than this share of the time of the best so far: noise must not choose."""
-WARM_UP_RUNS, MIN_RUNS, MAX_RUNS = 2, 5, 200
+MIN_RUNS, MAX_RUNS = 5, 200
 TRIAL_S = 0.3
 """How long each engine is measured."""
 
@@ -132,9 +132,7 @@ def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
 
 
 def timed(engine: Inference, pictures: list[tuple[Batch, Batch]], trial_s: float) -> npt.NDArray[np.float64]:
-    """(N,) milliseconds of single pictures."""
-    for number in range(WARM_UP_RUNS):
-        engine.logits(*pictures[number % len(pictures)])
+    """(N,) milliseconds of single pictures, of an engine that is warm."""
     durations: list[float] = []
     end = time.perf_counter() + trial_s
     while len(durations) < MIN_RUNS or (time.perf_counter() < end and len(durations) < MAX_RUNS):
