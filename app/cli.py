@@ -154,8 +154,9 @@ def drive(
     about = Task(
         scenario=load_scenario(scenario), goals=goals, random=random, zones=zones, ablation=ablation, max_time_s=max_time
     )
-    perception, listed = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend)), beware_list(beware)
-    config = None if navigation is None else load_config(navigation)
+    listed, config = beware_list(beware), None if navigation is None else load_config(navigation)
+    # After what can be wrong at a glance: trying the engines takes seconds.
+    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
     episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception, config=config)
     try:
         album = Album(episode)

@@ -27,16 +27,16 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
     [
         (("drive", "--scenario", "nowhere"), "nowhere"),
         (("drive", "--scenario", "empty_room", "--goal", "here"), "--goal 'here'"),
-        (("drive", "--scenario", "empty_room", "--goal", "100,0"), "outside the map"),
-        (("drive", "--scenario", "empty_room", "--goal", "nan,0"), "outside the map"),
-        (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml"), "no such file"),
+        (("drive", "--scenario", "empty_room", "--goal", "100,0", "--segmenter", "colour"), "outside the map"),
+        (("drive", "--scenario", "empty_room", "--goal", "nan,0", "--segmenter", "colour"), "outside the map"),
+        (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml", "--segmenter", "colour"), "no such file"),
         (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
         (("evaluate", "barn", "--random"), "suite of its own"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
         (("compare", "/no/such/folder"), "summary.json"),
-        (("evaluate", "office", "--robot", "unicycle"), "unicycle"),
+        (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"), "such.safetensors"),
         (("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
         (("evaluate", "empty_room", "--weights", "/no/such.onnx"), "such.onnx"),
@@ -117,7 +117,7 @@ def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
 def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(tmp_path: Path) -> None:
     file = tmp_path / "nav.toml"
     file.write_text("[people]\nheedles = true\n")
-    refused = bewarenav("drive", "--scenario", "empty_room", "--navigation", str(file))
+    refused = bewarenav("drive", "--scenario", "empty_room", "--navigation", str(file), "--segmenter", "colour")
     assert refused.returncode == 2
     assert "nav.toml.people: unknown key 'heedles'" in refused.stderr
     assert "nav.toml.people: unknown key 'heedles'" in bewarenav("evaluate", "clutter", "--navigation", str(file)).stderr
@@ -133,6 +133,6 @@ def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(
 
 
 def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:
-    answer = bewarenav("drive", "--scenario", "empty_room", "--max-time", "3")
+    answer = bewarenav("drive", "--scenario", "empty_room", "--max-time", "3", "--segmenter", "colour")
     assert answer.returncode == 1
     assert "FAILED" in answer.stdout
