@@ -143,8 +143,7 @@ class LabellingFolder:
             for split in SPLITS:
                 for kind in KINDS:
                     (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
-            if (self.folder / CARD_NAME).exists():
-                self._write_card()  # a number in a label must never be on the disk without its name
+            self._write_card(sums)  # first: a number in a label must never be on the disk without its name
             write_rgb(self.folder / files[0], rgb)
             write_grey(self.folder / files[1], depth_mm)
             np.save(partial, labels, allow_pickle=False)
@@ -163,12 +162,12 @@ class LabellingFolder:
             for column, kind in enumerate(KINDS):
                 lines = [files[column] for files in self._files] if split == "train" else []
                 write_text(self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines))
-        self._write_card()
+        self._write_card(self._sums)
 
-    def _write_card(self) -> None:
+    def _write_card(self, sums: DepthSums) -> None:
         card = DatasetCard(
             class_names=tuple(self._class_names),
-            depth=self._sums.statistics(units_per_m=UNITS_PER_M),
+            depth=sums.statistics(units_per_m=UNITS_PER_M),
             counts=Counts(train=len(self._files)),
             sizes=tuple(sorted(self._sizes)),
             source={"made_by": "corrections in the operator console"},

@@ -140,6 +140,18 @@ def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
     assert set(names) <= {"cup", "bag", "shoe"}
 
 
+def test_a_folder_whose_pictures_were_all_lost_takes_new_ones(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
+    for label in tmp_path.glob("train/label/*.npy"):
+        label.unlink()
+    again = LabellingFolder(tmp_path)
+    again.add(view, names={CUP: "cup"}, said="shoe")
+    assert again.state().pictures == load_dataset(tmp_path).count("train") == 1
+
+
 def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:
     frame = picture()
     seen = labels(frame, 1.5, 0.0)
