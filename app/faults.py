@@ -71,4 +71,4 @@ class Sabotage:
 
 
 def _garbage(labels: Labels) -> Labels:
-    return dataclasses.replace(labels, confidence=np.full_like(labels.confidence, np.nan))
+    return dataclasses.replace(labels, confidence=np.full_like(labels.confidence, np.nan), claims=())

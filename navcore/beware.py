@@ -17,6 +17,8 @@ from navcore.settings import between, from_table, read_toml
 
 NOTHING = 0
 """Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
+PERSON = "person"
+"""What the list calls people."""
 LARGEST_CLASS_ID = 62
 MAX_MARGIN_M = 2.0
 OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label")
@@ -94,6 +96,11 @@ class BewareList:
     def enabled(self) -> tuple[BewareClass, ...]:
         """The entries that bind the robot now."""
         return tuple(entry for entry in self.classes if entry.enabled)
+
+    @property
+    def people_ids(self) -> list[int]:
+        """Class ids of people; empty where the list has none."""
+        return [entry.class_id for entry in self.classes if entry.name == PERSON]
 
     def edited(self, name: str, /, **changes: object) -> BewareList:
         """The next version, with fields of one entry changed; raises `BadConfiguration` for an unknown key or a bad value."""

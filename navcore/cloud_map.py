@@ -253,7 +253,7 @@ class CloudMap:
             box,
             frame,
             invert(frame.T_map_camera),
-            labels,
+            labels.claimed[0],
             np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
         )
         self._points.remove(forgotten)

@@ -23,7 +23,7 @@ from navcore.near_cells import areas_apart, hard_cells, nearby, rim_of_unseen, s
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
 from navcore.path import NoPath, Path, Reason, plan_in
 from navcore.patience import Patience
-from navcore.people import PeopleTracker, people_ids
+from navcore.people import PeopleTracker
 from navcore.points import observe
 from navcore.recovery import Means, Recovery, closed_way, trail_with
 from navcore.robot import STANDSTILL, RobotProfile, Twist
@@ -138,7 +138,7 @@ class Navigator:
         self._tread(frame.pose)
         seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
         self.map.insert(seen, frame, labels)
-        people = people_ids(order.beware)
+        people = order.beware.people_ids
         self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
         self.map.forget_afloat(seen.box, self._tracker.is_bare, people, frame)
         self.map.explored.look(frame, self._config.points)
@@ -191,7 +191,7 @@ class Navigator:
             occupancy,
             spec.cell(pose.x_m, pose.y_m),
             spec.cell(*goal),
-            people=people_ids(beware),
+            people=beware.people_ids,
             vehicle_width_m=self._profile.width_m,
             relief_cells=self._config.start_relief_m / spec.resolution_m,
             max_expansions=self._config.plan_budget,

@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList
+from navcore.beware import PERSON, BewareList
 from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
@@ -19,8 +19,6 @@ from navcore.segment import Labels
 from navcore.sightings import CELL_M, Cells, Cluster, Ground, cells_within, looks_at
 from navcore.terrain import Image
 
-PERSON = "person"
-"""What the beware list calls people."""
 GATE_M = 0.45
 """A cluster this near to where somebody should be is he."""
 UNSEEN_S, ELSEWHERE_S, STAYS_S = 1.0, 8.0, 20.0
@@ -120,11 +118,6 @@ class PeopleTracker:
         if all(looks_at(frame, *at, one.radius_m) for at in places):
             return unseen_s >= UNSEEN_S
         return unseen_s >= (ELSEWHERE_S if one.walks else STAYS_S)
-
-
-def people_ids(beware: BewareList) -> list[int]:
-    """Class ids of the list's people; empty where it has none."""
-    return [entry.class_id for entry in beware.classes if entry.name == PERSON]
 
 
 def _named(labels: Labels, beware: BewareList) -> npt.NDArray[np.bool_]:

@@ -85,17 +85,21 @@ def observe(
     the robot stands; what goes onto the map keeps its place in space. A point of a beware class that is also higher than the
     obstacle height counts twice, as both: it stays an obstacle when its class is switched off.
     """
-    if labels.class_ids.shape != frame.depth_m.shape:
-        raise ValueError(f"labels must be {frame.depth_m.shape} class ids, got {labels.class_ids.shape}")
-    if not np.isfinite(labels.confidence.sum()):
-        raise ValueError("the labels' confidence is not finite, expected 0 to 1 in every pixel")
+    for claim in labels.claimed:
+        if claim.class_ids.shape != frame.depth_m.shape:
+            raise ValueError(f"labels must be {frame.depth_m.shape} class ids, got {claim.class_ids.shape}")
+        if not np.isfinite(claim.confidence.sum()):
+            raise ValueError("the labels' confidence is not finite, expected 0 to 1 in every pixel")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     looked = looked_at(frame, spec, rules.max_range_m, ground_m)
     geometric, seen = measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
-    found = [geometric, *_labelled(labels.class_ids, looked, beware, rules.min_support)]
-    pixels = np.concatenate(found).astype(np.int64)
-    class_ids = labels.class_ids.reshape(-1)[pixels]
-    class_ids[: len(geometric)] = NOTHING
+    heights_m, named = _max_heights(beware), []
+    for claim in labels.claimed:
+        of_claim = _labelled(claim.class_ids, looked, heights_m, rules.min_support)
+        named.append((of_claim, claim.class_ids.reshape(-1)[of_claim], claim.confidence.reshape(-1)[of_claim]))
+    pixels = np.concatenate([geometric, *(of_claim for of_claim, _, _ in named)]).astype(np.int64)
+    class_ids = np.concatenate([np.full(len(geometric), NOTHING, dtype=np.uint8), *(kinds for _, kinds, _ in named)])
+    confidence = np.concatenate([np.ones(len(geometric), dtype=np.float32), *(sure for _, _, sure in named)])
     rows, cols = np.divmod(pixels, intrinsics.width)
     depth = frame.depth_m.reshape(-1)[pixels]
     optical = np.column_stack(
@@ -104,7 +108,7 @@ def observe(
     return Observation(
         points_map=(optical @ camera[:3, :3].T + camera[:3, 3]).astype(np.float32),
         class_ids=class_ids,
-        confidence=np.where(class_ids == NOTHING, np.float32(1), labels.confidence.reshape(-1)[pixels]).astype(np.float32),
+        confidence=confidence,
         rgb=frame.rgb.reshape(-1, 3)[pixels],
         range_m=depth,
         max_range_m=rules.max_range_m,
@@ -115,18 +119,19 @@ def observe(
 
 
 def _labelled(
-    class_ids: npt.NDArray[np.uint8], looked: Looked, beware: BewareList, min_support: int
-) -> list[npt.NDArray[np.int32]]:
-    """For each class in the picture one pixel of each of its voxels."""
-    flat, heights_m = class_ids.reshape(-1), _max_heights(beware)
+    class_ids: npt.NDArray[np.uint8], looked: Looked, heights_m: npt.NDArray[np.float64], min_support: int
+) -> npt.NDArray[np.int32]:
+    """For each class in the picture one pixel of each of its voxels, up to the class's height."""
+    flat = class_ids.reshape(-1)
     named = np.flatnonzero(flat != NOTHING)
     kinds = flat[named]
     if len(kinds) and kinds.max() > LARGEST_CLASS_ID:
         raise ValueError(f"labels must be class ids of 0 to {LARGEST_CLASS_ID}, got {kinds.max()}")
-    return [
+    found = [
         voxels_of(looked, named[kinds == kind], heights_m[kind], min_support)
         for kind in np.flatnonzero(np.bincount(kinds, minlength=64))
     ]
+    return np.concatenate([np.empty(0, dtype=np.int32), *found])
 
 
 def _on_the_grid(cells: npt.NDArray[np.int64], looked: Looked, spec: GridSpec) -> npt.NDArray[np.int64]:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from navcore.beware import NOTHING, BewareList
 from navcore.frame import Frame
-from navcore.people import people_ids
 from navcore.segment import Labels
 
 RANGE_M = 5.0
@@ -48,7 +47,7 @@ def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Recogn
     binding = labels.mask(beware)
     found: list[tuple[int, int, npt.NDArray[np.bool_]]] = []
     for class_id in np.unique(labels.class_ids[binding]):
-        if class_id in (NOTHING, *people_ids(beware)):
+        if class_id in (NOTHING, *beware.people_ids):
             continue
         mask = (binding & (labels.class_ids == class_id)).view(np.uint8)
         count, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import dataclasses
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -21,6 +22,8 @@ STEEPEST = 0.2
 """What rises or falls by no more than this per metre may be ground with something painted on it."""
 TALL_M = 0.1
 """What rises by so much more than a marking can is an obstacle, however depth errs."""
+PERSON_SURE = 0.5
+"""So sure a network must be that a pixel is a person's for its colour to be nobody's floor."""
 UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 """Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds nobody who asks for a half."""
 
@@ -33,10 +36,23 @@ class Labels:
     """(H, W) class id of the beware list, `NOTHING` for everything else."""
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is, 0 to 1."""
+    claims: tuple[Labels, ...] = ()
+    """Where several claim a pixel, what each of them claims, whatever the list thinks of it: a network first, then the rules of
+    colour. Of these the map is made, or an edit of the list would not bring back what another claim lay upon. Empty: no pixel
+    has two claims."""
+
+    @property
+    def claimed(self) -> tuple[Labels, ...]:
+        """Its claims; itself, where no pixel has two."""
+        return self.claims or (self,)
 
     def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
         """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its enabled classes."""
         return np.greater_equal(self.confidence, _least(beware)[self.class_ids])
+
+
+Coat = tuple[BewareClass, npt.NDArray[np.bool_]]
+"""An entry of the list, and (H, W) the pixels that fit its colour rule."""
 
 
 class Finder(StrEnum):
@@ -59,12 +75,13 @@ class Segmenter(Protocol):
 
 
 class ColourSegmenter:
-    """Labels by the colour rules of the beware list; where rules overlap, the first of the list wins."""
+    """Labels by the colour rules of the beware list; where rules overlap, the first that is enabled shows."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Exact: a pixel fits a rule or it does not, so its confidence is 1."""
-        class_ids = painted(frame, heights_above_floor(frame), beware.classes)
-        return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+        coats = painted(frame, heights_above_floor(frame), beware.classes)
+        shown, claims = uppermost(coats, frame.depth_m.shape), by_colour(coats, frame.depth_m.shape)
+        return dataclasses.replace(certain(shown), claims=claims if len(claims) > 1 else ())
 
     def finds(self, entry: BewareClass) -> Finder:
         """A rule, where the entry has one."""
@@ -74,11 +91,12 @@ class ColourSegmenter:
 class JointSegmenter:
     """A network and the colour rules together: what one of them claims stays claimed, except for pictures of things.
 
-    A pixel is the network's where it is sure enough of an enabled class; else the colour rule's; else the network's, however
-    unsure. A network's region that depth shows to be a flat picture of something with height is dismissed before, and so are
-    what spills over the edge of a thing onto the floor behind it (`relief.py`) and the foot of something higher
-    (`overhung.py`); what is too far away to tell whether it is such a foot counts neither for nor against. Rules marked
-    `fallback` are for classes that the network does not know.
+    A pixel shows as the network's where it is sure enough of an enabled class; else as the colour rule's; else as the
+    network's, however unsure. Onto the map go the claims of both, but for the colour of somebody's shoes. A network's region
+    that depth shows to be a flat picture of something with height is dismissed before, and so are what spills over the edge of
+    a thing onto the floor behind it (`relief.py`) and the foot of something higher (`overhung.py`); what is too far away to
+    tell whether it is such a foot counts neither for nor against. Rules marked `fallback` are for classes that the network
+    does not know.
     """
 
     def __init__(self, network: Segmenter) -> None:
@@ -95,7 +113,13 @@ class JointSegmenter:
             class_ids=np.where(keep & ~dismissed, seen.class_ids, np.uint8(NOTHING)),
             confidence=np.where(doubtful, np.minimum(seen.confidence, UNDECIDED), seen.confidence),
         )
-        return joined(real, painted(frame, heights_m, filter(self._by_colour, beware.classes)), beware)
+        coats = painted(frame, heights_m, filter(self._by_colour, beware.classes))
+        if not coats:
+            return real
+        shape = real.class_ids.shape
+        people = np.isin(real.class_ids, beware.people_ids) & (real.confidence >= PERSON_SURE)
+        claims = (real, *by_colour([(entry, fits & ~people) for entry, fits in coats], shape))
+        return dataclasses.replace(joined(real, uppermost(coats, shape), beware), claims=claims)
 
     def finds(self, entry: BewareClass) -> Finder:
         """Network, rule, both or nothing."""
@@ -111,24 +135,49 @@ class JointSegmenter:
         return entry.colour is not None and not (entry.colour.fallback and self._knows(entry))
 
 
-def joined(seen: Labels, by_colour: npt.NDArray[np.uint8], beware: BewareList) -> Labels:
+def joined(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> Labels:
     """The network's labels and the class ids (H, W) of the colour rules, by the rule that `JointSegmenter` states."""
-    sure = seen.mask(beware) & (seen.class_ids != by_colour)
-    taken = (by_colour != NOTHING) & ~sure
+    sure = seen.mask(beware) & (seen.class_ids != coloured)
+    taken = (coloured != NOTHING) & ~sure
     return Labels(
-        class_ids=np.where(taken, by_colour, seen.class_ids),
+        class_ids=np.where(taken, coloured, seen.class_ids),
         confidence=np.where(taken, np.float32(1), seen.confidence),
     )
 
 
-def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> npt.NDArray[np.uint8]:
-    """(H, W) class id of the first entry whose colour rule a pixel fits, and which is not higher than the rule allows.
+def certain(class_ids: npt.NDArray[np.uint8]) -> Labels:
+    """Labels of which nothing is in doubt."""
+    return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+
+
+def uppermost(coats: Sequence[Coat], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    """(H, W) the class id of the first coat that is enabled, else of the first."""
+    class_ids = np.full(shape, NOTHING, dtype=np.uint8)
+    first_shows = sorted(coats, key=lambda coat: not coat[0].enabled)
+    for entry, fits in first_shows[::-1]:
+        class_ids[fits] = entry.class_id
+    return class_ids
+
+
+def by_colour(coats: Sequence[Coat], shape: tuple[int, ...]) -> tuple[Labels, ...]:
+    """The coats as claims, as few as hold them all: those share one that lie beside each other."""
+    layers: list[npt.NDArray[np.uint8]] = []
+    for entry, fits in coats:
+        layer = next((layer for layer in layers if not layer[fits].any()), None)
+        if layer is None:
+            layers.append(layer := np.full(shape, NOTHING, dtype=np.uint8))
+        layer[fits] = entry.class_id
+    return tuple(map(certain, layers))
+
+
+def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> list[Coat]:
+    """Each entry whose colour rule some pixel fits, in their order, and (H, W) which pixels; none higher than the rule allows.
 
     Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of something of that colour.
     """
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
-    class_ids = np.full(hsv.shape[:2], NOTHING, dtype=np.uint8)
-    for entry in reversed(tuple(entries)):
+    coats = []
+    for entry in entries:
         if entry.colour is None:
             continue
         fits = _matches(hsv, entry.colour)
@@ -139,8 +188,9 @@ def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) ->
         tall = fits & (above > entry.colour.max_height_m + TALL_M)
         if tall.any():
             low &= ~feet(low, tall, frame)
-        class_ids[low] = entry.class_id
-    return class_ids
+        if low.any():
+            coats.append((entry, low))
+    return coats
 
 
 def _least(beware: BewareList) -> npt.NDArray[np.float32]:

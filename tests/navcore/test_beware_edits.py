@@ -8,22 +8,26 @@ from hypothesis import strategies as st
 
 from navcore.beware import BewareClass, BewareList, ColourRule
 from navcore.config import NavigatorConfig
+from navcore.frame import Frame
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy
 from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter
+from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels, Segmenter
 from navcore.transform import Pose2
 from tests.navcore.laws import law
 from tests.navcore.scene import RED_FLOOR, SPEC, Box, Paint, picture
 
 BLUE = BewareClass(name="blue", class_id=7, margin_m=0.1, colour=ColourRule(hue_deg=(200.0, 260.0), max_height_m=0.2))
-LIST = BewareList(classes=(RED_FLOOR, BLUE))
 THINGS = (Paint(x=(1.0, 1.8), y=(-0.4, 0.1)), Box(x=(1.5, 1.7), y=(0.2, 0.5), z=(0.0, 0.15), colour=(20, 40, 220)))
 FRAMES = [picture(*THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k) for k in range(4)]
+WARM = BewareClass(name="warm", class_id=8, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.2))
+BOOK = BewareClass(name="book", class_id=2, margin_m=0.05)
+CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE))
+NAMES = st.sampled_from(["red floor", "blue", "warm", "book"])
 EDITS = st.lists(
     st.tuples(
         st.integers(0, 3),
-        st.sampled_from(["red floor", "blue"]),
+        NAMES,
         st.fixed_dictionaries(
             {},
             optional={
@@ -37,28 +41,56 @@ EDITS = st.lists(
 )
 
 
-def seen(lists: list[BewareList]) -> Occupancy:
+class Reader:
+    """A network that takes the red paint for a book, more surely from picture to picture."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Books where it is red."""
+        red = (frame.rgb[..., 0] > 150) & (frame.rgb[..., 1] < 60)
+        sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns, dtype=np.float32)
+        return Labels(class_ids=np.where(red, np.uint8(BOOK.class_id), np.uint8(0)), confidence=sure)
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Books."""
+        return Finder.NETWORK if entry == BOOK else Finder.NOTHING
+
+
+def seen(lists: list[BewareList], segmenter: Segmenter) -> Occupancy:
     """What a robot holds that looked at each frame under the list of that moment, in the end."""
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     for frame, beware in zip(FRAMES, lists, strict=True):
         decision = navigator.tick(frame, Order(goal=None, beware=beware, zones=()))
     return decision.occupancy
 
 
-@law(15)
-@given(EDITS)
-def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
-    edits: list[tuple[int, str, dict[str, object]]],
-) -> None:
-    lists, beware = [], LIST
+def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]) -> tuple[Occupancy, Occupancy]:
+    """What is held after edits on the way, and under their final list from the start."""
+    lists, beware = [], CLAIMED_TWICE
     for moment in range(len(FRAMES)):
         for _, name, changes in (edit for edit in edits if edit[0] == moment):
             beware = beware.edited(name, **changes)
         lists.append(beware)
-    edited, fresh = seen(lists), seen([beware] * len(FRAMES))
-    assert edited.grid.beware.keys() == fresh.grid.beware.keys() == {entry.class_id for entry in beware.enabled}
+    return seen(lists, segmenter), seen([beware] * len(FRAMES), segmenter)
+
+
+@law(15)
+@given(EDITS, st.sampled_from([ColourSegmenter(), JointSegmenter(Reader())]))
+def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
+    edits: list[tuple[int, str, dict[str, object]]], segmenter: Segmenter
+) -> None:
+    edited, fresh = claims_of(segmenter, edits)
+    assert edited.grid.beware.keys() == fresh.grid.beware.keys()
     for class_id, layer in fresh.grid.beware.items():
-        assert layer.any()
         np.testing.assert_array_equal(edited.grid.beware[class_id], layer)
     np.testing.assert_array_equal(edited.grid.geometric, fresh.grid.geometric)
     np.testing.assert_array_equal(edited.blocked, fresh.blocked)
+
+
+def test_what_two_claimed_is_there_for_either_that_is_switched_on_later() -> None:
+    off: dict[str, object] = {"enabled": False}
+    for entry in (BOOK, RED_FLOOR, WARM):
+        all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]
+        edited, _ = claims_of(JointSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})])
+        assert edited.grid.beware.keys() == {entry.class_id}
+        assert edited.grid.beware[entry.class_id].any()
+        assert edited.blocked.any()

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
+from navcore.beware import NOTHING, PERSON, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
 from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels, joined
 from tests.navcore.laws import law
@@ -57,6 +57,35 @@ def test_both_may_find_the_same_class_and_the_rule_is_certain_of_it() -> None:
     assert set(np.unique(labels.class_ids)) == {1}
     assert (labels.confidence[red] == 1).all()
     assert (labels.confidence[~red] == np.float32(0.6)).all()
+
+
+def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them() -> None:
+    red = (FRAME.rgb == RED).all(axis=2)
+    for beware in (LIST, LIST.edited("book", enabled=False), LIST.edited("red floor", enabled=False)):
+        for confidence in (0.9, 0.4):
+            network, rules = JointSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).claimed
+            assert (network.class_ids == 2).all()
+            assert (network.confidence == np.float32(confidence)).all()
+            np.testing.assert_array_equal(rules.class_ids, np.where(red, 1, 0))
+            assert (rules.confidence == 1).all()
+
+
+def test_the_colour_of_somebody_is_no_floor() -> None:
+    beware = BewareList(classes=(*LIST.classes, BewareClass(name=PERSON, class_id=11)))
+    _, rules = JointSegmenter(Oracle(11, 0.9, PERSON)).segment(FRAME, beware).claimed
+    assert not rules.class_ids.any()
+    _, rules = JointSegmenter(Oracle(11, 0.3, PERSON)).segment(FRAME, beware).claimed
+    assert 1 in rules.class_ids
+
+
+def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:
+    wide = BewareClass(name="warm floor", class_id=4, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.05))
+    beware = BewareList(classes=(wide, RED_FLOOR, CUP))
+    for segmenter in (ColourSegmenter(), JointSegmenter(Oracle(0, 1.0))):
+        both = segmenter.segment(FRAME, beware)
+        assert painted_part(both)[0] == {4}
+        assert {tuple(np.unique(claim.class_ids)) for claim in both.claimed} >= {(0, 4), (0, 1)}
+        assert painted_part(segmenter.segment(FRAME, beware.edited("warm floor", enabled=False)))[0] == {1}
 
 
 @law(60)

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from navcore.beware import BewareClass, BewareList
+from navcore.beware import PERSON, BewareClass, BewareList
 from navcore.config import NavigatorConfig
 from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
 from navcore.navigator import Navigator, Order
-from navcore.people import PERSON, PeopleTracker
+from navcore.people import PeopleTracker
 from navcore.robot import HUSKY
 from navcore.segment import ColourSegmenter, Finder, Labels
 from navcore.sightings import Cluster
