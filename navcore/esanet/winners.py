@@ -11,8 +11,13 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 
-_NEGLIGIBLE = 20.0
-"""Logits so far below the largest add less than 1e-8 to the sum of the softmax."""
+_LOG2_E = np.float32(math.log2(math.e))
+_C0, _C1, _C2, _C3, _C4, _C5, _C6 = (np.float32(math.log(2) ** n / math.factorial(n)) for n in range(7))
+"""Of the series of 2^x, for x from 0 to 1."""
+_NEGLIGIBLE = np.float32(-60.0)
+"""Logits so many powers of two below the largest count as if they were no further: it is less than can be told."""
+_BIAS, _MANTISSA = np.int32(127), np.int32(23)
+"""Of float32: what its exponent is counted from, and the bits below it."""
 _Axis = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32]]
 
 
@@ -51,31 +56,36 @@ def _most_likely(
     winners: npt.NDArray[np.uint8],
     confidence: npt.NDArray[np.float32],
 ) -> None:
-    """Row by row, so that all classes of a row stay in the cache."""
+    """Row by row, so that all classes of a row stay in the cache, in loops that a compiler makes vectors of."""
     classes, columns = logits.shape[0], logits.shape[2]
     height, width = winners.shape
     blended = np.empty(columns, dtype=np.float32)
     row = np.empty((classes, width), dtype=np.float32)
-    best = np.empty(width, dtype=np.float32)
-    total = np.empty(width, dtype=np.float32)
+    best, total = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+    winner, bits = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32)
+    power = bits.view(np.float32)
     for i in range(height):
         for k in range(classes):
+            upper, lower = logits[k, above[i]], logits[k, below[i]]
             for j in range(columns):
-                blended[j] = logits[k, above[i], j] + down[i] * (logits[k, below[i], j] - logits[k, above[i], j])
+                blended[j] = upper[j] + down[i] * (lower[j] - upper[j])
             for j in range(width):
                 first = blended[left[j]]
                 row[k, j] = first + along[j] * (blended[right[j]] - first)
-        best[:] = row[0]
-        winners[i] = 0
+        best[:], winner[:], total[:] = row[0], 0, 0
         for k in range(1, classes):
             for j in range(width):
-                if row[k, j] > best[j]:
-                    best[j], winners[i, j] = row[k, j], k
-        total[:] = 0
+                higher = row[k, j] > best[j]
+                winner[j] = k if higher else winner[j]
+                best[j] = row[k, j] if higher else best[j]
         for k in range(classes):
             for j in range(width):
-                less = best[j] - row[k, j]
-                if less < _NEGLIGIBLE:
-                    total[j] += math.exp(-less)
+                # e^x as 2^whole · 2^part, the first by its exponent's bits, the second by its series: 2e-6 off at most.
+                twos = max((row[k, j] - best[j]) * _LOG2_E, _NEGLIGIBLE)
+                whole = math.floor(twos)
+                part = np.float32(twos - whole)
+                series = _C0 + part * (_C1 + part * (_C2 + part * (_C3 + part * (_C4 + part * (_C5 + part * _C6)))))
+                bits[j] = (np.int32(whole) + _BIAS) << _MANTISSA
+                total[j] += series * power[j]
         for j in range(width):
-            confidence[i, j] = np.float32(1) / total[j]
+            winners[i, j], confidence[i, j] = winner[j], np.float32(1) / total[j]

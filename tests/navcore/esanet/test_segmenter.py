@@ -118,6 +118,15 @@ def test_confidence_is_a_probability_however_large_the_logits() -> None:
     np.testing.assert_allclose(confidence, [[0.5, 1.0, 0.5]])
 
 
+def test_winners_and_their_probabilities_are_those_of_the_resized_logits_softmax() -> None:
+    logits = np.random.default_rng(3).normal(0, 5, (7, 24, 32)).astype(np.float32)
+    logits[2] += np.linspace(-40, 40, 32, dtype=np.float32)
+    winners, confidence = most_likely(logits, height=15, width=53)
+    resized = torch.nn.functional.interpolate(torch.from_numpy(logits)[None], size=(15, 53), mode="bilinear")[0].softmax(0)
+    np.testing.assert_array_equal(winners, resized.argmax(0).numpy())
+    np.testing.assert_allclose(confidence, resized.max(0).values.numpy(), atol=2e-5)
+
+
 def test_a_network_that_answers_nan_is_refused_not_believed() -> None:
     broken = trained()
     with torch.no_grad():
