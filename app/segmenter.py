@@ -22,6 +22,8 @@ log = logging.getLogger(__name__)
 CAMERA = Size(height=240, width=424)
 """Of the simulated D455; the working size of weights that do not name their own is the nearest to it."""
 RANDOM_CLASSES = 12
+SLOW_MS = 100.0
+"""An engine found by trying that takes longer for a picture is shown smaller ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,9 +95,18 @@ def measure_segmenter(weights: Path | None = None, *, trial_s: float = 2.0, thre
 
 def _network(choice: SegmenterChoice, path: Path) -> Perception:
     file = open_network(path, camera=CAMERA)
+    if choice.smaller:
+        file = file.smaller() or file
     engine, trials = open_inference(file, choice.engine, threads=choice.threads)
     for trial in trials:
         log.info("segmentation, tried %s", trial.text())
+    if (
+        any(trial.name == engine.name and trial.p50_ms > SLOW_MS for trial in trials)
+        and (smaller := file.smaller()) is not None
+    ):
+        log.warning("segmentation: %s is too slow here, pictures are shown to it as %s", _by(file.size), _by(smaller.size))
+        file, choice = smaller, dataclasses.replace(choice, smaller=True)
+        engine, _ = open_inference(file, engine.name, threads=choice.threads)
     network = NetworkSegmenter(
         engine, class_names=file.class_names, depth=file.depth, size=file.size, aliases=aliases_for(file.class_names)
     )

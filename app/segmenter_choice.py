@@ -31,5 +31,7 @@ class SegmenterChoice:
     """A `.safetensors` or `.onnx` file; None for the one that comes with the package."""
     engine: str = "auto"
     """`auto` tries those that are installed; else an engine, in f32 unless it says otherwise, e.g. `openvino bf16`."""
+    smaller: bool = False
+    """Whether it is shown smaller pictures than it was trained on; found by trying, as the engine."""
     threads: int = 2
     """That it may use."""

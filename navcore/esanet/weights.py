@@ -58,6 +58,8 @@ class WeightsCard:
     """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal."""
     size: Size | None = None
     """The working size it was trained at; files written before this was kept, and converted ones, do not say."""
+    ranges: tuple[float, ...] | None = between(0.0, 1e9, default=None)
+    """Of its convolutions' inputs, for eight bits (`backends/quantised.py`); None where they were not measured."""
 
     def __post_init__(self) -> None:
         if len(self.class_names) != self.num_classes:

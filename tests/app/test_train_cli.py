@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -21,9 +22,10 @@ from app.cli import cli
 from app.prefetch import prefetching
 from app.training import chosen_device, uses_bfloat16
 from navcore.errors import BadConfiguration
-from navcore.esanet import weights
+from navcore.esanet import build, weights
 from navcore.esanet.preprocess import Size
 from navcore.learning.dataset import load_dataset
+from navcore.learning.quantisation import Quantisation
 from navcore.learning.recipe import Recipe
 from tests.navcore.learning.made import data_set
 from tests.navcore.learning.test_imports import DEPTH, archive, labelme
@@ -147,7 +149,8 @@ def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path
     ):
         assert found in as_it_was
         card.write_text(as_it_was.replace(found, instead))
-        for words in (("segment", model), ("weights", "calibrate", model, tmp_path / "c.safetensors")):
+        fitted = [("weights", words, model, tmp_path / "c.safetensors") for words in ("calibrate", "quantise")]
+        for words in (("segment", model), *fitted):
             with pytest.raises(BadConfiguration, match=text):
                 run(*words, "--data", tmp_path / "d")
     card.write_text(as_it_was)
@@ -155,6 +158,37 @@ def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path
     data_set(tmp_path / "e", valid=0)
     with pytest.raises(BadConfiguration, match="no such pictures"):
         run("weights", "calibrate", model, tmp_path / "c2.safetensors", "--data", tmp_path / "e")
+
+
+def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data_set(tmp_path / "d")
+    of_data, model, target = load_dataset(tmp_path / "d").card, tmp_path / "m.safetensors", tmp_path / "q.safetensors"
+    torch.manual_seed(0)
+    network = build("r18-nbt1d", len(of_data.class_names), width=0.125).eval()
+    card = weights.WeightsCard(
+        variant="r18-nbt1d",
+        num_classes=len(of_data.class_names),
+        width=0.125,
+        class_names=of_data.class_names,
+        depth=of_data.depth,
+        source_sha256="0" * 64,
+        size=Size(height=64, width=64),
+    )
+    weights.save(network, card, model)
+    said = run("weights", "quantise", model, target, "--data", tmp_path / "d", "--most-lost", 1)
+    made = weights.load(target)
+    assert made.card.ranges is not None
+    assert dataclasses.replace(made.card, ranges=None) == card
+    assert f"{sum(most > 0 for most in made.card.ranges)} of {len(made.card.ranges)} convolutions" in said
+    assert "eight bits where an engine can" in run("weights", "info", target)
+    assert all(torch.equal(value, network.state_dict()[key]) for key, value in made.network.state_dict().items())
+    costly = Quantisation(ranges=made.card.ranges, mean_iou_in_bytes=0.48, mean_iou=0.5)
+    monkeypatch.setattr("navcore.learning.quantisation.quantise", lambda *_: costly)
+    with pytest.raises(BadConfiguration, match="cost more than"):
+        run("weights", "quantise", model, tmp_path / "q2.safetensors", "--data", tmp_path / "d")
+    assert not (tmp_path / "q2.safetensors").exists()
 
 
 def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
-"""Which engine runs the network here: the fastest of those that decide as torch in f32 does, found by trying, in seconds."""
+"""Which engine runs the network here: one that decides as torch in f32 does and is fast, or the fastest; found by trying."""
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,8 +20,12 @@ from navcore.esanet.preprocess import DepthStatistics, Preprocessor, Size
 
 MIN_AGREEMENT = 0.999
 """An engine is taken only if it gives at least this share of pixels the class that torch in f32 gives them."""
+MIN_AGREEMENT_IN_BYTES = 0.99
+"""In eight bits; how much that costs was measured on thousands of things, when the ranges were (`weights quantise`)."""
+ENOUGH_MS = 50.0
+"""Of a fifteenth of a second this leaves a quarter to all else: an engine that takes no longer is taken, no other is tried."""
 CLEARLY_FASTER = 0.9
-"""A later candidate must need less than this share of the time of the best so far: noise must not choose."""
+"""Else the more exact one is taken, unless another needs less than this share of its time: noise must not choose."""
 MIN_RUNS, MAX_RUNS = 5, 200
 TRIAL_S = 0.3
 """How long each engine is measured."""
@@ -38,6 +43,8 @@ class Trial:
     """99th percentile of it."""
     agreement: float = 0.0
     """Share of pixels whose class is the reference's, over the probes."""
+    is_accurate: bool = False
+    """Whether that is enough."""
     failure: str | None = None
     """Why it cannot be used; None when it ran."""
 
@@ -56,6 +63,13 @@ class Candidate:
     """Engine and precision."""
     build: Callable[[], Inference]
     """Makes it ready; may raise `BadConfiguration`."""
+    min_agreement: float = MIN_AGREEMENT
+    """Share of the pixels in which it must decide as the reference does."""
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether it may be the reference."""
+        return self.name.endswith("f32")
 
 
 def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
@@ -75,15 +89,17 @@ def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) ->
 
 
 def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
-    """Try every engine that is installed; a later one is taken only if it is clearly faster and accurate."""
+    """Try the engines that are installed, those that should be fastest first, until one is fast enough and accurate."""
     best: tuple[Inference, Trial] | None = None
     trials = []
     for engine, trial in tried(file, threads=threads):
         trials.append(trial)
-        if engine is None or trial.agreement < MIN_AGREEMENT:
+        if engine is None or not trial.is_accurate:
             continue
-        if best is None or trial.p50_ms < CLEARLY_FASTER * best[1].p50_ms:
+        if best is None or CLEARLY_FASTER * trial.p50_ms < best[1].p50_ms:
             best = engine, trial
+        if best[1].p50_ms <= ENOUGH_MS:
+            break
     if best is None:
         reasons = "; ".join(trial.text() for trial in trials) or "an ONNX file needs onnxruntime or openvino"
         raise BadConfiguration(f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'")
@@ -91,43 +107,55 @@ def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tup
 
 
 def tried(file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S) -> Iterator[tuple[Inference | None, Trial]]:
-    """Each engine with what it measured; the first that runs is the reference of the others."""
-    pictures, reference = probes(file.size, file.depth), None
-    for candidate in candidates(file, threads):
+    """Each engine with what it measured. The last exact one that runs is the reference: torch, where it can run the file."""
+    pictures = probes(file.size, file.depth)
+    found = candidates(file, threads)
+    reference = _reference(found, pictures)
+    for candidate in found:
         try:
             engine = candidate.build()
-            winners = [engine.logits(*picture).argmax(axis=1) for picture in pictures]
+            winners = _winners(engine, pictures)
+            if reference is None:
+                raise BadConfiguration("no exact engine runs that it could be compared with")
         except BadConfiguration as error:
             yield None, Trial(name=candidate.name, failure=str(error))
             continue
-        reference = reference or winners
         agreement = float(np.mean([np.mean(a == b) for a, b in zip(winners, reference, strict=True)]))
         p50_ms, p99_ms = np.percentile(timed(engine, pictures, trial_s), [50, 99])
-        yield engine, Trial(name=candidate.name, p50_ms=float(p50_ms), p99_ms=float(p99_ms), agreement=agreement)
+        yield (
+            engine,
+            Trial(
+                name=candidate.name,
+                p50_ms=float(p50_ms),
+                p99_ms=float(p99_ms),
+                agreement=agreement,
+                is_accurate=agreement >= candidate.min_agreement,
+            ),
+        )
 
 
 def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
-    """What is installed and fits the file, the reference first."""
-    found = []
-    if (network := file.network) is not None:
-        found.append(Candidate(name="torch f32", build=lambda: TorchInference(network, threads=threads)))
-        found.append(Candidate(name="torch bf16", build=lambda: TorchInference(network, precision="bf16", threads=threads)))
-        if not can_export():
-            return found
-    held: list[bytes] = []
-
-    def onnx() -> bytes:
-        if not held:
-            held.append(file.as_onnx())
-        return held[0]
-
-    if is_installed("onnxruntime"):
-        found.append(Candidate(name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)))
-    if is_installed("openvino"):
-        found.append(Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads)))
+    """What is installed and fits the file, those that should be fastest first."""
+    found, onnx = [], functools.cache(file.as_onnx)
+    exportable = file.network is None or can_export()
+    if exportable and is_installed("openvino"):
+        if file.ranges is not None:
+            found.append(
+                Candidate(
+                    name="openvino int8",
+                    build=lambda: OpenVinoInference(onnx(in_bytes=True), precision="int8", threads=threads),
+                    min_agreement=MIN_AGREEMENT_IN_BYTES,
+                )
+            )
         found.append(
             Candidate(name="openvino bf16", build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads))
         )
+        found.append(Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads)))
+    if exportable and is_installed("onnxruntime"):
+        found.append(Candidate(name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)))
+    if (network := file.network) is not None:
+        found.append(Candidate(name="torch bf16", build=lambda: TorchInference(network, precision="bf16", threads=threads)))
+        found.append(Candidate(name="torch f32", build=lambda: TorchInference(network, threads=threads)))
     return found
 
 
@@ -160,3 +188,18 @@ def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]
         colour, distance = prepare(noisy, (depth_m * statistics.units_per_m).astype(np.float32))
         made.append((colour.copy(), distance))
     return made
+
+
+def _reference(found: list[Candidate], pictures: list[tuple[Batch, Batch]]) -> list[npt.NDArray[np.int64]] | None:
+    """What the last exact engine that runs decides; None where none does."""
+    for candidate in reversed(found):
+        if candidate.is_exact:
+            try:
+                return _winners(candidate.build(), pictures)
+            except BadConfiguration:
+                continue  # it is told when its turn comes
+    return None
+
+
+def _winners(engine: Inference, pictures: list[tuple[Batch, Batch]]) -> list[npt.NDArray[np.int64]]:
+    return [engine.logits(*picture).argmax(axis=1) for picture in pictures]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from navcore.esanet.preprocess import DepthStatistics, Size
 
 SHIPPED = Path(__file__).parents[1] / "shipped" / "beware-r18-nbt1d.safetensors"
 """The weights that come with the package."""
+SMALLER = 0.77
+"""Of each side, where a machine is too slow for the size that the network was trained at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,14 +38,23 @@ class NetworkFile:
     """None when it came as ONNX."""
     onnx: bytes | None = None
     """None when it came as safetensors."""
+    ranges: tuple[float, ...] | None = None
+    """Of its convolutions' inputs, for eight bits; None where they were not measured."""
 
-    def as_onnx(self) -> bytes:
-        """The file's bytes, or the network exported for its size."""
+    def as_onnx(self, *, in_bytes: bool = False) -> bytes:
+        """The file's bytes, or the network exported for its size; `in_bytes`, where it has ranges, in eight bits."""
         if self.onnx is not None:
             return self.onnx
         assert self.network is not None
         card = OnnxCard(class_names=self.class_names, depth=self.depth, size=self.size)
-        return onnx_file.exported(self.network, card)
+        return onnx_file.exported(self.network, card, ranges=self.ranges if in_bytes else None)
+
+    def smaller(self) -> NetworkFile | None:
+        """The same at about 6/10 of the pixels (832 × 480 → 640 × 384); None where it cannot be, as ONNX has one size only."""
+        if self.network is None:
+            return None
+        size = nearest_size(Size(height=round(SMALLER * self.size.height), width=round(SMALLER * self.size.width)))
+        return None if size == self.size else dataclasses.replace(self, size=size)
 
 
 def open_network(path: Path, *, camera: Size) -> NetworkFile:
@@ -71,6 +83,7 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
         size=card.size or nearest_size(camera),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         network=trained.network,
+        ranges=card.ranges,
     )
 
 

@@ -12,7 +12,7 @@ import importlib.util
 import json
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ import torch
 
 from navcore.errors import BadConfiguration
 from navcore.esanet.backends.folding import folded, with_fixed_pools
+from navcore.esanet.backends.quantised import quantised
 from navcore.esanet.model import STRIDE, EsaNet
 from navcore.esanet.preprocess import DepthStatistics, Size, check_size
 from navcore.esanet.variants import MAX_CLASSES
@@ -58,12 +59,16 @@ def can_export() -> bool:
     return importlib.util.find_spec("onnx") is not None
 
 
-def exported(network: EsaNet, card: OnnxCard) -> bytes:
-    """The network as an ONNX file for one size, batch norms folded. Needs the onnx package (extra `fast`)."""
+def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None = None) -> bytes:
+    """The network as an ONNX file for one size, batch norms folded; with `ranges` (see `quantised.py`) in eight bits.
+
+    Needs the onnx package (extra `fast`); raises `BadConfiguration`.
+    """
     if not can_export():
         raise BadConfiguration("the onnx package is missing, without which nothing is exported: pip install 'bewarenav[fast]'")
     height, width = card.size.height, card.size.width
-    fixed = with_fixed_pools(folded(network).cpu(), height // STRIDE, width // STRIDE)
+    ready = folded(network) if ranges is None else quantised(network, ranges)
+    fixed = with_fixed_pools(ready.cpu(), height // STRIDE, width // STRIDE)
     pictures = (torch.zeros(1, 3, height, width), torch.zeros(1, 1, height, width))
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         # The tracer warns of every check of a shape and of its own age; the result is compared with torch's before it is used.

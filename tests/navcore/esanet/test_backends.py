@@ -18,7 +18,16 @@ from torch import nn
 from navcore.errors import BadConfiguration
 from navcore.esanet import EsaNet, build
 from navcore.esanet.backends import choice
-from navcore.esanet.backends.choice import MIN_AGREEMENT, Candidate, choose, open_inference, probes
+from navcore.esanet.backends.choice import (
+    ENOUGH_MS,
+    MIN_AGREEMENT,
+    MIN_AGREEMENT_IN_BYTES,
+    Candidate,
+    choose,
+    open_inference,
+    probes,
+    tried,
+)
 from navcore.esanet.backends.folding import FixedPool, folded
 from navcore.esanet.backends.inference import Batch
 from navcore.esanet.backends.network_file import NetworkFile, nearest_size, open_network
@@ -131,9 +140,10 @@ def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.syspath_prepend(tmp_path)
-    engine, trials = choose(network_file(), threads=1)
+    trials = [trial for _, trial in tried(network_file(), threads=1, trial_s=0.0)]
     failed = {trial.name.partition(" ")[0] for trial in trials if trial.failure}
     assert failed == ({"onnxruntime", "openvino"} if package == "onnx" else {package})
+    engine, _ = choose(network_file(), threads=1)
     assert engine.logits(*picture()).shape == reference().shape
 
 
@@ -242,39 +252,59 @@ class Slow:
         return answer
 
 
-def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> str:
+def by_its_clock(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> None:
+    """Only these are installed: name, milliseconds, share of wrong pixels."""
     clock = [0.0]
     monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
     made = [Candidate(name=name, build=functools.partial(Slow, name, ms, wrong, clock)) for name, ms, wrong in engines]
     monkeypatch.setattr(choice, "candidates", lambda file, threads: made)
-    return choose(network_file())[0].name
 
 
-def test_the_fastest_engine_is_taken_if_it_agrees_with_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
-    bad = 2 * (1 - MIN_AGREEMENT)
-    assert chosen(monkeypatch, ("torch", 40, 0), ("ort", 20, 0.0005)) == "ort"
-    assert chosen(monkeypatch, ("torch", 40, 0), ("wild", 5, bad), ("ort", 20, 0)) == "ort"
-    assert chosen(monkeypatch, ("torch", 40, 0), ("wild", 5, bad)) == "torch"
+def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> tuple[str, int]:
+    """Which, and how many were tried for it."""
+    by_its_clock(monkeypatch, *engines)
+    engine, trials = choose(network_file())
+    return engine.name, len(trials)
 
 
-def test_noise_does_not_choose(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert chosen(monkeypatch, ("torch", 40, 0), ("ort", 38, 0)) == "torch"
+def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    bad, slow, torch_slow = 2 * (1 - MIN_AGREEMENT), 2 * ENOUGH_MS, ("torch f32", 4 * ENOUGH_MS, 0)
+    assert chosen(monkeypatch, ("ort f32", 0.9 * ENOUGH_MS, 0.0005), ("other f32", 1, 0), torch_slow) == ("ort f32", 1)
+    assert chosen(monkeypatch, ("wild bf16", 5, bad), ("ort f32", 20, 0), torch_slow) == ("ort f32", 2)
+    assert chosen(monkeypatch, ("ort bf16", slow, 0), ("ort f32", 2 * slow, 0), torch_slow) == ("ort bf16", 3)
+    assert chosen(monkeypatch, ("wild bf16", 5, bad), torch_slow) == ("torch f32", 2)
+
+
+def test_the_more_exact_engine_is_taken_unless_it_is_clearly_slower(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen(monkeypatch, ("ort bf16", 95, 0), ("torch f32", 100, 0)) == ("torch f32", 2)
+    assert chosen(monkeypatch, ("ort bf16", 85, 0), ("torch f32", 100, 0)) == ("ort bf16", 2)
+
+
+def test_what_is_not_exact_is_no_reference_and_eight_bits_may_differ_by_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen(monkeypatch, ("exact f32", 90, 0), ("wild bf16", 5, 0.5)) == ("exact f32", 2)
+    clock = [0.0]
+    for wrong, expected in ((0.5 * (1 - MIN_AGREEMENT_IN_BYTES), "ov int8"), (2 * (1 - MIN_AGREEMENT_IN_BYTES), "torch f32")):
+        made = [
+            Candidate(name="ov int8", build=functools.partial(Slow, "ov int8", 5, wrong, clock), min_agreement=0.99),
+            Candidate(name="torch f32", build=functools.partial(Slow, "torch f32", 90, 0, clock)),
+        ]
+        monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
+        monkeypatch.setattr(choice, "candidates", lambda file, threads, made=made: made)
+        assert choose(network_file())[0].name == expected
 
 
 def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail() -> Slow:
         raise BadConfiguration("it has no licence")
 
-    clock = [0.0]
-    monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
-    made = [
-        Candidate(name="torch", build=lambda: Slow("torch", 40, 0, clock)),
-        Candidate(name="broken", build=fail),
-    ]
-    monkeypatch.setattr(choice, "candidates", lambda file, threads: made)
-    engine, trials = choose(network_file())
-    assert engine.name == "torch"
-    assert [trial.failure for trial in trials] == [None, "it has no licence"]
+    by_its_clock(monkeypatch, ("torch f32", 40, 0))
+    (torch_f32,) = choice.candidates(network_file(), 1)
+    broken = Candidate(name="broken f32", build=fail)
+    for made in ([broken, torch_f32], [torch_f32, broken]):
+        monkeypatch.setattr(choice, "candidates", lambda file, threads, made=made: made)
+        trials = [trial for _, trial in tried(network_file())]
+        assert {trial.name: trial.failure for trial in trials} == {"torch f32": None, "broken f32": "it has no licence"}
+        assert choose(network_file())[0].name == "torch f32"
     assert "it has no licence" in trials[1].text()
 
 
