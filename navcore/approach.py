@@ -9,25 +9,25 @@ left to any side.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Collection
 
 import numpy as np
-import numpy.typing as npt
 
+from navcore.beware import NOTHING
 from navcore.cloud_map import BODY_M
-from navcore.grid import BoolGrid, Cell, OccupancyGrid, inflate, inflate_layers
+from navcore.grid import Cell, inflation_radius
 from navcore.occupancy import Occupancy
-from navcore.path import Path, plan
-from navcore.search.bits import compiled
+from navcore.search.bits import Plane, cells_of, contains, plane_of
+from navcore.search.flood import beside, flood
+from navcore.search.free_space import complement
+from navcore.search.inflation import inflated
 
-Ints = npt.NDArray[np.int32]
-FREE, CLOSED, SOLID = np.uint8(0), np.uint8(1), np.uint8(2)
-"""May be entered; only the margin forbids it, or somebody who stood there; the body does not fit in."""
+Area = tuple[Cell, Plane]
+"""The robot's nearest cell of what is connected, and all of it."""
 
 
-def towards(
+def mouth(
     occupancy: Occupancy,
     start: Cell,
     goal: Cell,
@@ -35,94 +35,86 @@ def towards(
     people: Collection[int] = (),
     vehicle_width_m: float,
     relief_cells: float,
-    max_expansions: int,
-) -> Path | None:
-    """The shortest path to where the robot has to look closer; None where there is nothing to be gained by going.
+) -> tuple[Cell, Cell] | None:
+    """From which cell to which one to go to look closer; None where there is nothing to be gained by going.
 
-    `start` is the robot's cell and may be closed: free cells within `relief_cells` of it count as beside it. Layers and zones
-    keep their own margins, but for the layers of `people`, class ids, which somebody who walks on leaves.
+    Both are free and connected. `start` is the robot's cell and may be closed: free cells within `relief_cells` of it count as
+    beside it. Layers and zones keep their own margins, but for the layers of `people`, class ids, which somebody who walks on
+    leaves. Of ways that equally little is missing of, the one that is entered nearest to the goal.
     """
-    tight = inflate_layers(_deserted(occupancy.grid, people), vehicle_width_m=vehicle_width_m, safety_margin_m=0.0)
-    kinds = np.where(tight, SOLID, np.where(occupancy.blocked, CLOSED, FREE))
-    seeds = _beside(start, occupancy.blocked, relief_cells)
-    if not len(seeds):
+    areas = _areas(occupancy, start, relief_cells)
+    for first, area in areas:
+        if contains(area, goal):
+            return None if first == goal else (first, goal)
+    if not areas:
         return None
-    first, last = _fewest_closed(kinds, seeds, goal[0] * kinds.shape[1] + goal[1])
-    if last < 0 or first == last:
+    within: Plane = np.bitwise_or.reduce([area for _, area in areas])
+    entries = cells_of(_entries(occupancy, within, goal, people, vehicle_width_m))
+    if not len(entries):
         return None
-    begin, end = (divmod(int(cell), kinds.shape[1]) for cell in (first, last))
-    path = plan(occupancy.blocked, begin, end, max_expansions=max_expansions)
-    return path if isinstance(path, Path) else None
+    row, col = entries[int(np.argmin(((entries - goal) ** 2).sum(axis=1)))].tolist()
+    first = next(first for first, area in areas if contains(area, (row, col)))
+    return None if first == (row, col) else (first, (row, col))
 
 
-def _deserted(grid: OccupancyGrid, people: Collection[int]) -> OccupancyGrid:
-    """The same without people, as far as they are known to be some."""
-    bodies = [layer for class_id, layer in grid.beware.items() if class_id in people and layer.any()]
-    if not bodies:
-        return grid
-    others = {class_id: layer for class_id, layer in grid.beware.items() if class_id not in people}
-    whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / grid.spec.resolution_m))
-    return dataclasses.replace(grid, geometric=grid.geometric & ~whole, beware=others)
-
-
-def _beside(start: Cell, blocked: BoolGrid, relief_cells: float) -> Ints:
-    """(N,) flat indices of the free cells about the robot, the nearest first."""
-    reach = int(relief_cells)
+def _areas(occupancy: Occupancy, start: Cell, relief_cells: float) -> list[Area]:
+    """The areas that the robot is beside, each with its free cell nearest to the robot, and that with the nearest first."""
+    free, reach = occupancy.free, int(relief_cells)
     top, left = max(start[0] - reach, 0), max(start[1] - reach, 0)
-    cells = np.argwhere(~blocked[top : start[0] + reach + 1, left : start[1] + reach + 1]) + np.array([top, left])
+    bottom, right = min(start[0] + reach + 1, free.rows), min(start[1] + reach + 1, free.cols)
+    cells = np.argwhere(free.window(top, left, bottom, right)) + np.array([top, left])
     away = np.hypot(*(cells - start).T)
-    order = np.argsort(away, kind="stable")
-    near = cells[order[: int((away <= relief_cells).sum())]]
-    return np.asarray(near[:, 0] * blocked.shape[1] + near[:, 1], dtype=np.int32)
+    areas: list[Area] = []
+    for row, col in cells[np.argsort(away, kind="stable")[: int((away <= relief_cells).sum())]].tolist():
+        if not any(contains(area, (row, col)) for _, area in areas):
+            area = plane_of((row, col), like=free.plane)
+            flood(free.plane, area, area)
+            areas.append(((row, col), area))
+    return areas
 
 
-@compiled
-def _fewest_closed(kinds: npt.NDArray[np.uint8], seeds: Ints, goal: int) -> tuple[int, int]:
-    """(first, last) of what can be gone of the way to the goal with the fewest closed cells; (−1, −1) where there is none.
+def _entries(occupancy: Occupancy, within: Plane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> Plane:
+    """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells.
 
-    A wave over straight steps, which free cells cost nothing and closed ones 1. `first` is a seed, `last` the cell connected
-    with it over free ones at which the way enters the first closed one, or the goal.
+    From the goal on, cells are reached in the order of how many closed ones lie between.
     """
-    rows, cols = kinds.shape
-    flat = kinds.ravel()
-    seen = np.zeros(flat.size, dtype=np.bool_)
-    via = np.empty(flat.size, dtype=np.int32)  # of a cell before the first closed one its seed, of others where it was entered
-    now, later = np.empty(flat.size, dtype=np.int32), np.empty(flat.size, dtype=np.int32)
-    closed = 0
-    waiting = 0
-    for begun in range(len(seeds) + 1):
-        count = 0
-        if begun < len(seeds):  # every seed's area by itself, so that each knows the seed nearest to the robot
-            if seen[seeds[begun]]:
-                continue
-            now[0], count = seeds[begun], 1
-            seen[seeds[begun]], via[seeds[begun]] = True, seeds[begun]
-        while True:
-            at = 0
-            while at < count:
-                cell = now[at]
-                at += 1
-                if cell == goal:
-                    return (via[cell], cell) if closed == 0 else (via[via[cell]], via[cell])
-                row, col = cell // cols, cell % cols
-                for side in range(4):
-                    r, c = row + (side == 0) - (side == 1), col + (side == 2) - (side == 3)
-                    if not (0 <= r < rows and 0 <= c < cols):
-                        continue
-                    to = r * cols + c
-                    if seen[to] or flat[to] == SOLID:
-                        continue
-                    entered = cell if closed == 0 and flat[to] == CLOSED else via[cell]
-                    seen[to], via[to] = True, entered
-                    if flat[to] == FREE:
-                        now[count] = to
-                        count += 1
-                    else:
-                        later[waiting] = to
-                        waiting += 1
-            if begun < len(seeds) or waiting == 0:
-                break
-            now, later = later, now
-            count, waiting = waiting, 0
-            closed += 1
-    return -1, -1
+    free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
+    closed = free | solid
+    complement(closed, occupancy.spec.rows, occupancy.spec.cols)
+    end = plane_of(goal, like=free)
+    if not _is_connected(free | closed, end, within):
+        return np.zeros_like(end)
+    entered, begin = end & closed, end & free
+    reached = entered | begin
+    while True:
+        around = beside(entered)
+        entries: Plane = around & within
+        if entries.any():
+            return entries
+        flood(free, reached, begin | around & free)
+        entered = beside(reached) & closed & ~reached
+        if not entered.any():
+            return entries
+        reached |= entered
+
+
+def _is_connected(free: Plane, end: Plane, within: Plane) -> bool:
+    """Whether a way leads to `end` at all: most often none does, and to see that takes one flood."""
+    reached = np.zeros_like(end)
+    flood(free, reached, end & free)
+    return bool((reached & within).any())
+
+
+def _solid(occupancy: Occupancy, people: Collection[int], vehicle_width_m: float) -> Plane:
+    """Where the body does not fit in even without a safety margin and without the people who are known to be some."""
+    spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
+    bodies = [mask.plane for class_id, _, mask in occupancy.layers if class_id in people and mask.plane.any()]
+    by_radius: dict[int, Plane] = {}
+    for class_id, margin_m, mask in occupancy.layers:
+        cells = mask.plane
+        if class_id == NOTHING and bodies:
+            cells = cells & ~inflated({math.ceil(BODY_M / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols)
+        if class_id == NOTHING or (class_id not in people and cells.any()):
+            radius = inflation_radius(vehicle_width_m=vehicle_width_m, safety_margin_m=margin_m, resolution_m=spec.resolution_m)
+            by_radius[radius] = by_radius[radius] | cells if radius in by_radius else cells
+    return inflated(by_radius, rows, cols)

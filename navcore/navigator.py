@@ -8,16 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.approach import towards
+from navcore.approach import mouth
 from navcore.beware import NOTHING, BewareList
 from navcore.cloud_map import CloudMap
 from navcore.config import NavigatorConfig
 from navcore.followed import Track
 from navcore.frame import Frame, check_frame
-from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate, inflate_layers
+from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
 from navcore.lanes import Lanes
 from navcore.local_planner import plan_motion
-from navcore.mask import Mask
 from navcore.motion import IDLE, Motion, Outcome
 from navcore.near_cells import areas_apart, hard_cells, nearby, rim_of_unseen, stands_in
 from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
@@ -36,7 +35,7 @@ from navcore.segment import Labels, Segmenter
 from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s
 from navcore.terrain import Image, ground_heights
 from navcore.transform import Pose2
-from navcore.way_out import way_out
+from navcore.way_out import nearest_exit
 from navcore.yielding import Bodies
 from navcore.zones import Zone
 
@@ -187,18 +186,21 @@ class Navigator:
     def _nearer(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float], beware: BewareList) -> Route | None:
         """No path, but a way to where it may look open from nearer; None where there is none, or the robot is there."""
         spec = self.map.spec
-        path = towards(
+        found = mouth(
             occupancy,
             spec.cell(pose.x_m, pose.y_m),
             spec.cell(*goal),
             people=beware.people_ids,
             vehicle_width_m=self._profile.width_m,
             relief_cells=self._config.start_relief_m / spec.resolution_m,
-            max_expansions=self._config.plan_budget,
         )
-        if path is None:
+        if found is None:
             return None
-        way = self._laid(path, spec.centre(*path.cells[-1]), self._occupancy.space.across[FREE])
+        space = self._occupancy.space
+        path = plan_in(space, Arena(space), *found, max_expansions=self._config.plan_budget)
+        if not isinstance(path, Path):
+            return None
+        way = self._laid(path, spec.centre(*found[1]), space.across[FREE])
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
 
     def _beside(self, occupancy: Occupancy, start: Cell, goal: tuple[float, float]) -> Route | None:
@@ -221,18 +223,12 @@ class Navigator:
 
         `zones`: those that the occupancy was made with.
         """
-        grid, spec, profile = occupancy.grid, self.map.spec, self._profile
-        geometric, ruled = hard_cells(grid)
-        _, others = areas_apart(grid, zones, profile, pose)
-        half_width_m, beyond_m = profile.width_m / 2 + self._config.safety_margin_m, profile.circumscribed_radius_m
-        closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
-        inside = occupancy.blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
-        start = nearest_free(Mask.of(~closed), spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
-        if start is None:
-            return no_route(Reason.START_BLOCKED)
-        outcome = way_out(closed=closed, inside=inside, start=start)
-        goal = (pose.x_m, pose.y_m) if isinstance(outcome, NoPath) else spec.centre(*outcome.cells[-1])
-        return self._laid(outcome, goal, Mask.of(~closed).plane)
+        found = nearest_exit(occupancy, pose, zones, self._profile, self._config)
+        if isinstance(found.outcome, NoPath):
+            return no_route(found.outcome.reason)
+        goal = found.spec.centre(*found.outcome.cells[-1])
+        way = lay(found.outcome, goal, found.free, found.spec, self._profile, self._config)
+        return dataclasses.replace(way, outcome=found.on_the_map)
 
     def preview(self, occupancy: Occupancy, pose: Pose2, goal: tuple[float, float]) -> Route:
         """The shortest path over any given occupancy, from scratch; changes nothing and may be called from any thread."""

@@ -89,6 +89,13 @@ class Occupancy:
         found.update((("wide", index, margin_m), mask) for index, (margin_m, mask) in enumerate(self._wide_zones))
         return found
 
+    @property
+    def layers(self) -> list[tuple[int | None, float, Mask]]:
+        """Class id, margin in metres and cells of every layer, `NOTHING` for the geometric one; zones have no class."""
+        found: list[tuple[int | None, float, Mask]] = [(None, 0.0, self._zones)]
+        found += [(class_id, self._margins_m.get(class_id, 0.0), mask) for class_id, mask in self._layers.items()]
+        return found + [(None, margin_m, mask) for margin_m, mask in self._wide_zones]
+
     def part(self, top: int, left: int, bottom: int, right: int) -> OccupancyGrid:
         """The part of the grid in rows top … bottom−1 and columns left … right−1, which lie on it."""
         return self._made(self.spec.part(top, left, bottom, right), lambda mask: mask.window(top, left, bottom, right))

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from navcore import dodging, falco
-from navcore.approach import towards
+from navcore.approach import mouth
 from navcore.beware import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.cloud_map import MapRules
 from navcore.config import NavigatorConfig
@@ -56,9 +56,7 @@ def _warm_kernels() -> None:
     navigator.tick(frame, Order(goal=None, leave=True, beware=beware, zones=(here,)))
     # What such a drive seldom or never meets.
     spec, people = navigator.map.spec, NavigatorConfig().people
-    towards(
-        decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0, max_expansions=10_000
-    )
+    mouth(decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0)
     tight = Tight(
         obstacles=np.array([[WALL_M, 0.0]]), reach_m=0.04, unseen=np.empty((0, 2)), veil_m=0.0, profile=HUSKY, room_m=0.06
     )

@@ -3,15 +3,101 @@
 from __future__ import annotations
 
 import heapq
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid import BoolGrid, Cell
+from navcore.config import NavigatorConfig
+from navcore.grid import BoolGrid, Cell, GridSpec, inflate
+from navcore.mask import Mask
+from navcore.near_cells import areas_apart, hard_cells
+from navcore.occupancy import Occupancy, box_around, nearest_free
 from navcore.path import SQRT2, NoPath, Path, Reason
-from navcore.search.bits import compiled
+from navcore.robot import RobotProfile
+from navcore.search.bits import Plane, compiled
+from navcore.transform import Pose2
+from navcore.zones import Zone
 
 Ints = npt.NDArray[np.int64]
+NEAR_M = 4.0
+"""So far about the robot it is looked for first; then twice as far, and so on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Exit:
+    """A way out, or why there is none, in the part of the map that had to be looked at for it."""
+
+    outcome: Path | NoPath
+    """In cells of the part."""
+    spec: GridSpec
+    """The part."""
+    corner: Cell
+    """Its first cell, in those of the map."""
+    free: Plane
+    """The cells of the part that the way may use."""
+
+    @property
+    def on_the_map(self) -> Path | NoPath:
+        """The outcome in cells of the map."""
+        if isinstance(self.outcome, NoPath):
+            return self.outcome
+        return Path(cells=self.outcome.cells + np.array(self.corner), length=self.outcome.length)
+
+
+def nearest_exit(
+    occupancy: Occupancy, pose: Pose2, zones: Iterable[Zone], profile: RobotProfile, config: NavigatorConfig
+) -> Exit:
+    """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own.
+
+    `zones`: those that the occupancy was made with. What is near is looked at first, and taken if nothing farther away can be
+    nearer or change it.
+    """
+    spec, zones, within_m = occupancy.spec, tuple(zones), NEAR_M
+    row, col = spec.cell(pose.x_m, pose.y_m)
+    if not (0 <= row < spec.rows and 0 <= col < spec.cols):
+        return Exit(outcome=NoPath(reason=Reason.OUTSIDE), spec=spec, corner=(0, 0), free=occupancy.free.plane)
+    # What lies beyond the part tells upon its rim: as far as margins reach, and then the body.
+    body_m = max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m) + 2 * spec.resolution_m
+    rim_m = max(margin_m for _, margin_m, _ in occupancy.layers) + body_m
+    while True:
+        box = box_around(spec, pose, within_m + rim_m)
+        found, own = _exit_within(occupancy, box, pose, zones, profile, config)
+        sure = isinstance(found.outcome, Path) and found.outcome.length * spec.resolution_m < within_m - config.start_relief_m
+        if box == (0, 0, spec.rows, spec.cols) or (sure and not _goes_on(own, box, spec)):
+            return found
+        within_m *= 2
+
+
+def _exit_within(
+    occupancy: Occupancy,
+    box: tuple[int, int, int, int],
+    pose: Pose2,
+    zones: tuple[Zone, ...],
+    profile: RobotProfile,
+    config: NavigatorConfig,
+) -> tuple[Exit, list[BoolGrid]]:
+    """The way out in a part of the map, and the areas that the robot stands in there."""
+    grid = occupancy.part(*box)
+    spec, (geometric, ruled) = grid.spec, hard_cells(grid)
+    own, others = areas_apart(grid, zones, profile, pose)
+    half_width_m, beyond_m = profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m
+    closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
+    blocked = ~occupancy.free.window(*box)
+    inside = blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
+    free = Mask.of(~closed)
+    start = nearest_free(free, spec.cell(pose.x_m, pose.y_m), config.start_relief_m / spec.resolution_m)
+    outcome = NoPath(reason=Reason.START_BLOCKED) if start is None else way_out(closed=closed, inside=inside, start=start)
+    return Exit(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
+
+
+def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:
+    """Whether an area reaches the border of a part of the map beyond which the map goes on."""
+    top, left, bottom, right = box
+    sides = ((top > 0, np.s_[0]), (left > 0, np.s_[:, 0]), (bottom < spec.rows, np.s_[-1]), (right < spec.cols, np.s_[:, -1]))
+    return any(area[side].any() for area in areas for open_, side in sides if open_)
 
 
 def way_out(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath:

@@ -16,7 +16,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic as numba_intrinsic
 
-from navcore.grid import BoolGrid
+from navcore.grid import BoolGrid, Cell
 
 Plane = npt.NDArray[np.uint64]
 
@@ -145,6 +145,26 @@ def unpack(plane: Plane, rows: int, cols: int) -> BoolGrid:
     """The bool (rows, cols) grid that a plane holds."""
     inner = np.ascontiguousarray(plane[PAD : PAD + rows, 1:-1]).view(np.uint8)
     return np.unpackbits(inner, axis=1, bitorder="little")[:, :cols].view(np.bool_)
+
+
+def plane_of(cell: Cell, *, like: Plane) -> Plane:
+    """A plane of the same size that holds one cell (row, col)."""
+    plane = np.zeros_like(like)
+    plane[cell[0] + PAD, (cell[1] + PAD) >> 6] = ONE << np.uint64(cell[1] & 63)
+    return plane
+
+
+def contains(plane: Plane, cell: Cell) -> bool:
+    """Whether a plane holds a cell (row, col) of its grid."""
+    return bool(plane[cell[0] + PAD, (cell[1] + PAD) >> 6] >> np.uint64(cell[1] & 63) & ONE)
+
+
+def cells_of(plane: Plane) -> npt.NDArray[np.int64]:
+    """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every word."""
+    lines, words = np.nonzero(plane)
+    held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+    which, bit = np.nonzero(held)
+    return np.column_stack([lines[which] - PAD, 64 * words[which] + bit - PAD])
 
 
 @compiled

@@ -115,6 +115,17 @@ class InflatedGrid:
         space.rebuild()
 
 
+def inflated(planes: Mapping[int, Plane], rows: int, cols: int) -> Plane:
+    """The union of packed cells, each plane inflated by the disc of its radius in cells, from scratch; one plane at least."""
+    raw = np.stack(list(planes.values()))
+    out: Plane = np.zeros(raw.shape[1:], dtype=np.uint64)
+    inflate_into(raw, half_widths(tuple(planes)), out, 0, 0, PAD, PAD + rows, 1, out.shape[1] - 1)
+    # What reaches beyond the grid on its right is cut off.
+    complement(out, rows, cols)
+    complement(out, rows, cols)
+    return out
+
+
 def half_widths(radii: tuple[int, ...]) -> Ints:
     """(layers, largest radius + 1) how many cells the disc reaches to the side at each distance in rows; -1 beyond it."""
     rows = np.full((len(radii), max(radii) + 1), -1, dtype=np.int64)

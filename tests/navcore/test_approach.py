@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from navcore.approach import towards
+from navcore.approach import mouth
 from navcore.beware import BewareClass, BewareList
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame
@@ -15,10 +20,11 @@ from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.motion import Outcome
 from navcore.navigator import Navigator, Order
 from navcore.occupancy import Occupancy
-from navcore.path import NoPath, Path, Reason
+from navcore.path import NoPath, Path, Reason, plan
 from navcore.robot import HUSKY
 from navcore.segment import ColourSegmenter, Finder, Labels
 from navcore.transform import Pose2
+from tests.navcore.laws import law
 from tests.navcore.scene import RED_LIST, Box, picture
 from tests.navcore.test_relief import PINK
 
@@ -56,9 +62,12 @@ def occupancy(
 
 def approach(known: Occupancy, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
-    return towards(
-        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0, max_expansions=100_000
-    )
+    found = mouth(known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0)
+    if found is None:
+        return None
+    path = plan(known.blocked, *found)
+    assert isinstance(path, Path)
+    return path
 
 
 @pytest.mark.parametrize("y_m", [0.0, 2.5, -3.0])
@@ -83,6 +92,46 @@ def test_of_two_gaps_the_one_that_less_is_missing_of() -> None:
     path = approach(occupancy(cells), -2.0)
     assert path is not None
     assert SPEC.centre(*(int(at) for at in path.cells[-1]))[1] == pytest.approx(-2.5, abs=0.3)
+
+
+@law(60)
+@given(st.integers(0, 2**32 - 1))
+def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    spec = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
+    geometric = rng.random((spec.rows, spec.cols)) < rng.choice([0.002, 0.01, 0.03])
+    grid = OccupancyGrid(spec=spec, geometric=geometric, beware={}, zones=np.zeros_like(geometric))
+    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.15), version=1)
+    solid = inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.0)
+    if known.blocked.all():
+        return
+    free = np.argwhere(~known.blocked)
+    start, goal = ((int(row), int(col)) for row, col in free[rng.integers(len(free), size=2)])
+    found = mouth(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0)
+    costs = closed_cells(known.blocked, solid, goal)
+    _, regions = cv2.connectedComponents((~known.blocked).view(np.uint8), connectivity=4)
+    least = costs[regions == regions[start]].min()
+    if found is None:
+        assert least == np.inf or start == goal or costs[start] == least
+        return
+    first, last = found
+    assert first == start
+    assert regions[last] == regions[start]
+    assert costs[last] == least
+
+
+def closed_cells(blocked: BoolGrid, solid: BoolGrid, goal: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """(rows, cols) how many closed cells lie at least on the way to the goal; infinite where there is none."""
+    costs, queue = np.full(blocked.shape, np.inf), deque([goal])
+    costs[goal] = 0
+    while queue:
+        row, col = queue.popleft()
+        for to in ((row + 1, col), (row - 1, col), (row, col + 1), (row, col - 1)):
+            inside = 0 <= to[0] < blocked.shape[0] and 0 <= to[1] < blocked.shape[1]
+            if inside and not solid[to] and costs[row, col] + blocked[to] < costs[to]:
+                costs[to] = costs[row, col] + blocked[to]
+                (queue.append if blocked[to] else queue.appendleft)(to)
+    return costs
 
 
 def test_a_zone_is_no_gap_however_thin() -> None:

@@ -10,13 +10,15 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
+from navcore.config import NavigatorConfig
+from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.motion import Outcome
+from navcore.occupancy import Occupancy
 from navcore.path import NoPath, Path, Reason, plan
 from navcore.robot import HUSKY
 from navcore.transform import Pose2
-from navcore.way_out import way_out
-from navcore.zones import Zone
+from navcore.way_out import nearest_exit, way_out
+from navcore.zones import Zone, cells_of
 from tests.navcore.laws import law
 from tests.navcore.scene import Paint, picture
 from tests.navcore.test_pilot import navigator, order
@@ -71,6 +73,41 @@ def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_bu
     assert 0.9 + 0.6 < end[0] < 2.8 - 0.6
     assert leaving.motion.outcome is Outcome.FOLLOW
     assert leaving.motion.twist.v_mps > 0.0
+
+
+@law(25)
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    spec = GridSpec.centred(size_m=(30.0, 24.0), resolution_m=0.1)
+    shape, pose = (spec.rows, spec.cols), Pose2(x_m=rng.uniform(-14, 14), y_m=rng.uniform(-11, 11), yaw_rad=rng.uniform(-3, 3))
+    thing, zones = np.zeros(shape, dtype=np.bool_), list[Zone]()
+    for _ in range(rng.integers(1, 4)):
+        at, (long, wide) = spec.cell(pose.x_m + rng.uniform(-3, 3), pose.y_m + rng.uniform(-3, 3)), rng.integers(2, 70, 2)
+        thing[max(at[0] - wide, 0) : max(at[0], 0), max(at[1] - long, 0) : max(at[1] + long, 0)] = True
+        x_m, y_m, side_m = pose.x_m + rng.uniform(-4, 4), pose.y_m + rng.uniform(-4, 4), rng.uniform(0.5, 7)
+        corners = ((x_m, y_m), (x_m + side_m, y_m), (x_m + side_m, y_m + side_m), (x_m, y_m + side_m))
+        zones.append(Zone(id=f"{len(zones)}", name="", polygon=corners, margin_m=float(rng.choice([0.0, 0.3]))))
+    drawn, wide_zones = cells_of(tuple(zones), spec)
+    grid = OccupancyGrid(
+        spec=spec,
+        geometric=rng.random(shape) < 0.003,
+        beware={3: thing},
+        margins_m={3: 0.2},
+        zones=drawn,
+        wide_zones=wide_zones,
+    )
+    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1)
+    found = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("navcore.way_out.NEAR_M", 1e3)
+        whole = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
+    if isinstance(whole, NoPath):
+        assert found == whole
+    else:
+        assert isinstance(found, Path)
+        np.testing.assert_array_equal(found.cells[0], whole.cells[0])
+        assert found.length == pytest.approx(whole.length)
 
 
 def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[Outcome, list[Pose2]]:

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid import BoolGrid, inflate
+from navcore.search.bits import empty_plane, pack, unpack
 from navcore.search.free_space import FreeSpace
-from navcore.search.inflation import InflatedGrid
+from navcore.search.inflation import InflatedGrid, inflated
 from tests.navcore.laws import law
 from tests.navcore.search.test_free_space import assert_same_space
 from tests.navcore.search.worlds import grids, some_cells
@@ -82,3 +83,17 @@ def test_a_radius_that_was_tried_once_widens_no_later_change() -> None:
 def test_a_mask_of_another_shape_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected the grid's shape \(40, 40\), got \(40, 41\)"):
         InflatedGrid(40, 40).update({2: np.zeros((40, 41), dtype=np.bool_)})
+
+
+@law(60)
+@given(grids(), RADII)
+def test_inflating_packed_cells_once_gives_the_same(mask: BoolGrid, radii: list[int]) -> None:
+    rng = np.random.default_rng(len(radii))
+    masks = {radius: mask & (rng.random(mask.shape) < 0.2) for radius in radii}
+    planes = {}
+    for radius, cells in masks.items():
+        planes[radius] = empty_plane(*cells.shape)
+        pack(cells, planes[radius])
+    made = inflated(planes, *mask.shape)
+    np.testing.assert_array_equal(unpack(made, *mask.shape), fully_inflated(masks))
+    assert int(np.bitwise_count(made).sum()) == int(fully_inflated(masks).sum()), "the padding is empty"
