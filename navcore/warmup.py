@@ -57,6 +57,7 @@ def _warm_kernels() -> None:
     # What such a drive seldom or never meets.
     spec, people = navigator.map.spec, NavigatorConfig().people
     mouth(decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0)
+    navigator.preview(decision.occupancy, frame.pose, goal)
     tight = Tight(
         obstacles=np.array([[WALL_M, 0.0]]), reach_m=0.04, unseen=np.empty((0, 2)), veil_m=0.0, profile=HUSKY, room_m=0.06
     )
