@@ -76,6 +76,8 @@ class BewareList:
     """Unique by name and by class id."""
     version: int = 0
     """Grows by one with every edit."""
+    retired: tuple[tuple[str, int], ...] = ()
+    """Name and class id of entries that were taken off it: the map may still hold what was seen of them."""
 
     def __post_init__(self) -> None:
         for what in ("name", "class_id"):
@@ -114,14 +116,16 @@ class BewareList:
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
         """The next version, with other entries; id and name stay together, for the map remembers ids."""
         classes = tuple(classes)
-        names = {entry.class_id: entry.name for entry in self.classes}
-        ids = {entry.name: entry.class_id for entry in self.classes}
+        ids = {**dict(self.retired), **{entry.name: entry.class_id for entry in self.classes}}
+        names = {class_id: name for name, class_id in ids.items()}
         for entry in classes:
             if names.get(entry.class_id, entry.name) != entry.name:
                 raise BadConfiguration(f"beware list: class_id {entry.class_id} belongs to {names[entry.class_id]!r} for ever")
             if ids.get(entry.name, entry.class_id) != entry.class_id:
                 raise BadConfiguration(f"beware list: {entry.name!r} has class_id {ids[entry.name]} for ever")
-        return BewareList(classes=tuple(classes), version=self.version + 1)
+        kept = {entry.name for entry in classes}
+        retired = tuple((name, class_id) for name, class_id in ids.items() if name not in kept)
+        return BewareList(classes=classes, version=self.version + 1, retired=retired)
 
 
 def as_table(entry: BewareClass) -> dict[str, object]:

@@ -102,7 +102,8 @@ class Store:
 
     def save_beware(self, beware: BewareList) -> None:
         """Store the list in force; those before it are kept."""
-        document = json.dumps({"version": beware.version, "classes": [as_table(entry) for entry in beware.classes]})
+        classes = [as_table(entry) for entry in beware.classes]
+        document = json.dumps({"version": beware.version, "classes": classes, "retired": beware.retired})
         self._database.write("INSERT INTO beware_lists (version, list) VALUES (?, ?)", (beware.version, document))
 
     def runs(self) -> tuple[dict[str, Any], ...]:
@@ -126,4 +127,5 @@ class Store:
 def _beware_list(document: str) -> BewareList:
     saved = json.loads(document)
     classes = tuple(from_table(BewareClass, table, f"stored beware list[{i}]") for i, table in enumerate(saved["classes"]))
-    return BewareList(classes=classes, version=saved["version"])
+    retired = tuple((name, class_id) for name, class_id in saved.get("retired", []))
+    return BewareList(classes=classes, version=saved["version"], retired=retired)

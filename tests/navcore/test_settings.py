@@ -130,6 +130,19 @@ def test_a_class_keeps_its_id_since_the_map_knows_it_by_that() -> None:
         LIST.replaced(replace(entry, class_id=9) if entry.name == "mud" else entry for entry in LIST.classes)
 
 
+def test_what_was_taken_off_the_list_keeps_its_id_for_the_map_still_holds_what_was_seen_of_it() -> None:
+    cup, mud = (LIST.named(name) for name in ("cup", "mud"))
+    without = LIST.replaced(entry for entry in LIST.classes if entry != cup).edited("mud", enabled=False)
+    assert without.retired == (("cup", cup.class_id),)
+    with pytest.raises(BadConfiguration, match="class_id 1 belongs to 'cup' for ever"):
+        without.replaced([mud, replace(cup, name="snake")])
+    with pytest.raises(BadConfiguration, match="'cup' has class_id 1 for ever"):
+        without.replaced([mud, replace(cup, class_id=9)])
+    back = without.replaced([mud, cup])
+    assert back.retired == ()
+    assert back.classes == (mud, cup)
+
+
 def test_the_list_that_is_shipped_is_sound() -> None:
     shipped = default_beware_list()
     assert shipped.enabled
