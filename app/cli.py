@@ -109,7 +109,7 @@ def console(
         port=port,
         data=data,
         seed=seed,
-        choice=SegmenterChoice(kind=segmenter, weights=weights, engine=backend),
+        choice=SegmenterChoice(kind=segmenter, weights=weights, engine=backend, live=True),
         prior=prior,
         kept=kept,
         navigation=navigation,

@@ -63,7 +63,7 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
     yield True, f"measured {what}"
     for trial in trials:
         yield trial.failure is None, f"  {trial.text()}"
-    perception = compose(SegmenterChoice())
+    perception = compose(SegmenterChoice(live=True))
     yield perception.warning is None, f"segmentation: {perception.title}"
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 Kind = Literal["auto", "network", "colour"]
-Backend = Literal["auto", "torch", "onnxruntime", "openvino"]
+Backend = Literal["auto", "torch", "onnxruntime", "openvino", "openvino-bf16", "openvino-int8"]
 KindOption = Annotated[
     Kind, typer.Option("--segmenter", help="The network, the colour rules alone, or the network where it runs.")
 ]
@@ -17,7 +17,10 @@ WeightsOption = Annotated[
     Path | None, typer.Option("--weights", metavar="FILE.safetensors|FILE.onnx", help="A network other than the shipped one.")
 ]
 BackendOption = Annotated[
-    Backend, typer.Option("--backend", help="What runs the network; `auto` measures. `torch` is the same to the last bit.")
+    Backend,
+    typer.Option(
+        "--backend", help="What runs the network; `auto` takes what is fast here. `torch` is the same to the last bit."
+    ),
 ]
 
 
@@ -31,6 +34,8 @@ class SegmenterChoice:
     """A `.safetensors` or `.onnx` file; None for the one that comes with the package."""
     engine: str = "auto"
     """`auto` tries those that are installed; else an engine, in f32 unless it says otherwise, e.g. `openvino bf16`."""
+    live: bool = False
+    """Whether the world does not wait for it: where no engine is quick enough, it is shown smaller pictures."""
     smaller: bool = False
     """Whether it is shown smaller pictures than it was trained on; found by trying, as the engine."""
     threads: int = 2

@@ -51,7 +51,7 @@ def calibrate(
     from navcore.esanet import weights
     from navcore.learning.calibration import calibrate as shift
 
-    trained, pictures, looking = _shown(source, data, split)
+    trained, pictures, looking = _shown(source, target, data, split)
     offsets, temperature = shift(trained.network, pictures, looking)
     weights.save(trained.network, trained.card, target)
     for name, offset in zip(trained.card.class_names, offsets, strict=True):
@@ -72,10 +72,10 @@ def quantise(
     from navcore.esanet import weights
     from navcore.learning.quantisation import quantise as measure
 
-    trained, pictures, looking = _shown(source, data, split)
+    trained, pictures, looking = _shown(source, target, data, split)
     found = measure(trained.network, pictures, looking)
     typer.echo(f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}")
-    if found.mean_iou - found.mean_iou_in_bytes > most_lost:
+    if not found.mean_iou - found.mean_iou_in_bytes <= most_lost:  # of pictures without labels it is not a number
         raise BadConfiguration(f"eight bits cost more than {most_lost:g}: {target} was not written")
     kept = len(found.ranges) - found.ranges.count(0.0)
     typer.echo(f"{kept} of {len(found.ranges)} convolutions in eight bits")
@@ -90,7 +90,7 @@ def info(path: Annotated[Path, typer.Argument(help="A converted or shipped .safe
     _say(weights.load(path).card)
 
 
-def _shown(source: Path, data: Path, split: str) -> tuple[TrainedNetwork, Pictures, Looking]:
+def _shown(source: Path, target: Path, data: Path, split: str) -> tuple[TrainedNetwork, Pictures, Looking]:
     """A network, the pictures of a split, and how it looks at them; raises `BadConfiguration` where they do not fit."""
     from navcore.errors import BadConfiguration
     from navcore.esanet import weights
@@ -98,6 +98,7 @@ def _shown(source: Path, data: Path, split: str) -> tuple[TrainedNetwork, Pictur
     from navcore.learning.dataset import dataset_for
     from navcore.learning.evaluation import Looking
 
+    weights.check_name(target)  # before minutes of work, not after
     trained = weights.load(source)
     if trained.card.size is None:
         raise BadConfiguration(f"{source} does not say at what size it was trained")

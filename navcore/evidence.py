@@ -63,7 +63,7 @@ def weigh(
     """Let one picture speak for or against the points of beware classes it shows; changes their confidence.
 
     Returns the indices of the points to forget, and the cells in which a confidence has changed. `clearing` is constant and
-    factor of the depth's tolerance, `T_camera_map` (4, 4).
+    factor of the depth's tolerance, `T_camera_map` (4, 4). `labels` are the network's own claims.
     """
     lens = frame.intrinsics
     return _weigh(

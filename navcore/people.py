@@ -15,7 +15,7 @@ from navcore.beware import PERSON, BewareList
 from navcore.followed import Followed, Track
 from navcore.frame import Frame
 from navcore.grid import GridSpec
-from navcore.segment import Labels
+from navcore.segment import PERSON_SURE, Labels
 from navcore.sightings import CELL_M, Cells, Cluster, Ground, cells_within, looks_at
 from navcore.terrain import Image
 
@@ -121,8 +121,9 @@ class PeopleTracker:
 
 
 def _named(labels: Labels, beware: BewareList) -> npt.NDArray[np.bool_]:
-    """(H, W) pixels that are surely a person's."""
+    """(H, W) pixels that are surely a person's, whether the list is on about people or not: nobody is driven into unseen."""
     for entry in beware.classes:
         if entry.name == PERSON:
-            return np.asarray((labels.class_ids == entry.class_id) & (labels.confidence >= entry.min_confidence))
+            claims = [(one.class_ids == entry.class_id) & (one.confidence >= PERSON_SURE) for one in labels.claimed]
+            return np.asarray(np.logical_or.reduce(claims))
     return np.zeros(labels.class_ids.shape, dtype=np.bool_)

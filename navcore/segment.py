@@ -15,7 +15,7 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
 from navcore.overhung import feet, overhung
-from navcore.relief import Heights, heights_above_floor, without_pictures, without_spills
+from navcore.relief import Heights, heights_above_floor, upright, without_pictures, without_spills
 from navcore.terrain import ground_heights
 
 STEEPEST = 0.2
@@ -23,7 +23,7 @@ STEEPEST = 0.2
 TALL_M = 0.1
 """What rises by so much more than a marking can is an obstacle, however depth errs."""
 PERSON_SURE = 0.5
-"""So sure a network must be that a pixel is a person's for its colour to be nobody's floor."""
+"""So sure a network must be of a person for him to be followed, and for the colour of his shoes to be no floor's."""
 UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 """Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds nobody who asks for a half."""
 
@@ -37,13 +37,13 @@ class Labels:
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is, 0 to 1."""
     claims: tuple[Labels, ...] = ()
-    """Where several claim a pixel, what each of them claims, whatever the list thinks of it: a network first, then the rules of
-    colour. Of these the map is made, or an edit of the list would not bring back what another claim lay upon. Empty: no pixel
-    has two claims."""
+    """Where several may claim a pixel, what each of them claims, whatever the list thinks of it: a network first, then the
+    rules of colour. Of these the map is made, or an edit of the list would not bring back what another claim lay upon. Empty:
+    nobody else claims anything."""
 
     @property
     def claimed(self) -> tuple[Labels, ...]:
-        """Its claims; itself, where no pixel has two."""
+        """Its claims; itself, where it has none."""
         return self.claims or (self,)
 
     def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
@@ -117,7 +117,7 @@ class JointSegmenter:
         if not coats:
             return real
         shape = real.class_ids.shape
-        people = np.isin(real.class_ids, beware.people_ids) & (real.confidence >= PERSON_SURE)
+        people = upright(np.isin(seen.class_ids, beware.people_ids) & (seen.confidence >= PERSON_SURE), heights_m)
         claims = (real, *by_colour([(entry, fits & ~people) for entry, fits in coats], shape))
         return dataclasses.replace(joined(real, uppermost(coats, shape), beware), claims=claims)
 

@@ -22,6 +22,7 @@ from torch import Tensor
 
 from navcore.errors import BadConfiguration
 from navcore.esanet.architecture import Architecture, fitting, infer
+from navcore.esanet.backends.quantised import convolutions
 from navcore.esanet.checkpoint import read_checkpoint
 from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.esanet.model import EsaNet
@@ -122,8 +123,7 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
     With `half` the convolutions' kernels, nearly all of it, are kept in half precision: half the size, for files to ship.
     Raises `BadConfiguration` when the two do not belong together, `StorageFailed` when the disk does not take it.
     """
-    if target.suffix != SUFFIX:
-        raise BadConfiguration(f"{target}: expected a name ending in {SUFFIX}")
+    check_name(target)
     tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
     fitting(card.architecture, tensors, str(target))
     if half:
@@ -131,6 +131,12 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
     metadata = _as_metadata(card)
     content = safetensors.torch.save(tensors, {**metadata, "sha256": digest(tensors, metadata)})
     write_whole(target, content)
+
+
+def check_name(target: Path) -> None:
+    """Raise `BadConfiguration` unless a file of weights may be called so."""
+    if target.suffix != SUFFIX:
+        raise BadConfiguration(f"{target}: expected a name ending in {SUFFIX}")
 
 
 def load(path: Path) -> TrainedNetwork:
@@ -146,7 +152,10 @@ def load(path: Path) -> TrainedNetwork:
         raise BadConfiguration(f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again")
     card = _from_metadata(metadata, path)
     tensors = {key: value.float() if value.dtype is torch.float16 else value for key, value in tensors.items()}
-    return TrainedNetwork(network=fitting(card.architecture, tensors, str(path)), card=card)
+    network = fitting(card.architecture, tensors, str(path))
+    if card.ranges is not None and len(card.ranges) != (count := len(convolutions(network))):
+        raise BadConfiguration(f"{path}: {len(card.ranges)} ranges for {count} convolutions; quantise it again")
+    return TrainedNetwork(network=network, card=card)
 
 
 def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:

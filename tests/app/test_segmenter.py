@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from app.segmenter_choice import SegmenterChoice
 from navcore.beware import default_beware_list
 from navcore.errors import BadConfiguration
 from navcore.esanet import build
+from navcore.esanet.backends.choice import Trial, open_inference
+from navcore.esanet.backends.network_file import open_network
 from navcore.esanet.preprocess import DepthStatistics
 from navcore.esanet.weights import WeightsCard, save
 from navcore.segment import ColourSegmenter, Finder, JointSegmenter
@@ -102,7 +105,7 @@ def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_tha
 def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_smaller_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    choice = SegmenterChoice(weights=weights(tmp_path), threads=1)
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
     assert "416 × 256" in compose(choice).title
     monkeypatch.setattr("app.segmenter.SLOW_MS", 0.0)
     small = compose(choice)
@@ -112,5 +115,14 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_sma
     assert compose(small.choice).identity == small.identity
     labels = small.segmenter.segment(picture(), default_beware_list())
     assert labels.class_ids.shape == picture().depth_m.shape
-    # Who names an engine gets the whole size, however slow: that is for figures which others shall get, too.
-    assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1)).title
+    # Where the world waits, or who names an engine, gets the whole size, however slow: for figures that others get, too.
+    assert "416 × 256" in compose(dataclasses.replace(choice, live=False)).title
+    assert "416 × 256" in compose(dataclasses.replace(choice, engine="torch")).title
+
+
+def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = open_network(weights(tmp_path), camera=CAMERA)
+    engine, _ = open_inference(file, "torch", threads=1)
+    trials = tuple(Trial(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0)))
+    monkeypatch.setattr("app.segmenter.open_inference", lambda *_, **__: (engine, trials))
+    assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title

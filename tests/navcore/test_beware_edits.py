@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import BewareClass, BewareList, ColourRule
+from navcore.beware import PERSON, BewareClass, BewareList, ColourRule
 from navcore.config import NavigatorConfig
 from navcore.frame import Frame
 from navcore.navigator import Navigator, Order
@@ -18,12 +18,20 @@ from tests.navcore.laws import law
 from tests.navcore.scene import RED_FLOOR, SPEC, Box, Paint, picture
 
 BLUE = BewareClass(name="blue", class_id=7, margin_m=0.1, colour=ColourRule(hue_deg=(200.0, 260.0), max_height_m=0.2))
-THINGS = (Paint(x=(1.0, 1.8), y=(-0.4, 0.1)), Box(x=(1.5, 1.7), y=(0.2, 0.5), z=(0.0, 0.15), colour=(20, 40, 220)))
-FRAMES = [picture(*THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k) for k in range(4)]
+GREEN = (30, 160, 60)
+THINGS = (
+    Paint(x=(1.0, 1.8), y=(-0.4, 0.1)),
+    Box(x=(1.5, 1.7), y=(0.2, 0.5), z=(0.0, 0.15), colour=(20, 40, 220)),
+    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.0, 0.1), colour=(220, 20, 20)),  # somebody in red shoes
+    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.1, 1.7), colour=GREEN),
+)
+FRAMES = [picture(*THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k * 100_000_000) for k in range(4)]
 WARM = BewareClass(name="warm", class_id=8, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.2))
 BOOK = BewareClass(name="book", class_id=2, margin_m=0.05)
-CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE))
-NAMES = st.sampled_from(["red floor", "blue", "warm", "book"])
+CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
+SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
+CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE, CUP, SOMEBODY))
+NAMES = st.sampled_from(["red floor", "blue", "warm", "book", "cup", PERSON])
 EDITS = st.lists(
     st.tuples(
         st.integers(0, 3),
@@ -42,17 +50,23 @@ EDITS = st.lists(
 
 
 class Reader:
-    """A network that takes the red paint for a book, more surely from picture to picture."""
+    """A network that takes the red paint for a book, more surely from picture to picture, what is blue for a cup and what is
+    green, and the red below it, for somebody."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Books where it is red."""
-        red = (frame.rgb[..., 0] > 150) & (frame.rgb[..., 1] < 60)
-        sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns, dtype=np.float32)
-        return Labels(class_ids=np.where(red, np.uint8(BOOK.class_id), np.uint8(0)), confidence=sure)
+        """By colour."""
+        red, green = frame.rgb[..., 0] > 150, (frame.rgb == GREEN).all(axis=2)
+        right = np.arange(frame.rgb.shape[1]) > np.flatnonzero(green.any(axis=0)).min() - 2
+        said = np.select(
+            [green | (red & right), red & (frame.rgb[..., 1] < 60), frame.rgb[..., 2] > 200],
+            [SOMEBODY.class_id, BOOK.class_id, CUP.class_id],
+        )
+        sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns / 1e8, dtype=np.float32)
+        return Labels(class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure))
 
     def finds(self, entry: BewareClass) -> Finder:
-        """Books."""
-        return Finder.NETWORK if entry == BOOK else Finder.NOTHING
+        """Books, cups and people."""
+        return Finder.NETWORK if entry in (BOOK, CUP, SOMEBODY) else Finder.NOTHING
 
 
 def seen(lists: list[BewareList], segmenter: Segmenter) -> Occupancy:

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -70,12 +71,39 @@ def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them
             assert (rules.confidence == 1).all()
 
 
-def test_the_colour_of_somebody_is_no_floor() -> None:
-    beware = BewareList(classes=(*LIST.classes, BewareClass(name=PERSON, class_id=11)))
-    _, rules = JointSegmenter(Oracle(11, 0.9, PERSON)).segment(FRAME, beware).claimed
-    assert not rules.class_ids.any()
-    _, rules = JointSegmenter(Oracle(11, 0.3, PERSON)).segment(FRAME, beware).claimed
-    assert 1 in rules.class_ids
+class Shown(Oracle):
+    """A network that says it of what has one of some colours, and nothing of all else."""
+
+    def __init__(self, class_id: int, confidence: float, name: str, *colours: tuple[int, int, int]) -> None:
+        super().__init__(class_id, confidence, name)
+        self._colours = colours
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        said = np.logical_or.reduce([(frame.rgb == colour).all(axis=2) for colour in self._colours])
+        whole = super().segment(frame, beware)
+        return dataclasses.replace(whole, class_ids=np.where(said, whole.class_ids, np.uint8(NOTHING)))
+
+
+BLUE = (20, 40, 200)
+SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
+WITH_PEOPLE = BewareList(classes=(*LIST.classes, SOMEBODY))
+
+
+def test_somebodys_red_shoes_are_no_red_floor() -> None:
+    shoes = Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 0.08), colour=RED)
+    frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
+    for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
+        claims = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware).claimed
+        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in claims)
+        unsure = JointSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).claimed
+        assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
+
+
+@pytest.mark.parametrize("changes", [{}, {"enabled": False}, {"min_confidence": 0.8}])
+def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(changes: dict[str, object]) -> None:
+    beware = WITH_PEOPLE.edited(PERSON, **changes)
+    _, rules = JointSegmenter(Shown(11, 0.7, PERSON, RED)).segment(FRAME, beware).claimed
+    np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, (FRAME.rgb == RED).all(axis=2))
 
 
 def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:

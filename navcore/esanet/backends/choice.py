@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.esanet.backends.inference import THREADS, Batch, Inference
+from navcore.esanet.backends.inference import THREADS, Batch, Inference, check_logits
 from navcore.esanet.backends.network_file import NetworkFile
-from navcore.esanet.backends.onnx_engines import OnnxRuntimeInference, OpenVinoInference, is_installed
+from navcore.esanet.backends.onnx_engines import OnnxRuntimeInference, OpenVinoInference, has_bf16, is_installed
 from navcore.esanet.backends.onnx_file import can_export
 from navcore.esanet.backends.torch_engine import TorchInference
 from navcore.esanet.preprocess import DepthStatistics, Preprocessor, Size
@@ -25,7 +25,9 @@ MIN_AGREEMENT_IN_BYTES = 0.99
 ENOUGH_MS = 50.0
 """Of a fifteenth of a second this leaves a quarter to all else: an engine that takes no longer is taken, no other is tried."""
 CLEARLY_FASTER = 0.9
-"""Else the more exact one is taken, unless another needs less than this share of its time: noise must not choose."""
+"""Else the most exact of those is taken that the fastest does not beat by this much: noise must not choose."""
+PRECISIONS = ("int8", "bf16", "f32")
+"""The later, the more exact."""
 MIN_RUNS, MAX_RUNS = 5, 200
 TRIAL_S = 0.3
 """How long each engine is measured."""
@@ -73,48 +75,54 @@ class Candidate:
 
 
 def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
-    """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16`), or with `auto` the best
-    here, and what the trials gave.
+    """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16` or `… int8`), or with `auto`
+    the best here, and what the trials gave.
 
     Raises `BadConfiguration` when it is not installed or cannot run the network.
     """
     if engine == "auto":
         return choose(file, threads=threads)
+    name = engine.replace("-", " ")
     for candidate in candidates(file, threads):
-        if candidate.name == (engine if " " in engine else f"{engine} f32"):
+        if candidate.name == (name if " " in name else f"{name} f32"):
             return candidate.build(), ()
     if file.network is None and engine.startswith("torch"):
         raise BadConfiguration("torch does not run ONNX files; choose onnxruntime or openvino")
-    raise BadConfiguration(f"{engine} is not installed here, or the onnx package is not: pip install 'bewarenav[fast]'")
+    raise BadConfiguration(
+        f"{engine} is not installed here, or the onnx package is not (pip install 'bewarenav[fast]'), "
+        "or processor or weights are not made for it"
+    )
 
 
 def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
     """Try the engines that are installed, those that should be fastest first, until one is fast enough and accurate."""
-    best: tuple[Inference, Trial] | None = None
+    good: list[tuple[Inference, Trial]] = []
     trials = []
     for engine, trial in tried(file, threads=threads):
         trials.append(trial)
-        if engine is None or not trial.is_accurate:
-            continue
-        if best is None or CLEARLY_FASTER * trial.p50_ms < best[1].p50_ms:
-            best = engine, trial
-        if best[1].p50_ms <= ENOUGH_MS:
-            break
-    if best is None:
+        if engine is not None and trial.is_accurate:
+            good.append((engine, trial))
+            if trial.p50_ms <= ENOUGH_MS:
+                break
+    if not good:
         reasons = "; ".join(trial.text() for trial in trials) or "an ONNX file needs onnxruntime or openvino"
         raise BadConfiguration(f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'")
-    return best[0], tuple(trials)
+    least_ms = min(trial.p50_ms for _, trial in good)
+    near = [one for one in good if CLEARLY_FASTER * one[1].p50_ms <= least_ms]
+    chosen, _ = max(near, key=lambda one: (PRECISIONS.index(one[1].name.split()[-1]), -one[1].p50_ms))
+    return chosen, tuple(trials)
 
 
 def tried(file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S) -> Iterator[tuple[Inference | None, Trial]]:
     """Each engine with what it measured. The last exact one that runs is the reference: torch, where it can run the file."""
     pictures = probes(file.size, file.depth)
     found = candidates(file, threads)
-    reference = _reference(found, pictures)
+    classes = len(file.class_names)
+    reference = _reference(found, pictures, classes)
     for candidate in found:
         try:
             engine = candidate.build()
-            winners = _winners(engine, pictures)
+            winners = _winners(engine, pictures, classes)
             if reference is None:
                 raise BadConfiguration("no exact engine runs that it could be compared with")
         except BadConfiguration as error:
@@ -147,9 +155,10 @@ def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
                     min_agreement=MIN_AGREEMENT_IN_BYTES,
                 )
             )
-        found.append(
-            Candidate(name="openvino bf16", build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads))
-        )
+        if has_bf16():
+            found.append(
+                Candidate(name="openvino bf16", build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads))
+            )
         found.append(Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads)))
     if exportable and is_installed("onnxruntime"):
         found.append(Candidate(name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)))
@@ -190,16 +199,24 @@ def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]
     return made
 
 
-def _reference(found: list[Candidate], pictures: list[tuple[Batch, Batch]]) -> list[npt.NDArray[np.int64]] | None:
+def _reference(found: list[Candidate], pictures: list[tuple[Batch, Batch]], classes: int) -> list[npt.NDArray[np.int64]] | None:
     """What the last exact engine that runs decides; None where none does."""
     for candidate in reversed(found):
         if candidate.is_exact:
             try:
-                return _winners(candidate.build(), pictures)
+                return _winners(candidate.build(), pictures, classes)
             except BadConfiguration:
                 continue  # it is told when its turn comes
     return None
 
 
-def _winners(engine: Inference, pictures: list[tuple[Batch, Batch]]) -> list[npt.NDArray[np.int64]]:
-    return [engine.logits(*picture).argmax(axis=1) for picture in pictures]
+def _winners(engine: Inference, pictures: list[tuple[Batch, Batch]], classes: int) -> list[npt.NDArray[np.int64]]:
+    """What it decides; raises `BadConfiguration` for an answer of another shape, and for one that is not finite."""
+    winners = []
+    for rgb, depth in pictures:
+        logits = engine.logits(rgb, depth)
+        check_logits(logits, classes, rgb, engine.name)
+        if not np.isfinite(logits).all():
+            raise BadConfiguration(f"{engine.name}: its answer is not finite")
+        winners.append(logits.argmax(axis=1))
+    return winners

@@ -48,7 +48,7 @@ class OpenVinoInference:
     """Satisfies `Inference` on OpenVINO's CPU plugin."""
 
     def __init__(self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS) -> None:
-        """Raises `BadConfiguration` for a file that it cannot run, and for bf16 where the processor has none."""
+        """Raises `BadConfiguration` for a file that it cannot run."""
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
             "INFERENCE_NUM_THREADS": threads,
@@ -57,11 +57,8 @@ class OpenVinoInference:
         }
         try:
             core = _openvino().Core()
-            has_bf16 = "BF16" in core.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
-            if precision == "bf16" and not has_bf16:
-                raise RuntimeError("the processor has no bf16")
             # Left to itself it takes bf16 wherever the processor has it, for an f32 that was asked for too.
-            settings["INFERENCE_PRECISION_HINT"] = "f32" if precision == "f32" or not has_bf16 else "bf16"
+            settings["INFERENCE_PRECISION_HINT"] = "f32" if precision == "f32" or not has_bf16() else "bf16"
             compiled = core.compile_model(core.read_model(content), "CPU", settings)
             self._request = compiled.create_infer_request()
         except Exception as error:
@@ -83,6 +80,14 @@ def is_installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
+def has_bf16() -> bool:
+    """Whether OpenVINO has bf16 of this processor; False where it does not run at all."""
+    try:
+        return "BF16" in _openvino().Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+    except Exception:  # a package that does not fit the machine; its engine says so when it is tried
+        return False
+
+
 def _openvino() -> Any:
     """The package `openvino`, which else would tell its maker over the network that it was imported."""
     # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its own, which sends nothing.
@@ -99,4 +104,6 @@ def _check_ports(inputs: set[str], outputs: set[str]) -> None:
 
 
 def _bad(engine: str, error: Exception) -> BadConfiguration:
-    return BadConfiguration(f"{engine} cannot run the network: {str(error).strip().partition(chr(10))[0]:.300}")
+    # OpenVINO says first where in its source it stumbled, line by line, and last what over.
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Exception from")]
+    return BadConfiguration(f"{engine} cannot run the network: {lines[-1] if lines else error!r:.300}")

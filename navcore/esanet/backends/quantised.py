@@ -55,8 +55,8 @@ def measured_ranges(network: EsaNet, pictures: Iterable[tuple[Tensor, Tensor]]) 
     run. `pictures` are normalised (rgb (1, 3, h, w), depth (1, 1, h, w)).
     """
     fresh = folded(network)
-    convolutions = _convolutions(fresh)
-    least, most = [0.0] * len(convolutions), [0.0] * len(convolutions)
+    found = convolutions(fresh)
+    least, most = [0.0] * len(found), [0.0] * len(found)
 
     def look(index: int, x: Tensor) -> None:
         if x.shape[2:] == (1, 1):
@@ -65,7 +65,7 @@ def measured_ranges(network: EsaNet, pictures: Iterable[tuple[Tensor, Tensor]]) 
         beyond = max(1, round(x.numel() * (1 - KEPT)))
         most[index] = max(most[index], float(torch.topk(x.flatten(), beyond).values[-1]))
 
-    for index, (_, convolution) in enumerate(convolutions):
+    for index, (_, convolution) in enumerate(found):
         convolution.register_forward_pre_hook(lambda _, inputs, at=index: look(at, inputs[0]))
     with torch.inference_mode():
         for rgb, depth in pictures:
@@ -79,16 +79,16 @@ def quantised(network: EsaNet, ranges: Sequence[float]) -> EsaNet:
     Raises `BadConfiguration` where the ranges are not this network's.
     """
     fresh = folded(network)
-    convolutions = _convolutions(fresh)
-    if len(ranges) != len(convolutions):
-        raise BadConfiguration(f"weights: {len(ranges)} ranges for {len(convolutions)} convolutions; quantise them again")
-    for (name, convolution), most in zip(convolutions, ranges, strict=True):
+    found = convolutions(fresh)
+    if len(ranges) != len(found):
+        raise BadConfiguration(f"weights: {len(ranges)} ranges for {len(found)} convolutions; quantise them again")
+    for (name, convolution), most in zip(found, ranges, strict=True):
         if most > 0:
             parent, _, leaf = name.rpartition(".")
             fresh.get_submodule(parent).add_module(leaf, ByteConvolution(convolution, most))
     return fresh
 
 
-def _convolutions(network: EsaNet) -> list[tuple[str, nn.Conv2d]]:
+def convolutions(network: EsaNet) -> list[tuple[str, nn.Conv2d]]:
     """Those that mix channels."""
     return [(name, module) for name, module in network.named_modules() if isinstance(module, nn.Conv2d) and module.groups == 1]

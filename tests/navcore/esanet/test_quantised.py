@@ -12,9 +12,10 @@ from torch import nn
 
 from navcore.errors import BadConfiguration
 from navcore.esanet.backends.choice import open_inference, probes
+from navcore.esanet.backends.folding import folded
 from navcore.esanet.backends.network_file import open_network
 from navcore.esanet.backends.onnx_engines import OpenVinoInference
-from navcore.esanet.backends.quantised import ByteConvolution, measured_ranges, quantised
+from navcore.esanet.backends.quantised import ByteConvolution, convolutions, measured_ranges, quantised
 from navcore.esanet.backends.torch_engine import TorchInference
 from navcore.esanet.preprocess import NYUV2_DEPTH
 from navcore.esanet.weights import WeightsCard, load, save
@@ -66,9 +67,25 @@ def test_ranges_are_kept_with_the_weights_and_files_without_them_still_load(tmp_
     assert (load(path).card.ranges, open_network(path, camera=SIZE).ranges) == (None, None)
     save(network(), dataclasses.replace(CARD, ranges=ranges()), path)
     assert load(path).card.ranges == open_network(path, camera=SIZE).ranges == ranges()
-    with pytest.raises(BadConfiguration, match="ranges"):
-        save(network(), dataclasses.replace(CARD, ranges=(-1.0,)), path)
-        load(path)
+    for bad, why in (((-1.0,), "out of range"), ((1.0, 2.0, 3.0), "3 ranges for")):
+        save(network(), dataclasses.replace(CARD, ranges=bad), path)
+        with pytest.raises(BadConfiguration, match=why):
+            load(path)
+
+
+def test_a_range_leaves_out_the_few_largest_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("navcore.esanet.backends.quantised.KEPT", 0.99)  # the maps of this network are small
+    rgb, depth = (torch.from_numpy(batch) for batch in probes(SIZE, NYUV2_DEPTH)[0])
+    folded_network = folded(network())
+    convolution = folded_network.get_submodule("skip_layer1.0.conv")
+    seen: list[torch.Tensor] = []
+    convolution.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0].clone()))
+    with torch.inference_mode():
+        folded_network(rgb, depth)
+    names = [name for name, _ in convolutions(folded_network)]
+    most = measured_ranges(network(), [(rgb, depth)])[names.index("skip_layer1.0.conv")]
+    beyond = float((seen[0] > most).float().mean())
+    assert 0.005 < beyond < 0.015
 
 
 @needs_openvino
