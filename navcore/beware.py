@@ -63,7 +63,8 @@ class BewareClass:
     """How high a thing of this class is at most; what has something higher right above it is a part of that, as the foot of a
     chair, and that is in the way itself. None for a thing that may be as high as any."""
     min_size_m: float | None = between(0.01, 2.0, default=None)
-    """What is seen of a thing of this class at once is at least so long; a network's speck is none. None for any size."""
+    """What is seen of a thing of this class at once is at least so long; a speck is none, whether a network or a rule of colour
+    sees it: floors have red grains, and pictures noise. None for any size."""
     label: str | None = None
     """What the console calls it, in the operator's language; the English name when there is none."""
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
 from navcore.overhung import feet, overhung
-from navcore.relief import Heights, heights_above_floor, upright, without_pictures, without_spills
+from navcore.relief import Heights, heights_above_floor, upright, without_pictures, without_specks, without_spills
 from navcore.terrain import ground_heights
 
 STEEPEST = 0.2
@@ -185,6 +185,8 @@ def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) ->
         if (fits & (above > entry.colour.max_height_m)).any():
             above = heights_m - ground_heights(frame, STEEPEST)
             low = fits & ~(above > entry.colour.max_height_m)
+        if entry.min_size_m is not None and low.any():
+            low = without_specks(low, frame, entry.min_size_m)
         tall = fits & (above > entry.colour.max_height_m + TALL_M)
         if tall.any():
             low &= ~feet(low, tall, frame)

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.beware import BewareClass, BewareList
+from navcore.beware import BewareClass, BewareList, default_beware_list
 from navcore.frame import Frame
-from navcore.relief import GROUND_M, MAX_FLAT_M, heights_above_floor, without_pictures, without_spills
-from tests.navcore.scene import LENS, Box, Paint, picture
+from navcore.relief import GROUND_M, MAX_FLAT_M, heights_above_floor, without_pictures, without_specks, without_spills
+from navcore.segment import ColourSegmenter, JointSegmenter
+from tests.navcore.scene import LENS, RED, Box, Paint, picture
 
 PINK = (250, 60, 200)
 CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
@@ -62,6 +63,40 @@ def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
     lens = dataclasses.replace(LENS, width=int(cols[len(cols) // 2]) + 1)
     cut = dataclasses.replace(frame, rgb=frame.rgb[:, : lens.width], depth_m=frame.depth_m[:, : lens.width], intrinsics=lens)
     assert kept(cut, CABLE) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("things", "share"),
+    [
+        ([a_print(1.5, side=0.05), a_print(2.2, side=0.06)], 0.0),
+        ([a_print(1.5, side=0.2)], 1.0),
+        ([Paint(x=(1.4, 1.44), y=(-0.25, 0.25), colour=PINK)], 1.0),
+        ([Paint(x=(1.2, 2.0), y=(0.1, 0.14), colour=PINK)], 1.0),
+        ([Paint(x=(1.5, 1.55), y=(0.08 * k, 0.08 * k + 0.05), colour=PINK) for k in range(4)], 1.0),  # worn, but a line
+    ],
+)
+def test_of_a_colour_too_specks_are_none_and_what_is_long_is_one_however_thin(things: list[Paint], share: float) -> None:
+    frame = noisy(picture(*things))
+    pink = (frame.rgb == PINK).all(axis=2)
+    assert pink.sum() > 4
+    assert without_specks(pink, frame, 0.1)[pink].mean() == share
+    assert not without_specks(pink, frame, 0.1)[~pink].any()
+    assert without_specks(pink, dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m)), 0.1)[pink].all()
+
+
+def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> None:
+    field = Paint(x=(1.2, 1.7), y=(-0.3, 0.2), colour=RED)
+    frame = picture(field)
+    grains = np.random.default_rng(0).random(frame.depth_m.shape) < 0.01
+    grains[:, :4] = grains[:, -4:] = grains[:4] = grains[-4:] = False
+    spotted = dataclasses.replace(frame, rgb=np.where(grains[..., None], np.array(RED, dtype=np.uint8), frame.rgb))
+    red, near = (frame.rgb == RED).all(axis=2), (frame.depth_m > 0) & (frame.depth_m < 1.5)
+    beside = near & ~cv2.dilate(red.view(np.uint8), np.ones((9, 9), np.uint8)).astype(np.bool_)
+    assert (grains & beside).sum() > 50
+    for segmenter in (ColourSegmenter(), JointSegmenter(ColourSegmenter())):
+        found = segmenter.segment(spotted, default_beware_list()).class_ids == 1
+        assert found[red].mean() > 0.99
+        assert found[beside].mean() < 1e-3
 
 
 def test_heights_are_those_of_the_things_and_missing_where_depth_is() -> None:
