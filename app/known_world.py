@@ -32,7 +32,7 @@ def recall(cloud: CloudMap, beware: BewareList, *, prior: Path | None, kept: Pat
 def keep(cloud: CloudMap, beware: BewareList, kept: Path | None) -> None:
     """Write the map to its file; what was there stays intact until the new one is whole."""
     if kept is not None:
-        map_file.save(kept, cloud.state(), {**_names_in(kept), **{entry.class_id: entry.name for entry in beware.classes}})
+        map_file.save(kept, cloud.state(), {**_names_in(kept), **beware.names})
 
 
 def _names_in(kept: Path) -> Mapping[int, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,7 +76,9 @@ def quantise(
     trained, pictures, looking = _shown(source, target, data, split)
     found = measure(trained.network, pictures, looking)
     typer.echo(f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}")
-    if not found.mean_iou - found.mean_iou_in_bytes <= most_lost:  # of pictures without labels it is not a number
+    if math.isnan(found.mean_iou):
+        raise BadConfiguration(f"{data}: the pictures of {split} have no labels, so nothing can be measured")
+    if found.mean_iou - found.mean_iou_in_bytes > most_lost:
         raise BadConfiguration(f"eight bits cost more than {most_lost:g}: {target} was not written")
     kept = len(found.ranges) - found.ranges.count(0.0)
     typer.echo(f"{kept} of {len(found.ranges)} convolutions in eight bits")

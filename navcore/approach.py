@@ -3,8 +3,8 @@
 From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured anew. And who stood in the
 way when the robot turned from him may have walked on. So where there is no path, the robot goes to the mouth of the gap that
 least is missing of: of all ways that its body would fit through without the safety margin and without anybody there, the one
-with the fewest cells that margin or people close. It enters none of them. Where it stands among such cells already, they may be
-left to any side.
+with the fewest cells that margin or people close. It enters none of them, but for those within reach of where it stands, as at
+every start: these it may leave to any side.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from navcore.cloud_map import BODY_M
 from navcore.grid import Cell, inflation_radius
 from navcore.occupancy import Occupancy
 from navcore.search.bits import Plane, cells_of, contains, plane_of
-from navcore.search.flood import beside, flood
+from navcore.search.flood import crossings, flood
 from navcore.search.free_space import complement
 from navcore.search.inflation import inflated
 
@@ -74,35 +74,15 @@ def _areas(occupancy: Occupancy, start: Cell, relief_cells: float) -> list[Area]
 
 
 def _entries(occupancy: Occupancy, within: Plane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> Plane:
-    """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells.
-
-    From the goal on, cells are reached in the order of how many closed ones lie between.
-    """
+    """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells."""
     free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
     closed = free | solid
     complement(closed, occupancy.spec.rows, occupancy.spec.cols)
     end = plane_of(goal, like=free)
-    if not _is_connected(free | closed, end, within):
-        return np.zeros_like(end)
-    entered, begin = end & closed, end & free
-    reached = entered | begin
-    while True:
-        around = beside(entered)
-        entries: Plane = around & within
-        if entries.any():
-            return entries
-        flood(free, reached, begin | around & free)
-        entered = beside(reached) & closed & ~reached
-        if not entered.any():
-            return entries
-        reached |= entered
-
-
-def _is_connected(free: Plane, end: Plane, within: Plane) -> bool:
-    """Whether a way leads to `end` at all: most often none does, and to see that takes one flood."""
+    # Most often no way leads there at all, and to see that takes one flood.
     reached = np.zeros_like(end)
-    flood(free, reached, end & free)
-    return bool((reached & within).any())
+    flood(free | closed, reached, end & ~solid)
+    return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
 
 
 def _solid(occupancy: Occupancy, people: Collection[int], vehicle_width_m: float) -> Plane:

@@ -101,6 +101,11 @@ class BewareList:
         return tuple(entry for entry in self.classes if entry.enabled)
 
     @property
+    def names(self) -> dict[int, str]:
+        """What class ids mean, of entries that were taken off it, too."""
+        return {class_id: name for name, class_id in self.retired} | {entry.class_id: entry.name for entry in self.classes}
+
+    @property
     def people_ids(self) -> list[int]:
         """Class ids of people; empty where the list has none."""
         return [entry.class_id for entry in self.classes if entry.name == PERSON]
@@ -117,8 +122,8 @@ class BewareList:
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
         """The next version, with other entries; id and name stay together, for the map remembers ids."""
         classes = tuple(classes)
-        ids = {**dict(self.retired), **{entry.name: entry.class_id for entry in self.classes}}
-        names = {class_id: name for name, class_id in ids.items()}
+        names = self.names
+        ids = {name: class_id for class_id, name in names.items()}
         for entry in classes:
             if names.get(entry.class_id, entry.name) != entry.name:
                 raise BadConfiguration(f"beware list: class_id {entry.class_id} belongs to {names[entry.class_id]!r} for ever")

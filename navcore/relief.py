@@ -123,22 +123,10 @@ def at_its_feet(inside: Mask, heights_m: Heights) -> Mask:
 
     On the map a flat point of the list stays for good; a person who walks by must not leave a trail of them.
     """
-    return inside & (heights_m < GROUND_M) if _stands(inside, heights_m) else np.zeros_like(inside)
-
-
-def upright(mask: Mask, heights_m: Heights) -> Mask:
-    """The regions of a mask most of which stands well above the ground, their feet with them."""
-    count, regions = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
-    found = np.zeros_like(mask)
-    for region in range(1, count):
-        inside = regions == region
-        found |= inside & _stands(inside, heights_m)
-    return found
-
-
-def _stands(inside: Mask, heights_m: Heights) -> bool:
     measured = heights_m[inside & np.isfinite(heights_m)]
-    return len(measured) >= MIN_PIXELS and bool(np.median(measured) >= 2 * GROUND_M)
+    if len(measured) < MIN_PIXELS or np.median(measured) < 2 * GROUND_M:
+        return np.zeros_like(inside)
+    return inside & (heights_m < GROUND_M)
 
 
 def is_speck(box: npt.NDArray[np.int32], inside: Mask, frame: Frame, window: tuple[slice, slice], least_m: float) -> bool:

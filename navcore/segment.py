@@ -15,7 +15,7 @@ import numpy.typing as npt
 from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
 from navcore.frame import Frame
 from navcore.overhung import feet, overhung
-from navcore.relief import Heights, heights_above_floor, upright, without_pictures, without_specks, without_spills
+from navcore.relief import Heights, heights_above_floor, without_pictures, without_specks, without_spills
 from navcore.terrain import ground_heights
 
 STEEPEST = 0.2
@@ -117,8 +117,9 @@ class JointSegmenter:
         if not coats:
             return real
         shape = real.class_ids.shape
-        people = upright(np.isin(seen.class_ids, beware.people_ids) & (seen.confidence >= PERSON_SURE), heights_m)
-        claims = (real, *by_colour([(entry, fits & ~people) for entry, fits in coats], shape))
+        people = np.isin(seen.class_ids, beware.people_ids) & (seen.confidence >= PERSON_SURE) & (heights_m > TALL_M)
+        unshod = [(entry, fits & ~feet(fits, people, frame)) for entry, fits in coats] if people.any() else coats
+        claims = (real, *by_colour(unshod, shape))
         return dataclasses.replace(joined(real, uppermost(coats, shape), beware), claims=claims)
 
     def finds(self, entry: BewareClass) -> Finder:

@@ -65,8 +65,10 @@ def nearest_exit(
     while True:
         box = box_around(spec, pose, within_m + rim_m)
         found, own = _exit_within(occupancy, box, pose, zones, profile, config)
-        sure = isinstance(found.outcome, Path) and found.outcome.length * spec.resolution_m < within_m - config.start_relief_m
-        if box == (0, 0, spec.rows, spec.cols) or (sure and not _goes_on(own, box, spec)):
+        # Where the way begins is told by what is nearest, and so is that it cannot.
+        length_m = found.outcome.length * spec.resolution_m if isinstance(found.outcome, Path) else 0.0
+        is_near = length_m < within_m - config.start_relief_m and found.outcome != NoPath(reason=Reason.UNREACHABLE)
+        if box == (0, 0, spec.rows, spec.cols) or (is_near and not _goes_on(own, box, spec)):
             return found
         within_m *= 2
 
@@ -79,10 +81,11 @@ def _exit_within(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> tuple[Exit, list[BoolGrid]]:
-    """The way out in a part of the map, and the areas that the robot stands in there."""
+    """The way out in a part of the map, and the things that the robot stands on there; zones are known beyond it."""
     grid = occupancy.part(*box)
     spec, (geometric, ruled) = grid.spec, hard_cells(grid)
-    own, others = areas_apart(grid, zones, profile, pose)
+    own, _ = areas_apart(grid, (), profile, pose)
+    _, others = areas_apart(grid, zones, profile, pose)
     half_width_m, beyond_m = profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m
     closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
     blocked = ~occupancy.free.window(*box)
@@ -94,7 +97,7 @@ def _exit_within(
 
 
 def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:
-    """Whether an area reaches the border of a part of the map beyond which the map goes on."""
+    """Whether a thing reaches the border of a part of the map: what is another thing here may be a part of it farther off."""
     top, left, bottom, right = box
     sides = ((top > 0, np.s_[0]), (left > 0, np.s_[:, 0]), (bottom < spec.rows, np.s_[-1]), (right < spec.cols, np.s_[:, -1]))
     return any(area[side].any() for area in areas for open_, side in sides if open_)

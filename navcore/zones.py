@@ -3,6 +3,7 @@ limit holds the robot may go, but slowly (`speed_limits.py`)."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ from navcore.zone_shapes import Shape
 MIN_AREA_M2 = 1e-3
 MAX_CORNERS = 1000
 MAX_ZONE_MARGIN_M = 2.0
+LARGEST_CELLS = 2**26
+"""No map has more."""
 MIN_LIMIT_MPS, MAX_LIMIT_MPS = 0.05, 5.0
 COLOUR = re.compile(r"#[0-9a-f]{6}")
 OWN_COLOUR = "#8a929e"
@@ -124,24 +127,52 @@ def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[t
 
 
 def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone is lost to rounding."""
-    top, left, cells = _rasterised(tuple((float(x), float(y)) for x, y in polygon), spec)
+    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone is lost to rounding.
+
+    A part of a map gets the very cells that the whole map gets there.
+    """
+    first_row, row_phase = _aligned(spec.origin_y_m, spec.resolution_m)
+    first_col, col_phase = _aligned(spec.origin_x_m, spec.resolution_m)
+    corners = tuple((float(x), float(y)) for x, y in polygon)
+    if np.prod(np.ptp(np.asarray(corners), axis=0) / spec.resolution_m) > LARGEST_CELLS:
+        return _cells_in(np.asarray(corners, dtype=np.float64), spec)
+    row, col, cells = _rasterised(corners, spec.resolution_m, row_phase, col_phase)
+    top, left = row - first_row, col - first_col
+    bottom, right = min(top + cells.shape[0], spec.rows), min(left + cells.shape[1], spec.cols)
     whole = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
-    whole[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
+    if max(top, 0) < bottom and max(left, 0) < right:
+        whole[max(top, 0) : bottom, max(left, 0) : right] = cells[max(-top, 0) : bottom - top, max(-left, 0) : right - left]
     whole.flags.writeable = False
     return whole
 
 
+def _aligned(origin_m: float, resolution_m: float) -> tuple[int, float]:
+    """Number of the grid's first line of cells, counted from 0 m, and how far off 0 m the counting begins, in cells."""
+    cells = origin_m / resolution_m
+    first = math.floor(cells + 1e-6)
+    return first, round(cells - first, 6)
+
+
 @lru_cache(maxsize=64)
-def _rasterised(polygon: tuple[tuple[float, float], ...], whole: GridSpec) -> tuple[int, int, npt.NDArray[np.bool_]]:
-    """First row, first column and the cells of the polygon's box: whole maps of zones long gone would fill the memory."""
-    corners = np.asarray(polygon, dtype=np.float64)
-    ends = (corners - np.array([whole.origin_x_m, whole.origin_y_m])) / whole.resolution_m
-    left, top = np.clip(np.floor(ends.min(axis=0)).astype(int) - 2, 0, [whole.cols, whole.rows]).tolist()
-    right, bottom = np.clip(np.ceil(ends.max(axis=0)).astype(int) + 2, [left, top], [whole.cols, whole.rows]).tolist()
-    if top == bottom or left == right:
-        return 0, 0, np.zeros((0, 0), dtype=np.bool_)
-    return top, left, _cells_in(corners, whole.part(top, left, bottom, right))
+def _rasterised(
+    corners_m: tuple[tuple[float, float], ...], resolution_m: float, row_phase: float, col_phase: float
+) -> tuple[int, int, npt.NDArray[np.bool_]]:
+    """First row, first column and the cells of the polygon's own box: whole maps of zones long gone would fill the memory.
+
+    Drawn whole, for what leaves the picture is drawn otherwise at its border.
+    """
+    corners = np.asarray(corners_m, dtype=np.float64)
+    ends = corners / resolution_m - np.array([col_phase, row_phase])
+    left, top = (np.floor(ends.min(axis=0)).astype(int) - 2).tolist()
+    right, bottom = (np.ceil(ends.max(axis=0)).astype(int) + 2).tolist()
+    box = GridSpec(
+        resolution_m=resolution_m,
+        rows=bottom - top,
+        cols=right - left,
+        origin_x_m=(left + col_phase) * resolution_m,
+        origin_y_m=(top + row_phase) * resolution_m,
+    )
+    return top, left, _cells_in(corners, box)
 
 
 def _cells_in(corners: npt.NDArray[np.float64], spec: GridSpec) -> npt.NDArray[np.bool_]:

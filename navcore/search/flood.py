@@ -14,27 +14,34 @@ TOP = np.uint64(63)
 
 
 @compiled
-def flood(free: Plane, reached: Plane, begin: Plane) -> None:
-    """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones, with a free cell of that."""
+def flood(free: Plane, reached: Plane, begin: Plane) -> tuple[int, int]:
+    """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones, with a free cell of that.
+
+    Returns the first and the last line in which something was added.
+    """
     last = free.shape[0] - PAD - 1
     due = np.zeros(free.shape[0], dtype=np.bool_)  # lines that have not heard of all that was reached in them or beside them
-    waiting = False
+    waiting, low, high = False, free.shape[0], 0
     for line in range(PAD, last + 1):
         for word in range(1, free.shape[1] - 1):
             if begin[line, word] != 0:
                 reached[line, word] |= begin[line, word]
                 due[line - 1] = due[line] = due[line + 1] = waiting = True
+                low, high = min(low, line), line
     while waiting:
         waiting = False
         # Downwards and upwards in turn, so that a long straight way takes one sweep.
         for line in range(PAD, last + 1):
             if due[line] and _spread(free, reached, line):
                 due[line - 1] = due[line + 1] = True
+                low, high = min(low, line), max(high, line)
             due[line] = False
         for line in range(last, PAD - 1, -1):
             if due[line] and _spread(free, reached, line):
                 due[line - 1] = due[line + 1] = waiting = True
+                low, high = min(low, line), max(high, line)
             due[line] = False
+    return low, high
 
 
 @compiled
@@ -43,10 +50,58 @@ def beside(cells: Plane) -> Plane:
     found = np.zeros_like(cells)
     for line in range(PAD, cells.shape[0] - PAD):
         for word in range(1, cells.shape[1] - 1):
-            here = cells[line, word]
-            west, east = here << ONE | cells[line, word - 1] >> TOP, here >> ONE | cells[line, word + 1] << TOP
-            found[line, word] = cells[line - 1, word] | cells[line + 1, word] | west | east
+            found[line, word] = _beside(cells, line, word)
     return found
+
+
+@compiled
+def crossings(free: Plane, closed: Plane, within: Plane, end: Plane) -> Plane:
+    """The cells of `within` that are one step from where it is left on the ways to `end` with the fewest closed cells.
+
+    A wave from the end on: free cells are flooded, and closed ones entered one step after the other. `end` holds one cell, and
+    `within` whole areas of free cells, it not among them; where no way leads there, nothing is found.
+    """
+    reached, entered, begin = end & (free | closed), end & closed, end & free
+    spare, lowest, highest = np.zeros_like(free), PAD, free.shape[0] - PAD - 1
+    first, last = lowest, highest  # the lines that hold all of `entered`; what lies elsewhere is not looked at again
+    while True:
+        top, bottom, is_found, is_open = max(first - 1, lowest), min(last + 1, highest), False, False
+        for line in range(top, bottom + 1):
+            for word in range(1, free.shape[1] - 1):
+                around = _beside(entered, line, word)
+                begin[line, word] |= around & free[line, word] & ~reached[line, word]
+                is_found |= around & within[line, word] != 0
+                is_open |= begin[line, word] != 0
+        if is_found:
+            return beside(entered) & within
+        if is_open:
+            low, high = flood(free, reached, begin)
+            begin[top : bottom + 1] = 0
+            top, bottom = max(min(top, low - 1), lowest), min(max(bottom, high + 1), highest)
+        # The closed cells beside what has just been reached are entered next.
+        entered, spare = spare, entered
+        low, high = highest, lowest - 1
+        for line in range(top, bottom + 1):
+            for word in range(1, free.shape[1] - 1):
+                entered[line, word] = _beside(reached, line, word) & closed[line, word] & ~reached[line, word]
+                if entered[line, word] != 0:
+                    low, high = min(low, line), line
+        if high < low:
+            return entered
+        for line in range(low, high + 1):
+            for word in range(1, free.shape[1] - 1):
+                reached[line, word] |= entered[line, word]
+        spare[first : last + 1] = 0
+        first, last = low, high
+
+
+@inlined
+def _beside(cells: Plane, line: int, word: int) -> np.uint64:
+    """What of one word is a straight step away from some cells."""
+    here = cells[line, word]
+    west, east = here << ONE | cells[line, word - 1] >> TOP, here >> ONE | cells[line, word + 1] << TOP
+    around: np.uint64 = cells[line - 1, word] | cells[line + 1, word] | west | east
+    return around
 
 
 @inlined

@@ -35,6 +35,9 @@ def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_c
         recall(again, beware, prior=None, kept=kept)
         keep(again, beware, kept)
         assert load(kept).class_names[RED_ID] == "red floor"
+    never_kept = tmp_path / "other.map"
+    keep(cloud, RED_LIST.replaced(()), never_kept)
+    assert load(never_kept).class_names == {RED_ID: "red floor"}
     assert again.grid(RED_LIST, ()).beware[RED_ID].any()
 
 

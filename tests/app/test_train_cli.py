@@ -184,10 +184,11 @@ def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
     assert f"{sum(most > 0 for most in made.card.ranges)} of {len(made.card.ranges)} convolutions" in said
     assert "eight bits where an engine can" in run("weights", "info", target)
     assert all(torch.equal(value, network.state_dict()[key]) for key, value in made.network.state_dict().items())
-    for in_bytes, without in ((0.48, 0.5), (float("nan"), float("nan"))):
+    nan = float("nan")
+    for in_bytes, without, why in ((0.48, 0.5, "cost more than"), (nan, nan, "have no labels")):
         costly = Quantisation(ranges=made.card.ranges, mean_iou_in_bytes=in_bytes, mean_iou=without)
         monkeypatch.setattr("navcore.learning.quantisation.quantise", lambda *_, costly=costly: costly)
-        with pytest.raises(BadConfiguration, match="cost more than"):
+        with pytest.raises(BadConfiguration, match=why):
             run("weights", "quantise", model, tmp_path / "q2.safetensors", "--data", tmp_path / "d")
     with pytest.raises(BadConfiguration, match="expected a name ending in"):
         run("weights", "quantise", model, tmp_path / "q2.bin", "--data", tmp_path / "d")

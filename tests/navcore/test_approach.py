@@ -94,6 +94,33 @@ def test_of_two_gaps_the_one_that_less_is_missing_of() -> None:
     assert SPEC.centre(*(int(at) for at in path.cells[-1]))[1] == pytest.approx(-2.5, abs=0.3)
 
 
+def test_of_two_equal_gaps_the_one_nearer_to_the_goal() -> None:
+    cells = wall(GAP_M)
+    (row, col), half = SPEC.cell(WALL_X_M, -2.5), round(GAP_M / 2 / SPEC.resolution_m)
+    cells[row - half : row + half, col : col + 4] = False
+    for y_m in (0.0, -2.5):  # from before either
+        path = approach(occupancy(cells), 0.0, y_m)
+        assert path is not None
+        assert abs(SPEC.centre(*(int(at) for at in path.cells[-1]))[1]) < 0.3
+
+
+def test_a_margin_of_the_operator_is_no_mere_safety_margin() -> None:
+    posts = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    row, col = SPEC.cell(WALL_X_M, 0.0)
+    posts[row - 9 : row + 9 : 17, col : col + 4] = True  # 0.8 m apart
+    walls = wall(GAP_M)
+    for margin_m, goes in ((0.0, True), (0.3, False)):
+        grid = OccupancyGrid(
+            spec=SPEC,
+            geometric=walls,
+            beware={BOX: posts},
+            zones=np.zeros_like(posts),
+            margins_m={BOX: margin_m},
+        )
+        blocked = inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
+        assert (approach(Occupancy.of(grid, blocked, version=1), -2.0) is not None) == goes
+
+
 @law(60)
 @given(st.integers(0, 2**32 - 1))
 def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed: int) -> None:

@@ -99,6 +99,13 @@ def test_somebodys_red_shoes_are_no_red_floor() -> None:
         assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
 
 
+def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_a_part_of_him() -> None:
+    frame = picture(Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 1.7), colour=BLUE), Paint(x=(1.7, 2.0), y=(-0.2, 0.2)))
+    red = (frame.rgb == RED).all(axis=2)
+    _, rules = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).claimed
+    np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, red)
+
+
 @pytest.mark.parametrize("changes", [{}, {"enabled": False}, {"min_confidence": 0.8}])
 def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(changes: dict[str, object]) -> None:
     beware = WITH_PEOPLE.edited(PERSON, **changes)

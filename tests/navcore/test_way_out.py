@@ -110,6 +110,21 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
         assert found.length == pytest.approx(whole.length)
 
 
+def test_what_is_one_thing_farther_off_is_one_thing_here() -> None:
+    """A fork of red floor: the robot stands on one tine, the other lies beside it, and they join beyond what is near."""
+    spec = GridSpec.centred(size_m=(40.0, 40.0), resolution_m=0.1)
+    row, col = spec.cell(0.05, 0.05)
+    red, nothing = (np.zeros((spec.rows, spec.cols), dtype=np.bool_) for _ in range(2))
+    red[row - 18 : row + 3, col - 70 : col + 90] = red[row + 9 : row + 13, col - 70 : col + 90] = True
+    red[row - 18 : row + 13, col + 86 : col + 90] = True
+    grid = OccupancyGrid(spec=spec, geometric=nothing, beware={3: red}, zones=nothing)
+    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=0.7, safety_margin_m=0.15), version=1)
+    found = nearest_exit(known, Pose2(x_m=0.05, y_m=0.05, yaw_rad=0.0), (), HUSKY, NavigatorConfig())
+    assert isinstance(found.outcome, Path)
+    assert found.outcome.length == pytest.approx(21.0)
+    assert found.spec.cols > 2 * 86
+
+
 def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[Outcome, list[Pose2]]:
     """How leaving ended, and where the robot was on its way."""
     loop, pose, driven = navigator(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), list[Pose2]()

@@ -115,9 +115,24 @@ def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
 def test_of_a_small_zone_on_a_large_map_only_its_box_is_remembered() -> None:
     large = GridSpec.centred(size_m=(150.0, 150.0), resolution_m=0.05)
     corners = ((10.0, 10.0), (11.0, 10.0), (10.5, 11.0))
-    top, left, cells = _rasterised(corners, large)
+    _, _, cells = _rasterised(corners, large.resolution_m, 0.0, 0.0)
     assert cells.size < 1000
     whole = rasterise(corners, large)
     assert whole.shape == (large.rows, large.cols)
-    np.testing.assert_array_equal(whole[top:, left:][: cells.shape[0], : cells.shape[1]], cells)
     assert whole.sum() == cells.sum() > 150
+
+
+@law(60)
+@given(st.integers(0, 2**32 - 1))
+def test_a_part_of_a_map_gets_the_cells_of_a_zone_that_the_whole_map_gets_there(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    origin = rng.uniform(-20, 0, 2)
+    spec = GridSpec(resolution_m=0.05, rows=500, cols=600, origin_x_m=origin[0], origin_y_m=origin[1])
+    ends = np.sort(rng.uniform(0, 1, (2, 2)) * [30, 25], axis=0) + origin  # a long, oblique strip
+    across = rng.uniform(0.05, 2.0) * np.array([1.0, -1.0])
+    strip = np.array([ends[0], ends[0] + across, ends[1] + across, ends[1]])
+    whole = rasterise(strip.tolist(), spec)
+    top, bottom = np.sort(rng.choice(501, 2, replace=False)).tolist()
+    left, right = np.sort(rng.choice(601, 2, replace=False)).tolist()
+    part = rasterise(strip.tolist(), spec.part(top, left, bottom, right))
+    np.testing.assert_array_equal(part, whole[top:bottom, left:right])

@@ -103,7 +103,7 @@ def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tup
         if engine is not None and trial.is_accurate:
             good.append((engine, trial))
             if trial.p50_ms <= ENOUGH_MS:
-                break
+                return engine, tuple(trials)
     if not good:
         reasons = "; ".join(trial.text() for trial in trials) or "an ONNX file needs onnxruntime or openvino"
         raise BadConfiguration(f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'")

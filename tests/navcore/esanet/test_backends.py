@@ -284,6 +284,8 @@ def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_t
     assert chosen(monkeypatch, ("wild bf16", 5, bad), ("ort f32", 20, 0), torch_slow) == ("ort f32", 2)
     assert chosen(monkeypatch, ("ort bf16", slow, 0), ("ort f32", 2 * slow, 0), torch_slow) == ("ort bf16", 3)
     assert chosen(monkeypatch, ("wild bf16", 5, bad), torch_slow) == ("torch f32", 2)
+    just, quick = ("ort f32", 1.04 * ENOUGH_MS, 0), ("torch bf16", 0.96 * ENOUGH_MS, 0)
+    assert chosen(monkeypatch, just, quick, torch_slow) == ("torch bf16", 2)
 
 
 def test_the_most_exact_engine_is_taken_of_those_that_the_fastest_does_not_clearly_beat(
