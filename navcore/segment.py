@@ -118,8 +118,9 @@ class JointSegmenter:
             return real
         shape = real.class_ids.shape
         people = np.isin(seen.class_ids, beware.people_ids) & (seen.confidence >= PERSON_SURE) & (heights_m > TALL_M)
-        unshod = [(entry, fits & ~feet(fits, people, frame)) for entry, fits in coats] if people.any() else coats
-        claims = (real, *by_colour(unshod, shape))
+        if people.any():
+            coats = [(entry, fits & ~feet(fits, people, frame)) for entry, fits in coats]
+        claims = (real, *by_colour(coats, shape))
         return dataclasses.replace(joined(real, uppermost(coats, shape), beware), claims=claims)
 
     def finds(self, entry: BewareClass) -> Finder:

@@ -93,8 +93,8 @@ def test_somebodys_red_shoes_are_no_red_floor() -> None:
     shoes = Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 0.08), colour=RED)
     frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
     for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
-        claims = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware).claimed
-        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in claims)
+        labels = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
+        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in (labels, *labels.claimed))
         unsure = JointSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).claimed
         assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
 
