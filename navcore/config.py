@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from navcore.cloud_map import MapRules
-from navcore.motion import LocalRules
-from navcore.points import PointRules
-from navcore.recovery import RecoveryRules
-from navcore.robot import HUSKY, RobotProfile
-from navcore.settings import between, from_table, read_toml
-from navcore.yielding import PeopleRules
+from navcore.behaviours.recovery import RecoveryRules
+from navcore.control.motion import LocalRules
+from navcore.control.social import PeopleRules
+from navcore.mapping.observation import PointRules
+from navcore.mapping.point_map import MapRules
+from navcore.robot.profile import HUSKY, RobotProfile
+from navcore.toml_config import between, from_table, read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,36 +8,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.approach import mouth
-from navcore.beware import NOTHING, BewareList
-from navcore.cloud_map import CloudMap
+from navcore.behaviours.lane_keep_out import Lanes
+from navcore.behaviours.recovery import Means, Recovery, closed_way, trail_with
+from navcore.behaviours.waiting import Patience
 from navcore.config import NavigatorConfig
-from navcore.followed import Track
-from navcore.frame import Frame, check_frame
-from navcore.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.lanes import Lanes
-from navcore.local_planner import plan_motion
-from navcore.motion import IDLE, Motion, Outcome
-from navcore.near_cells import areas_apart, hard_cells, nearby, rim_of_unseen, stands_in
-from navcore.occupancy import LiveOccupancy, Occupancy, nearest_free
-from navcore.path import NoPath, Path, Reason, plan_in
-from navcore.patience import Patience
-from navcore.people import PeopleTracker
-from navcore.points import observe
-from navcore.recovery import Means, Recovery, closed_way, trail_with
-from navcore.robot import STANDSTILL, RobotProfile, Twist
-from navcore.route import NO_POINTS, Route, lay, no_route
-from navcore.search.bits import Plane
-from navcore.search.free_space import FREE, FreeSpace
-from navcore.search.memory import Arena
-from navcore.search.replanner import Replanner
-from navcore.segment import Labels, Segmenter
-from navcore.speed_limits import allowed_speed_mps, slowed, travel_time_s
-from navcore.terrain import Image, ground_heights
-from navcore.transform import Pose2
-from navcore.way_out import nearest_exit
-from navcore.yielding import Bodies
-from navcore.zones import Zone
+from navcore.control.local_planner import plan_motion
+from navcore.control.motion import IDLE, Motion, Outcome
+from navcore.control.social import Bodies
+from navcore.control.speed_limits import allowed_speed_mps, slowed, travel_time_s
+from navcore.costmap.costmap import LiveOccupancy, Occupancy, nearest_free
+from navcore.costmap.local_costmap import areas_apart, hard_cells, nearby, rim_of_unseen, stands_in
+from navcore.geometry.transform import Pose2
+from navcore.grid.bitplane import Plane
+from navcore.grid.free_space import FREE, FreeSpace
+from navcore.grid.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mapping.observation import observe
+from navcore.mapping.point_map import CloudMap
+from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.zone import Zone
+from navcore.perception.ground import Image, ground_heights
+from navcore.perception.people.track import Track
+from navcore.perception.people.tracker import PeopleTracker
+from navcore.perception.segmenter import Labels, Segmenter
+from navcore.planning.escape import nearest_exit
+from navcore.planning.gap_viewpoint import mouth
+from navcore.planning.planner import NoPath, Path, Reason, plan_in
+from navcore.planning.replanner import Replanner
+from navcore.planning.route import NO_POINTS, Route, lay, no_route
+from navcore.planning.search.open_list import Arena
+from navcore.robot.frame import Frame, check_frame
+from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,23 +7,24 @@ from functools import cache
 
 import numpy as np
 
-from navcore import dodging, falco
-from navcore.approach import mouth
-from navcore.beware import NOTHING, BewareClass, BewareList, default_beware_list
-from navcore.cloud_map import MapRules
 from navcore.config import NavigatorConfig
-from navcore.contact import near_points, time_to_contact
-from navcore.frame import Frame, Intrinsics
-from navcore.grid import GridSpec
-from navcore.manoeuvre import Tight, manoeuvre_along
+from navcore.control import dynamic_window as dodging
+from navcore.control.manoeuvre import Tight, manoeuvre_along
+from navcore.control.primitives import falco
+from navcore.control.social import NOBODY, free_of
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mapping.point_map import MapRules
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
+from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, Order
-from navcore.overhung import overhung
-from navcore.relief import heights_above_floor
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.segment import ColourSegmenter, Finder, Labels, Segmenter
-from navcore.transform import Pose2
-from navcore.yielding import NOBODY, free_of
-from navcore.zones import Zone
+from navcore.perception.depth_filter import heights_above_floor
+from navcore.perception.overhang_filter import overhung
+from navcore.perception.segmenter import ColourSegmenter, Finder, Labels, Segmenter
+from navcore.planning.gap_viewpoint import mouth
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.safety.collision_monitor import near_points, time_to_contact
 
 WALL_M = 2.0
 """So far before the first picture's robot stands a wall, with a thing at its foot."""

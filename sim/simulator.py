@@ -14,23 +14,23 @@ import numpy.typing as npt
 import pybullet
 
 from navcore.errors import BadConfiguration
-from navcore.frame import Frame
-from navcore.robot import HUSKY, RobotProfile, Twist
-from navcore.transform import Pose2
-from sim.bodies import newest_bodies
-from sim.camera import Camera, Renderer
-from sim.chassis import chassis_of
-from sim.faults import Fault, FaultLine
-from sim.ground import Ground
-from sim.odometry import Gyro, Odometry
-from sim.quiet import quiet_stdout
-from sim.referee import Referee
-from sim.scenario import Scenario
-from sim.skid_steer import Driver, SkidSteer
-from sim.stereo import StereoErrors
-from sim.true_things import class_of_bodies
-from sim.variation import Source, generator, vary
-from sim.world import Crowd, build_world
+from navcore.geometry.transform import Pose2
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, RobotProfile, Twist
+from sim.models.ground import Ground
+from sim.physics.bodies import newest_bodies
+from sim.physics.build import Crowd, build_world
+from sim.physics.quiet import quiet_stdout
+from sim.referee.referee import Referee
+from sim.robot.chassis import chassis_of
+from sim.robot.odometry import Gyro, Odometry
+from sim.robot.skid_steer import Driver, SkidSteer
+from sim.scenario.schema import Scenario
+from sim.scenario.variation import Source, generator, vary
+from sim.sensors.camera import Camera, Renderer
+from sim.sensors.faults import Fault, FaultLine
+from sim.sensors.stereo_noise import StereoErrors
+from sim.truth.true_objects import class_of_bodies
 
 STEPS_PER_S = 240
 PERIOD_S = 1 / STEPS_PER_S

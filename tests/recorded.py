@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from navcore.learning.pictures import write_grey, write_rgb
-from navcore.transform import Pose2, camera_mount
+from navcore.geometry.transform import Pose2, camera_mount
+from navcore.learning.data.images import write_grey, write_rgb
 from tests.navcore.scene import LENS, Box, picture
 
 TABLE = Box(x=(2.0, 2.6), y=(-0.4, 0.4), z=(0.0, 0.6))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.mission import Goal
-from navcore.path import NoPath, Path
-from navcore.zone_shapes import Shape
-from navcore.zones import ZoneKind
+from navcore.mission.mission import Goal
+from navcore.mission.zone import ZoneKind
+from navcore.mission.zone_shapes import Shape
+from navcore.planning.planner import NoPath, Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

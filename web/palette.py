@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navcore.zones import Zone, ZoneKind
+from navcore.mission.zone import Zone, ZoneKind
 
 Rgb = tuple[int, int, int]
 

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList
-from navcore.grid import OccupancyGrid
-from navcore.map_image import encode
-from navcore.nav2_map import description_of, drawn, yaml_text
-from navcore.segment import Labels
+from navcore.formats.map_image import encode
+from navcore.formats.nav2_map import description_of, drawn, yaml_text
+from navcore.grid.grid import OccupancyGrid
+from navcore.mission.beware_list import BewareList
+from navcore.perception.segmenter import Labels
 from web import palette
 from web.snapshots import Cloud, Picture
 

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Literal, Protocol
 
-from navcore.beware import BewareClass, BewareList
-from navcore.mission import Goal
-from navcore.robot import RobotProfile, Twist
-from navcore.segment import Finder
-from navcore.transform import Pose2
-from navcore.zones import Zone
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.mission import Goal
+from navcore.mission.zone import Zone
+from navcore.perception.segmenter import Finder
+from navcore.robot.profile import RobotProfile, Twist
 from web.drafts import Preview, PreviewDraft, SavedMission, ZoneDraft, ZoneHistory
 from web.insight import Insight
 from web.snapshots import Cloud, Picture, State

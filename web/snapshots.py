@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.followed import Track
-from navcore.frame import Intrinsics
-from navcore.grid import GridSpec, OccupancyGrid
-from navcore.mask import Mask
-from navcore.mission import Goal, Phase
-from navcore.occupancy import Occupancy
-from navcore.robot import Twist
-from navcore.safety import StopReason
-from navcore.transform import Matrix, Pose2
-from navcore.zones import Zone
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Matrix, Pose2
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mission.mission import Goal, Phase
+from navcore.mission.zone import Zone
+from navcore.perception.people.track import Track
+from navcore.robot.frame import Intrinsics
+from navcore.robot.profile import Twist
+from navcore.safety.gate import StopReason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

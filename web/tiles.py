@@ -8,9 +8,9 @@ from collections.abc import Hashable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareList
-from navcore.mask import Mask
-from navcore.search.bits import PAD
+from navcore.grid.bitplane import PAD
+from navcore.grid.cell_mask import Mask
+from navcore.mission.beware_list import BewareList
 from web.snapshots import Picture
 
 TILE = 256

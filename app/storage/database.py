@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from app.storage.migrations import migrate
+from app.storage.schema import migrate
 from navcore.errors import StorageFailed
 
 BUSY_S = 0.5

@@ -8,15 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from app.storage.accounts import UserTable
+from app.storage.audit import Journal
 from app.storage.database import Database
-from app.storage.decisions import DecisionTable
-from app.storage.journal import Journal
-from app.zone_records import zone_of, zone_record
-from navcore.beware import BewareClass, BewareList, as_table
+from app.storage.events import DecisionTable
+from app.storage.records import zone_of, zone_record
+from app.storage.users import UserTable
 from navcore.errors import NotKnown, StorageFailed
-from navcore.settings import from_table
-from navcore.zones import Zone
+from navcore.mission.beware_list import BewareClass, BewareList, as_table
+from navcore.mission.zone import Zone
+from navcore.toml_config import from_table
 
 MAX_RUNS = 1000
 

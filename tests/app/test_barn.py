@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from app.barn import Judge, drive_world, evaluate_barn, verdict
+from app.evaluation.barn import Judge, drive_world, evaluate_barn, verdict
 from navcore.config import config_for
 from navcore.errors import BadConfiguration
-from navcore.robot import Twist, load_profile
-from sim.barn import load_worlds
+from navcore.robot.profile import Twist, load_profile
+from sim.scenario.barn import load_worlds
 from sim.simulator import Simulator
 from tests.sim.test_barn import MOVING, STATIC, a_file
 

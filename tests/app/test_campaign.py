@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.ablation import pursue
-from app.campaign import Campaign
+from app.episode.ablation import pursue
+from app.evaluation.campaign import Campaign
 from navcore.config import NavigatorConfig
+from navcore.control.motion import Outcome
 from navcore.errors import BadConfiguration
-from navcore.motion import Outcome
-from navcore.path import NoPath, Reason
-from navcore.robot import HUSKY
-from navcore.route import Route
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
+from navcore.planning.planner import NoPath, Reason
+from navcore.planning.route import Route
+from navcore.robot.profile import HUSKY
 
 
 def drive(key: int) -> dict[str, Any]:

@@ -9,23 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.chronicle import Chronicle
-from app.journal import Journal
-from app.pilot import Intent
-from navcore.beware import BewareClass, BewareList
-from navcore.frame import Frame, Intrinsics
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.mission import Mission
-from navcore.motion import IDLE
+from app.insight.event_detector import Chronicle
+from app.insight.event_log import Journal
+from app.runtime.pilot import Intent
+from navcore.control.motion import IDLE
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.mission import Mission
+from navcore.mission.zone import Zone, rasterise
 from navcore.navigator import Decision
-from navcore.occupancy import Occupancy
-from navcore.path import Path, plan
-from navcore.robot import STANDSTILL
-from navcore.route import Route
-from navcore.safety import Cause, StopReason
-from navcore.segment import Labels
-from navcore.transform import Pose2
-from navcore.zones import Zone, rasterise
+from navcore.perception.segmenter import Labels
+from navcore.planning.planner import Path, plan
+from navcore.planning.route import Route
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import STANDSTILL
+from navcore.safety.gate import Cause, StopReason
 from web.insight import Kind
 
 SPEC = GridSpec.centred(size_m=(8.0, 6.0), resolution_m=0.1)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from navcore.esanet import build
+from navcore.perception.esanet import build
 
 
 def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from app import keeping_figures
-from app.keeping_figures import kills, refusing_disks
 from app.storage import Store
-from app.storage.migrations import STEPS
-from navcore.beware import as_table, default_beware_list
+from app.storage.schema import STEPS
 from navcore.errors import NotKnown, Refused, StorageFailed
-from navcore.zones import Zone
+from navcore.mission.beware_list import as_table, default_beware_list
+from navcore.mission.zone import Zone
 from tests.app.test_storage import SQUARE, zone
+from tests.reliability import storage as keeping_figures
+from tests.reliability.storage import kills, refusing_disks
 from web.access.roles import Role
 from web.access.users import User
 

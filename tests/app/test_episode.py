@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from app.episode import Episode
-from navcore.beware import BewareList, default_beware_list
-from sim.scenario import Scenario, load_scenario
+from app.episode.episode import Episode
+from navcore.mission.beware_list import BewareList, default_beware_list
+from sim.scenario.schema import Scenario, load_scenario
 
 REPORT_KEYS = {
     *("scenario", "seed", "robot", "goals", "goals_reached", "success", "sim_time_s", "wall_time_s"),

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from app.ablation import Oracle, SeesNothing
-from app.arguments import Ablation
-from app.causes import causes_of, count_causes
-from app.evaluate import evaluate_scenario
-from app.statistics import bootstrap, wilson
-from app.summary import compare, summarise
-from app.task import Task, episode_of
-from navcore.beware import BewareList, default_beware_list
+from app.cli.options import Ablation
+from app.episode.ablation import Oracle, SeesNothing
+from app.episode.failure_causes import causes_of, count_causes
+from app.episode.task import Task, episode_of
+from app.evaluation.confidence import bootstrap, wilson
+from app.evaluation.scenario import evaluate_scenario
+from app.evaluation.summary import compare, summarise
 from navcore.errors import BadConfiguration
-from navcore.robot import HUSKY
-from sim.scenario import Furniture, Person, load_scenario
+from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.robot.profile import HUSKY
+from sim.scenario.schema import Furniture, Person, load_scenario
 from tests.sim.worlds import open_floor
 
 ROOM = load_scenario("empty_room")

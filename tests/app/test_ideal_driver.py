@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from app.ideal_driver import Eyes, TrueGrids, ideal_way_m
-from navcore.grid import BoolGrid, GridSpec
-from navcore.transform import Pose2
+from app.episode.informed_baseline import Eyes, TrueGrids, ideal_way_m
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
 CAMERA = Eyes(ahead_m=0.3, angle_rad=math.radians(87), range_m=4.0)

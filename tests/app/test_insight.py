@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.drills import first_picture, standing_pilot
 from app.storage import Store
-from navcore.lanes import Lanes
-from navcore.zones import OWN_COLOUR, Zone
+from navcore.behaviours.lane_keep_out import Lanes
+from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.app.test_journal import insight_of
+from tests.reliability.drills import first_picture, standing_pilot
 
 
 def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(tmp_path: Path) -> None:

@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.drills import standing_pilot
-from app.insight import LiveInsight
-from app.journal import Journal
-from app.labelling import LabellingFolder
-from app.pilot import Pilot
-from app.recorder import Recorder
+from app.insight.event_log import Journal
+from app.insight.labelling import LabellingFolder
+from app.insight.service import LiveInsight
+from app.runtime.pilot import Pilot
+from app.runtime.recorder import Recorder
 from app.storage import Store
 from app.storage.database import Database
-from app.storage.decisions import DecisionTable
+from app.storage.events import DecisionTable
 from navcore.config import NavigatorConfig
 from navcore.errors import StorageFailed
-from navcore.robot import STANDSTILL
-from navcore.safety import Cause, StopReason, Verdict
+from navcore.robot.profile import STANDSTILL
+from navcore.safety.gate import Cause, StopReason, Verdict
 from tests.navcore.scene import picture
+from tests.reliability.drills import standing_pilot
 from web.insight import Entry, Kind
 
 
@@ -195,7 +195,7 @@ def driven(pilot: Pilot, recorder: Recorder, *, from_s: float, to_s: float) -> N
 def test_a_run_that_goes_round_and_round_is_bounded_and_kept_when_the_console_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.recorder.MAX_SERIES", 16)
+    monkeypatch.setattr("app.runtime.recorder.MAX_SERIES", 16)
     store, pilot = Store(tmp_path), standing_pilot()
     pilot.change_mission(lambda mission: mission.cancel().add(3.0, 0.0, pilot.navigator.map.spec).start())
     recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.known_world import keep, recall
-from navcore import nav2_map
-from navcore.beware import BewareList
-from navcore.cloud_map import CloudMap, MapRules
-from navcore.map_file import load
-from navcore.nav2_map import drawn
-from navcore.points import PointRules, observe
-from navcore.segment import ColourSegmenter
+from app.runtime.map_persistence import keep, recall
+from navcore.formats import nav2_map
+from navcore.formats.nav2_map import drawn
+from navcore.mapping.map_file import load
+from navcore.mapping.observation import PointRules, observe
+from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mission.beware_list import BewareList
+from navcore.perception.segmenter import ColourSegmenter
 from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture
 
 EMPTY = BewareList(classes=())

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from app.cli import cli
-from app.plan_map import open_map
-from app.plan_query import ask
+from app.cli.main import cli
+from app.map_planner.query import ask
+from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
-from navcore.grid import GridSpec
-from navcore.nav2_map import State, drawn, load, save
-from navcore.path import Path as GridPath
-from navcore.path import plan
-from navcore.search.reachable import nearest_reachable
+from navcore.formats.nav2_map import State, drawn, load, save
+from navcore.grid.grid import GridSpec
+from navcore.grid.reachable import nearest_reachable
+from navcore.planning.planner import Path as GridPath
+from navcore.planning.planner import plan
 from tests.app.test_cli import bewarenav
 from tests.navcore.test_path import map_data
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from navcore.beware import default_beware_list, load_beware_list
-from navcore.esanet.backends.network_file import SHIPPED
-from navcore.esanet.weights import load
-from navcore.learning.recipe import load_recipe
-from sim.scenario import load_scenario
+from navcore.learning.training.recipe import load_recipe
+from navcore.mission.beware_list import default_beware_list, load_beware_list
+from navcore.perception.esanet.inference.network_file import SHIPPED
+from navcore.perception.esanet.weights.weights_file import load
+from sim.scenario.schema import load_scenario
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import cli
-from app.floor import find_floor
-from app.occupancy_reference import FREE, OCCUPIED, UNKNOWN, Reference, agreement, load_reference, standing
-from app.recording import open_recording
-from app.replay import ReplayRobot, frames_of
-from app.replay_run import compare, replay
-from navcore.beware import default_beware_list
+from app.cli.main import cli
+from app.replay.floor_plane import find_floor
+from app.replay.recording import open_recording
+from app.replay.reference import FREE, OCCUPIED, UNKNOWN, Reference, agreement, load_reference, standing
+from app.replay.robot import ReplayRobot, frames_of
+from app.replay.run import compare, replay
 from navcore.config import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
-from navcore.frame import Frame
-from navcore.grid import GridSpec
-from navcore.learning.pictures import write_grey
-from navcore.path import Path as GridPath
-from navcore.robot import HUSKY, Twist, load_profile
-from navcore.segment import ColourSegmenter
-from navcore.transform import invert
+from navcore.geometry.transform import invert
+from navcore.grid.grid import GridSpec
+from navcore.learning.data.images import write_grey
+from navcore.mission.beware_list import default_beware_list
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.planning.planner import Path as GridPath
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, Twist, load_profile
 from tests.navcore.scene import LENS
 from tests.recorded import HAND, PLACES, RECORDING_GAP_NS, TILTED, write_recording
 from tests.shared_data import beside

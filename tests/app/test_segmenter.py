@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from app.segmenter import CAMERA, colour_perception, compose, measure_segmenter
-from app.segmenter_choice import SegmenterChoice
-from navcore.beware import default_beware_list
+from app.runtime.segmentation import CAMERA, colour_perception, compose, measure_segmenter
+from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.errors import BadConfiguration
-from navcore.esanet import build
-from navcore.esanet.backends.choice import Trial, open_inference
-from navcore.esanet.backends.network_file import open_network
-from navcore.esanet.preprocess import DepthStatistics
-from navcore.esanet.weights import WeightsCard, save
-from navcore.segment import ColourSegmenter, Finder, JointSegmenter
+from navcore.mission.beware_list import default_beware_list
+from navcore.perception.esanet import build
+from navcore.perception.esanet.inference.network_file import open_network
+from navcore.perception.esanet.inference.selection import Trial, open_inference
+from navcore.perception.esanet.network.preprocess import DepthStatistics
+from navcore.perception.esanet.weights.weights_file import WeightsCard, save
+from navcore.perception.segmenter import ColourSegmenter, Finder, JointSegmenter
 from tests.navcore.scene import picture
 
 NAMES = ("background", "books", "cup", "red floor")
@@ -94,8 +94,8 @@ def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_tha
     assert what.startswith("r18-nbt1d × 0.125, 4 classes, 416 × 256")
     assert trials[-1].name == "torch f32"
     assert all(0 < trial.p50_ms <= trial.p99_ms for trial in trials if trial.failure is None)
-    monkeypatch.setattr("app.segmenter.SHIPPED", tmp_path / "none.safetensors")
-    monkeypatch.setattr("app.segmenter.tried", lambda file, **how: iter(()))
+    monkeypatch.setattr("app.runtime.segmentation.SHIPPED", tmp_path / "none.safetensors")
+    monkeypatch.setattr("app.runtime.segmentation.tried", lambda file, **how: iter(()))
     assert "RANDOM" in measure_segmenter()[0]
     with pytest.raises(BadConfiguration):
         measure_segmenter(tmp_path / "none.safetensors")
@@ -107,7 +107,7 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_sma
 ) -> None:
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
     assert "416 × 256" in compose(choice).title
-    monkeypatch.setattr("app.segmenter.SLOW_MS", 0.0)
+    monkeypatch.setattr("app.runtime.segmentation.SLOW_MS", 0.0)
     small = compose(choice)
     assert "320 × 192" in small.title
     assert "320 × 192" in small.identity
@@ -124,5 +124,5 @@ def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(tmp_path: P
     file = open_network(weights(tmp_path), camera=CAMERA)
     engine, _ = open_inference(file, "torch", threads=1)
     trials = tuple(Trial(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0)))
-    monkeypatch.setattr("app.segmenter.open_inference", lambda *_, **__: (engine, trials))
+    monkeypatch.setattr("app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials))
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title

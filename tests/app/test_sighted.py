@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.labelling import LabellingFolder, region_in
-from app.sighted import Sighted, packed
-from navcore.beware import BewareClass, BewareList
+from app.insight.detections import Sighted, packed
+from app.insight.labelling import LabellingFolder, region_in
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.frame import Frame, Intrinsics
-from navcore.learning.dataset import load_dataset
-from navcore.learning.dataset_card import CARD_NAME
-from navcore.learning.dataset_writer import write_text
-from navcore.robot import STANDSTILL
-from navcore.segment import Labels
-from navcore.transform import Pose2, camera_mount
+from navcore.geometry.transform import Pose2, camera_mount
+from navcore.learning.data.card import CARD_NAME
+from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.writer import write_text
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.perception.segmenter import Labels
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import STANDSTILL
 
 BEWARE = BewareList(
     classes=(BewareClass(name="cup", class_id=3), BewareClass(name="toy", class_id=40), BewareClass(name="person", class_id=11))
@@ -129,7 +129,7 @@ def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
             write_text(path, text)
 
         with monkeypatch.context() as full:
-            full.setattr("app.labelling.write_text", filling)
+            full.setattr("app.insight.labelling.write_text", filling)
             with contextlib.suppress(StorageFailed):
                 LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="shoe")
         LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="bag")
@@ -189,7 +189,7 @@ def test_a_disk_that_refuses_the_lists_finds_every_picture_in_them_once_when_it_
         raise StorageFailed("the disk is full")
 
     with monkeypatch.context() as refusing:
-        refusing.setattr("app.labelling.write_text", full)
+        refusing.setattr("app.insight.labelling.write_text", full)
         for _ in range(5):
             with pytest.raises(StorageFailed):
                 again.state()

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.simulator_process import SimulatorFailed, SimulatorProcess
-from navcore.robot import HUSKY, Twist
+from app.runtime.simulator_process import SimulatorFailed, SimulatorProcess
+from navcore.robot.profile import HUSKY, Twist
 
 AHEAD = Twist(v_mps=0.4, w_radps=0.0)
 

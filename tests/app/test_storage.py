@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from app.storage import Store
-from navcore.beware import default_beware_list
 from navcore.errors import NotKnown, StorageFailed
-from navcore.zones import Zone
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.zone import Zone
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.1 + 0.2, 1 / 3))
 

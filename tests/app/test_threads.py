@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.pilot import Intent, Pilot
-from app.threads import Loop
-from navcore import safety
-from navcore.beware import default_beware_list
+from app.runtime.loop import Loop
+from app.runtime.pilot import Intent, Pilot
 from navcore.config import NavigatorConfig
-from navcore.frame import Frame
-from navcore.grid import GridSpec
-from navcore.mission import Mission
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.mission import Mission
 from navcore.navigator import Navigator
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
-from navcore.segment import ColourSegmenter, Labels
-from navcore.transform import Pose2
+from navcore.perception.segmenter import ColourSegmenter, Labels
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.safety import gate as safety
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
 from navcore.warmup import warm_up
 from tests.navcore.scene import Box, picture
 

@@ -18,15 +18,16 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from app.cli import cli
-from app.prefetch import prefetching
-from app.training import chosen_device, uses_bfloat16
+from app.cli.main import cli
+from app.learning.prefetch import prefetching
+from app.learning.training import chosen_device, uses_bfloat16
 from navcore.errors import BadConfiguration
-from navcore.esanet import build, weights
-from navcore.esanet.preprocess import Size
-from navcore.learning.dataset import load_dataset
-from navcore.learning.quantisation import Quantisation
-from navcore.learning.recipe import Recipe
+from navcore.learning.data.dataset import load_dataset
+from navcore.learning.training.quantisation import Quantisation
+from navcore.learning.training.recipe import Recipe
+from navcore.perception.esanet import build
+from navcore.perception.esanet.network.preprocess import Size
+from navcore.perception.esanet.weights import weights_file as weights
 from tests.navcore.learning.made import data_set
 from tests.navcore.learning.test_imports import DEPTH, archive, labelme
 
@@ -118,7 +119,7 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
 
 
 def test_a_rendered_data_set_may_have_pictures_of_several_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.dataset_cli.WORLDS_PER_JOB", 1)
+    monkeypatch.setattr("app.cli.dataset.WORLDS_PER_JOB", 1)
     sizes = ("--size", "64x48", "--size", "96x64")
     run("dataset", "render", tmp_path / "d", "--train", "16", "--valid", "8", "--test", "0", "--renderer", "tiny", *sizes)
     dataset = load_dataset(tmp_path / "d")
@@ -128,7 +129,7 @@ def test_a_rendered_data_set_may_have_pictures_of_several_sizes(tmp_path: Path, 
 
 
 def test_a_worker_that_is_killed_ends_the_rendering_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.dataset_cli._render", killed)
+    monkeypatch.setattr("app.cli.dataset._render", killed)
     with pytest.raises(BadConfiguration, match="was killed"):
         run("dataset", "render", tmp_path / "d", "--train", "8", "--valid", "0", "--test", "0", "--workers", "1")
 
@@ -187,7 +188,7 @@ def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
     nan = float("nan")
     for in_bytes, without, why in ((0.48, 0.5, "cost more than"), (nan, nan, "have no labels")):
         costly = Quantisation(ranges=made.card.ranges, mean_iou_in_bytes=in_bytes, mean_iou=without)
-        monkeypatch.setattr("navcore.learning.quantisation.quantise", lambda *_, costly=costly: costly)
+        monkeypatch.setattr("navcore.learning.training.quantisation.quantise", lambda *_, costly=costly: costly)
         with pytest.raises(BadConfiguration, match=why):
             run("weights", "quantise", model, tmp_path / "q2.safetensors", "--data", tmp_path / "d")
     with pytest.raises(BadConfiguration, match="expected a name ending in"):

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from app.cli.users import users_cli
 from app.storage import Store
-from app.users_cli import users_cli
 from navcore.errors import BadConfiguration, BewareNavError, NotKnown, Refused
 from web.access.users import hash_token, is_password
 

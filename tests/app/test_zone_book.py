@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.preview import compared
+from app.console.path_preview import compared
+from app.console.zone_editor import ZoneBook
 from app.storage import Store
-from app.zone_book import ZoneBook
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFailed
-from navcore.grid import GridSpec, OccupancyGrid, inflate_layers
-from navcore.path import NoPath, plan
-from navcore.path import Path as FoundPath
-from navcore.zone_shapes import Circle
-from navcore.zones import Zone, ZoneKind
+from navcore.grid.grid import GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.mission.zone_shapes import Circle
+from navcore.planning.planner import NoPath, plan
+from navcore.planning.planner import Path as FoundPath
 from web.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
 
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)

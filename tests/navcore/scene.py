@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareClass, BewareList, ColourRule
-from navcore.frame import Frame, Intrinsics
-from navcore.grid import GridSpec
-from navcore.robot import STANDSTILL, Twist
-from navcore.transform import Matrix, Pose2, camera_mount
+from navcore.geometry.transform import Matrix, Pose2, camera_mount
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import STANDSTILL, Twist
 
 Colour = tuple[int, int, int]
 Span = tuple[float, float]

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.approach import mouth
-from navcore.beware import BewareClass, BewareList
 from navcore.config import NavigatorConfig
-from navcore.frame import Frame
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.motion import Outcome
+from navcore.control.motion import Outcome
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.navigator import Navigator, Order
-from navcore.occupancy import Occupancy
-from navcore.path import NoPath, Path, Reason, plan
-from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter, Finder, Labels
-from navcore.transform import Pose2
+from navcore.perception.segmenter import ColourSegmenter, Finder, Labels
+from navcore.planning.gap_viewpoint import mouth
+from navcore.planning.planner import NoPath, Path, Reason, plan
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 from tests.navcore.scene import RED_LIST, Box, picture
 from tests.navcore.test_relief import PINK

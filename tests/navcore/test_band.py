@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.band import eased
-from navcore.grid import GridSpec
-from navcore.mask import Mask
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import GridSpec
+from navcore.planning.elastic_band import eased
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05)

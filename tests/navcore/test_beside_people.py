@@ -11,13 +11,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.followed import Track
-from navcore.local_planner import path_from
-from navcore.motion import IDLE, LocalRules, Outcome
-from navcore.patience import Patience
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.transform import Pose2
-from navcore.yielding import MANNERS, NOBODY, Bodies, allowed_mps
+from navcore.behaviours.waiting import Patience
+from navcore.control.local_planner import path_from
+from navcore.control.motion import IDLE, LocalRules, Outcome
+from navcore.control.social import MANNERS, NOBODY, Bodies, allowed_mps
+from navcore.geometry.transform import Pose2
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
 from tests.navcore.laws import law
 from tests.navcore.test_local_planner import BOTH, ORIGIN, RULES, decide, footprints, stands
 

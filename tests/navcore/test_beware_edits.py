@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import PERSON, BewareClass, BewareList, ColourRule
 from navcore.config import NavigatorConfig
-from navcore.frame import Frame
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import PERSON, BewareClass, BewareList, ColourRule
 from navcore.navigator import Navigator, Order
-from navcore.occupancy import Occupancy
-from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels, Segmenter
-from navcore.transform import Pose2
+from navcore.perception.segmenter import ColourSegmenter, Finder, JointSegmenter, Labels, Segmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 from tests.navcore.scene import RED_FLOOR, SPEC, Box, Paint, picture
 

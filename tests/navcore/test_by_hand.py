@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navcore.by_hand import keeps_out
-from navcore.grid import GridSpec, OccupancyGrid
-from navcore.occupancy import Occupancy
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.transform import Pose2
-from navcore.zones import Zone, ZoneKind, rasterise
+from navcore.behaviours.assisted_teleop import keeps_out
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mission.zone import Zone, ZoneKind, rasterise
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
 
 SPEC = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05)
 AHEAD, BACK = Twist(v_mps=0.4, w_radps=0.0), Twist(v_mps=-0.2, w_radps=0.0)

@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import NOTHING, BewareClass, BewareList
-from navcore.cloud_map import CloudMap, MapRules
 from navcore.errors import BadConfiguration
-from navcore.frame import Frame, Intrinsics
-from navcore.grid import BoolGrid, GridSpec
-from navcore.points import Observation, PointRules, observe
-from navcore.robot import STANDSTILL
-from navcore.segment import ColourSegmenter, Labels
-from navcore.transform import Pose2
-from navcore.voxels import BIN_M, LOWEST_M
-from navcore.zones import Zone, rasterise
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mapping.observation import Observation, PointRules, observe
+from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mapping.voxels import BIN_M, LOWEST_M
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
+from navcore.mission.zone import Zone, rasterise
+from navcore.perception.segmenter import ColourSegmenter, Labels
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import STANDSTILL
 from tests.navcore.laws import law
 from tests.navcore.scene import MOUNT, ORIGIN, RED_FLOOR, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 

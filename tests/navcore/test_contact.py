@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.contact import (
+from navcore.geometry.transform import Pose2
+from navcore.robot.profile import HUSKY, STANDSTILL, Command, Twist
+from navcore.safety.collision_monitor import (
     AHEAD_M,
     NO_POINTS,
     REMEMBERED_NS,
@@ -21,9 +23,7 @@ from navcore.contact import (
     near_points,
     time_to_contact,
 )
-from navcore.robot import HUSKY, STANDSTILL, Command, Twist
-from navcore.safety import Cause, Facts, Verdict, guard
-from navcore.transform import Pose2
+from navcore.safety.gate import Cause, Facts, Verdict, guard
 from tests.navcore.laws import law
 from tests.navcore.scene import Box, picture
 

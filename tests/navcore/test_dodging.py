@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.followed import Track
-from navcore.local_planner import plan_motion
-from navcore.motion import IDLE, LocalRules, Outcome
-from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist, load_profile
-from navcore.transform import Pose2
-from navcore.yielding import Bodies, PeopleRules
+from navcore.control.local_planner import plan_motion
+from navcore.control.motion import IDLE, LocalRules, Outcome
+from navcore.control.social import Bodies, PeopleRules
+from navcore.geometry.transform import Pose2
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY, STANDSTILL, RobotProfile, Twist, load_profile
 
 JACKAL = load_profile("jackal")
 HEEDLESS = PeopleRules(heedless=True)

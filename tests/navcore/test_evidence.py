@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import BewareClass, BewareList
-from navcore.cloud_map import CloudMap, MapRules
-from navcore.evidence import first_look
-from navcore.frame import Frame
-from navcore.points import PointRules, observe
-from navcore.segment import Labels
+from navcore.mapping.confidence import first_look
+from navcore.mapping.observation import PointRules, observe
+from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.perception.segmenter import Labels
+from navcore.robot.frame import Frame
 from tests.navcore.laws import law
 from tests.navcore.scene import SPEC, picture
 from tests.navcore.test_cloud_map import ALL, assert_same, layers, rebuilt

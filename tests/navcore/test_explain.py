@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navcore.beware import BewareClass, BewareList
-from navcore.explain import Rule, Rules, path_without, rules_of, stretches
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.lifting import smallest_lifting
-from navcore.path import NoPath, Path, plan
-from navcore.zones import Zone, rasterise
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.zone import Zone, rasterise
+from navcore.planning.constraint_removal import smallest_lifting
+from navcore.planning.path_explanation import Rule, Rules, path_without, rules_of, stretches
+from navcore.planning.planner import NoPath, Path, plan
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
 WIDTH_M, MARGIN_M = 0.3, 0.05

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from navcore.arcs import ALONG_M
-from navcore.falco import (
+from navcore.control.primitives.arcs import ALONG_M
+from navcore.control.primitives.falco import (
     GROUPS,
     HEADINGS_RAD,
     IN_GROUP,
@@ -29,7 +29,7 @@ from navcore.falco import (
     pursuits,
     scores,
 )
-from navcore.primitives import Primitives, first_try, likeliest
+from navcore.control.primitives.library import Primitives, first_try, likeliest
 from tests.navcore.laws import law
 
 Floats = npt.NDArray[np.float64]

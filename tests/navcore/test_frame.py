@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadFrame
-from navcore.frame import Frame, check_frame
-from navcore.robot import Twist
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
+from navcore.robot.frame import Frame, check_frame
+from navcore.robot.profile import Twist
 from tests.navcore.scene import LENS, MOUNT, ORIGIN, Box, picture
 
 GOOD = picture(Box(x=(2, 3), y=(-1, 1), z=(0, 1)))

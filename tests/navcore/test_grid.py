@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from navcore.grid import GridSpec, OccupancyGrid, inflate, inflate_layers, inflation_radius
+from navcore.grid.grid import GridSpec, OccupancyGrid, inflate, inflate_layers, inflation_radius
 from tests.navcore.laws import law
 
 specs = st.builds(

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import NOTHING, PERSON, BewareClass, BewareList, ColourRule
-from navcore.frame import Frame
-from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels, joined
+from navcore.mission.beware_list import NOTHING, PERSON, BewareClass, BewareList, ColourRule
+from navcore.perception.segmenter import ColourSegmenter, Finder, JointSegmenter, Labels, joined
+from navcore.robot.frame import Frame
 from tests.navcore.laws import law
 from tests.navcore.scene import RED, Box, Paint, picture
 

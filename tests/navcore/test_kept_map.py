@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.cloud_map import CloudMap, MapRules
 from navcore.errors import BadConfiguration
-from navcore.grid import BoolGrid, GridSpec
-from navcore.map_file import load, save
-from navcore.points import PointRules
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mapping.map_file import load, save
+from navcore.mapping.observation import PointRules
+from navcore.mapping.point_map import CloudMap, MapRules
 from tests.navcore.laws import law
 from tests.navcore.test_cloud_map import ALL, SMALL, SURE, random_step
 from tests.navcore.test_map_file import assert_same

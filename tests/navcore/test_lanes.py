@@ -11,12 +11,12 @@ from shapely.geometry import box
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
-from navcore.followed import Track
-from navcore.lanes import LONGER_M, OPEN_S, REMEMBERED_M, REMEMBERED_S, Lanes
-from navcore.motion import Motion, Outcome
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.transform import Pose2
-from navcore.yielding import MANNERS
+from navcore.behaviours.lane_keep_out import LONGER_M, OPEN_S, REMEMBERED_M, REMEMBERED_S, Lanes
+from navcore.control.motion import Motion, Outcome
+from navcore.control.social import MANNERS
+from navcore.geometry.transform import Pose2
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
 
 ROBOT = Pose2(x_m=0.0, y_m=0.2, yaw_rad=0.0)
 YIELDS = Motion(twist=STANDSTILL, outcome=Outcome.YIELD)

@@ -11,14 +11,14 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.local_planner import Points, path_from, plan_motion
-from navcore.motion import IDLE, LocalRules, Motion, Outcome
-from navcore.near_cells import hard_cells, nearby, outside
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.surroundings import Surroundings, candidates
-from navcore.transform import Pose2
-from navcore.yielding import MANNERS, NOBODY, Bodies
+from navcore.control.collision_checker import Surroundings, candidates
+from navcore.control.local_planner import Points, path_from, plan_motion
+from navcore.control.motion import IDLE, LocalRules, Motion, Outcome
+from navcore.control.social import MANNERS, NOBODY, Bodies
+from navcore.costmap.local_costmap import hard_cells, nearby, outside
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)

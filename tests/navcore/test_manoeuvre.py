@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import shapely
 
-from navcore.followed import Track
-from navcore.local_planner import Points, plan_motion
-from navcore.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
-from navcore.motion import BOXED_IN, IDLE, LocalRules, Motion, Outcome
-from navcore.robot import HUSKY
-from navcore.search.lattice import REACH_M
-from navcore.transform import Pose2, wrap_angle
-from navcore.yielding import NOBODY, Bodies
+from navcore.control.local_planner import Points, plan_motion
+from navcore.control.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
+from navcore.control.motion import BOXED_IN, IDLE, LocalRules, Motion, Outcome
+from navcore.control.social import NOBODY, Bodies
+from navcore.control.state_lattice import REACH_M
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY
 
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 NONE: Points = np.empty((0, 2))

@@ -17,13 +17,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import BewareClass, BewareList
 from navcore.errors import BadConfiguration, StorageFailed
-from navcore.grid import GridSpec
-from navcore.map_file import check_classes, load, save
-from navcore.map_points import MapPoints
-from navcore.map_state import MapState
-from navcore.mask import Mask
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import GridSpec
+from navcore.mapping.map_file import check_classes, load, save
+from navcore.mapping.map_state import MapState
+from navcore.mapping.point_table import MapPoints
+from navcore.mission.beware_list import BewareClass, BewareList
 from tests.navcore.laws import law
 
 NAMES = {1: "first", 2: "zweite – Art", 62: "third"}
@@ -214,9 +214,9 @@ def test_a_file_that_does_not_fit_itself_is_refused_by_part(
 def test_a_file_that_would_unpack_to_gigabytes_is_refused_unread(
     tmp_path: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("navcore.map_file.MAX_UNPACKED", 1000)
+    monkeypatch.setattr("navcore.mapping.map_file.MAX_UNPACKED", 1000)
     assert "bytes unpacked, at most 1000 are read" in refusal(tmp_path, whole)
-    monkeypatch.setattr("navcore.map_file.MAX_BYTES", len(whole) - 1)
+    monkeypatch.setattr("navcore.mapping.map_file.MAX_BYTES", len(whole) - 1)
     (tmp_path / "m").write_bytes(whole)
     with pytest.raises(BadConfiguration, match="larger than"):
         load(tmp_path / "m")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.mask import Mask
+from navcore.grid.cell_mask import Mask
 from tests.navcore.laws import law
 
 

@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from navcore.beware import BewareList
 from navcore.config import NavigatorConfig
-from navcore.frame import Frame
-from navcore.grid import GridSpec
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Order
-from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter
-from navcore.transform import Pose2
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import Box, picture
 
 TENTH_NS = 100_000_000

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from navcore.errors import BadGeometry, NotKnown, Refused
-from navcore.grid import GridSpec
-from navcore.mission import MAX_GOALS, Goal, Mission, Phase
+from navcore.grid.grid import GridSpec
+from navcore.mission.mission import MAX_GOALS, Goal, Mission, Phase
 
 SPEC = GridSpec.centred(size_m=(10, 10), resolution_m=0.1)
 EMPTY = Mission()

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.moving_ai import load_map, load_scenario
-from navcore.path import Path as GridPath
-from navcore.path import plan
+from navcore.formats.moving_ai import load_map, load_scenario
+from navcore.planning.planner import Path as GridPath
+from navcore.planning.planner import plan
 from tests.navcore.test_path import map_data
 
 HEAD = "type octile\nheight 2\nwidth 7\nmap\n"

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec
-from navcore.map_image import MapImage, decode, encode
-from navcore.nav2_map import Description, Mode, Nav2Map, State, drawn, load, save, yaml_text
+from navcore.formats.map_image import MapImage, decode, encode
+from navcore.formats.nav2_map import Description, Mode, Nav2Map, State, drawn, load, save, yaml_text
+from navcore.grid.grid import GridSpec
 from tests.navcore.laws import law
 from tests.navcore.test_path import map_data
 

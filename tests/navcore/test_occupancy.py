@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import BewareList
-from navcore.cloud_map import CloudMap, MapRules
-from navcore.grid import inflate_layers
-from navcore.occupancy import LiveOccupancy, Occupancy
-from navcore.transform import Pose2
-from navcore.zones import Zone
+from navcore.costmap.costmap import LiveOccupancy, Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import inflate_layers
+from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mission.beware_list import BewareList
+from navcore.mission.zone import Zone
 from tests.navcore.laws import law
 from tests.navcore.test_cloud_map import ALL, FIRST, SECOND, SMALL, random_step
 

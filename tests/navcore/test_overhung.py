@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.beware import BewareClass, BewareList, default_beware_list
-from navcore.cloud_map import CloudMap, MapRules
-from navcore.frame import Frame
-from navcore.overhung import overhung
-from navcore.points import PointRules, observe
-from navcore.relief import heights_above_floor
-from navcore.segment import ColourSegmenter, Finder, JointSegmenter, Labels
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
+from navcore.mapping.observation import PointRules, observe
+from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
+from navcore.perception.depth_filter import heights_above_floor
+from navcore.perception.overhang_filter import overhung
+from navcore.perception.segmenter import ColourSegmenter, Finder, JointSegmenter, Labels
+from navcore.robot.frame import Frame
 from tests.navcore.scene import RED, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 from tests.navcore.test_relief import PINK, noisy
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from navcore.grid import BoolGrid, Cell
-from navcore.path import NoPath, Path, Reason, plan
+from navcore.grid.grid import BoolGrid, Cell
+from navcore.planning.planner import NoPath, Path, Reason, plan
 from tests.navcore.laws import law
 from tests.shared_data import beside
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from navcore.motion import Motion, Outcome
-from navcore.patience import HERE_M, STEP_S, Patience
-from navcore.robot import STANDSTILL, Twist
-from navcore.transform import Pose2
-from navcore.yielding import MANNERS
+from navcore.behaviours.waiting import HERE_M, STEP_S, Patience
+from navcore.control.motion import Motion, Outcome
+from navcore.control.social import MANNERS
+from navcore.geometry.transform import Pose2
+from navcore.robot.profile import STANDSTILL, Twist
 
 YIELDS = Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=Outcome.FOLLOW)

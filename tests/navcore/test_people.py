@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from navcore.beware import PERSON, BewareClass, BewareList
 from navcore.config import NavigatorConfig
-from navcore.followed import Followed, Track
-from navcore.frame import Frame
-from navcore.grid import GridSpec
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import PERSON, BewareClass, BewareList
 from navcore.navigator import Navigator, Order
-from navcore.people import PeopleTracker
-from navcore.robot import HUSKY
-from navcore.segment import ColourSegmenter, Finder, Labels
-from navcore.sightings import Cluster
-from navcore.transform import Pose2
+from navcore.perception.people.detector import Cluster
+from navcore.perception.people.track import Followed, Track
+from navcore.perception.people.tracker import PeopleTracker
+from navcore.perception.segmenter import ColourSegmenter, Finder, Labels
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
 
 TENTH_NS = 100_000_000

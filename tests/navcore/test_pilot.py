@@ -8,21 +8,21 @@ import math
 import numpy as np
 import pytest
 
-from app.pilot import Intent, Pilot
+from app.runtime.pilot import Intent, Pilot
 from navcore.config import NavigatorConfig
+from navcore.control.motion import Motion, Outcome
+from navcore.costmap.costmap import Occupancy, nearest_free
 from navcore.errors import BadConfiguration, BadFrame, Refused
-from navcore.frame import Frame
-from navcore.mask import Mask
-from navcore.mission import Mission, Phase
-from navcore.motion import Motion, Outcome
+from navcore.geometry.transform import Pose2
+from navcore.grid.cell_mask import Mask
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Navigator, Order
-from navcore.occupancy import Occupancy, nearest_free
-from navcore.path import NoPath, Path, Reason
-from navcore.robot import HUSKY, STANDSTILL, Command, Twist
-from navcore.safety import COMMAND_LIFE_NS, Cause, Verdict
-from navcore.segment import ColourSegmenter
-from navcore.transform import Pose2
-from navcore.zones import Zone, ZoneKind
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.planning.planner import NoPath, Path, Reason
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL, Command, Twist
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 
 SECOND = 1_000_000_000
@@ -338,8 +338,8 @@ def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None
 
 def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """The control of the test above."""
-    monkeypatch.setattr("app.pilot.HAND_LIFE_NS", 10**15)
-    monkeypatch.setattr("navcore.safety.COMMAND_LIFE_NS", 10**15)
+    monkeypatch.setattr("app.runtime.pilot.HAND_LIFE_NS", 10**15)
+    monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", 10**15)
     driver = pilot()
     think(driver)
     assert command(pushed(driver), after_s=0.4).twist.v_mps > 0

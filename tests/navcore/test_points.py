@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import LARGEST_CLASS_ID, NOTHING, BewareClass, BewareList
-from navcore.frame import Frame, Intrinsics
-from navcore.points import Observation, PointRules, back_project, observe
-from navcore.segment import ColourSegmenter, Labels
-from navcore.transform import Pose2, transform_points
-from navcore.voxels import BIN_M, LOWEST_M
+from navcore.geometry.transform import Pose2, transform_points
+from navcore.mapping.observation import Observation, PointRules, back_project, observe
+from navcore.mapping.voxels import BIN_M, LOWEST_M
+from navcore.mission.beware_list import LARGEST_CLASS_ID, NOTHING, BewareClass, BewareList
+from navcore.perception.segmenter import ColourSegmenter, Labels
+from navcore.robot.frame import Frame, Intrinsics
 from tests.navcore.laws import law
 from tests.navcore.scene import LENS, RED, RED_FLOOR, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 

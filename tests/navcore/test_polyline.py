@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.polyline import evenly, metres_along, points_at
+from navcore.geometry.polyline import evenly, metres_along, points_at
 from tests.navcore.laws import law
 
 SEEDS = st.integers(0, 2**32 - 1)

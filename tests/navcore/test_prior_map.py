@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadGeometry
-from navcore.grid import BoolGrid, GridSpec
-from navcore.nav2_map import Nav2Map, State, drawn
-from navcore.prior_map import prior_layer
+from navcore.formats.nav2_map import Nav2Map, State, drawn
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mapping.prior_map import prior_layer
 from tests.navcore.laws import law
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.cloud_map import CloudMap, MapRules
-from navcore.points import PointRules
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
+from navcore.mapping.observation import PointRules
+from navcore.mapping.point_map import CloudMap, MapRules
 from tests.navcore.scene import SPEC, Box, picture
 
 WALL = Box(x=(1.9, 2.1), y=(-3.0, 3.0), z=(0.0, 2.0))

@@ -8,18 +8,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from navcore.beware import BewareList
+from navcore.behaviours.recovery import Means, Recovery, RecoveryRules, closed_way, trail_with
 from navcore.config import NavigatorConfig
-from navcore.grid import GridSpec
-from navcore.local_planner import Points, plan_motion
-from navcore.motion import IDLE, LocalRules, Motion, Outcome
+from navcore.control.local_planner import Points, plan_motion
+from navcore.control.motion import IDLE, LocalRules, Motion, Outcome
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Order
-from navcore.path import NoPath, Path, Reason
-from navcore.recovery import Means, Recovery, RecoveryRules, closed_way, trail_with
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.route import Route
-from navcore.segment import ColourSegmenter
-from navcore.transform import Pose2
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.planning.planner import NoPath, Path, Reason
+from navcore.planning.route import Route
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
 from tests.navcore.scene import picture
 
 RULES = RecoveryRules()

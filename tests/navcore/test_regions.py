@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import Polygon, box
 
 from navcore.errors import BadGeometry
-from navcore.regions import Region, region_at
+from navcore.perception.region_growing import Region, region_at
 from tests.navcore.scene import Box, picture
 
 CRATE = Box(x=(2.0, 2.5), y=(-0.3, 0.3), z=(0.0, 0.4))

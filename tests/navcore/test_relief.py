@@ -9,10 +9,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.beware import BewareClass, BewareList, default_beware_list
-from navcore.frame import Frame
-from navcore.relief import GROUND_M, MAX_FLAT_M, heights_above_floor, without_pictures, without_specks, without_spills
-from navcore.segment import ColourSegmenter, JointSegmenter
+from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
+from navcore.perception.depth_filter import (
+    GROUND_M,
+    MAX_FLAT_M,
+    heights_above_floor,
+    without_pictures,
+    without_specks,
+    without_spills,
+)
+from navcore.perception.segmenter import ColourSegmenter, JointSegmenter
+from navcore.robot.frame import Frame
 from tests.navcore.scene import LENS, RED, Box, Paint, picture
 
 PINK = (250, 60, 200)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.robot import HUSKY, STANDSTILL, Command, Twist
-from navcore.safety import COMMAND_LIFE_NS, FRAME_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, ranked
+from navcore.robot.profile import HUSKY, STANDSTILL, Command, Twist
+from navcore.safety.gate import COMMAND_LIFE_NS, FRAME_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, ranked
 from tests.navcore.laws import law
 
 NOW = 10_000_000_000

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.beware import NOTHING, BewareClass, BewareList, ColourRule
-from navcore.segment import ColourSegmenter
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourRule
+from navcore.perception.segmenter import ColourSegmenter
 from tests.navcore.laws import law
 from tests.navcore.scene import Colour, picture
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.frame import Frame
-from navcore.robot import HUSKY, STANDSTILL, Command, Twist
-from navcore.safety import BLOCKED_NS, Cause, Facts, guard, pushes_in_vain
-from navcore.senses import STEADY, Doubt, Senses
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL, Command, Twist
+from navcore.safety.gate import BLOCKED_NS, Cause, Facts, guard, pushes_in_vain
+from navcore.safety.sensor_monitor import STEADY, Doubt, Senses
 from tests.navcore.laws import law
 from tests.navcore.scene import picture
 

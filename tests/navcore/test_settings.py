@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import pytest
 
-from navcore.beware import BewareClass, BewareList, ColourRule, default_beware_list, load_beware_list
 from navcore.config import NavigatorConfig, config_for, load_config
+from navcore.control.motion import LocalRules
 from navcore.errors import BadConfiguration
-from navcore.motion import LocalRules
-from navcore.robot import load_profile
-from navcore.settings import between, from_table
+from navcore.mission.beware_list import BewareClass, BewareList, ColourRule, default_beware_list, load_beware_list
+from navcore.robot.profile import load_profile
+from navcore.toml_config import between, from_table
 
 CUP = {"name": "cup", "class_id": 1}
 RED = {"name": "red floor", "class_id": 2, "colour": {"hue_deg": [345, 15]}}

@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from navcore.grid import GridSpec
-from navcore.motion import LocalRules, Motion, Outcome
-from navcore.robot import HUSKY, Twist
-from navcore.speed_limits import LAG_S, allowed_speed_mps, slowed, travel_time_s
-from navcore.transform import Pose2
-from navcore.zones import Zone, ZoneKind, cells_of
+from navcore.control.motion import LocalRules, Motion, Outcome
+from navcore.control.speed_limits import LAG_S, allowed_speed_mps, slowed, travel_time_s
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mission.zone import Zone, ZoneKind, cells_of
+from navcore.robot.profile import HUSKY, Twist
 
 RULES = LocalRules()
 SLOW = Zone(

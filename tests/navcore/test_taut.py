@@ -9,10 +9,10 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.mask import Mask
-from navcore.path import Path, plan
-from navcore.taut import in_sight, pull_taut
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import BoolGrid
+from navcore.planning.planner import Path, plan
+from navcore.planning.string_pulling import in_sight, pull_taut
 from tests.navcore.laws import law
 
 Ints = npt.NDArray[np.int64]

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.beware import BewareList
-from navcore.contact import near_points, time_to_contact
-from navcore.frame import Frame
-from navcore.points import PointRules, observe
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.segment import ColourSegmenter
-from navcore.terrain import ground_heights
+from navcore.mapping.observation import PointRules, observe
+from navcore.mission.beware_list import BewareList
+from navcore.perception.ground import ground_heights
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.safety.collision_monitor import near_points, time_to_contact
 from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, picture
 
 Floats = npt.NDArray[np.float64]

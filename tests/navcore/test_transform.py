@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.transform import Pose2, camera_mount, invert, transform_points, wrap_angle
+from navcore.geometry.transform import Pose2, camera_mount, invert, transform_points, wrap_angle
 from tests.navcore.laws import law
 
 metres = st.floats(-200, 200)

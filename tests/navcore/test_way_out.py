@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config import NavigatorConfig
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.motion import Outcome
-from navcore.occupancy import Occupancy
-from navcore.path import NoPath, Path, Reason, plan
-from navcore.robot import HUSKY
-from navcore.transform import Pose2
-from navcore.way_out import nearest_exit, way_out
-from navcore.zones import Zone, cells_of
+from navcore.control.motion import Outcome
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.zone import Zone, cells_of
+from navcore.planning.escape import nearest_exit, way_out
+from navcore.planning.planner import NoPath, Path, Reason, plan
+from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 from tests.navcore.scene import Paint, picture
 from tests.navcore.test_pilot import navigator, order
@@ -100,7 +100,7 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
     known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1)
     found = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("navcore.way_out.NEAR_M", 1e3)
+        patch.setattr("navcore.planning.escape.NEAR_M", 1e3)
         whole = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
     if isinstance(whole, NoPath):
         assert found == whole

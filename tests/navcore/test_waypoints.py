@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import GridSpec
-from navcore.path import Path, plan
-from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.grid.grid import GridSpec
+from navcore.planning.planner import Path, plan
+from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(4.0, 4.0), resolution_m=0.1)

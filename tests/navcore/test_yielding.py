@@ -7,10 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.followed import Track
-from navcore.robot import HUSKY
-from navcore.transform import Pose2
-from navcore.yielding import MANNERS, Bodies, place_to_wait
+from navcore.control.social import MANNERS, Bodies, place_to_wait
+from navcore.geometry.transform import Pose2
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY
 
 Poses = npt.NDArray[np.float64]
 SPEED_MPS = 0.5

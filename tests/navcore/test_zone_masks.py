@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadGeometry
-from navcore.grid import BoolGrid, GridSpec
-from navcore.zone_masks import closed_cells, polygons_of
-from navcore.zones import Zone, ZoneKind, check_polygon
+from navcore.formats.keepout_mask import closed_cells, polygons_of
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mission.zone import Zone, ZoneKind, check_polygon
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)

@@ -8,7 +8,7 @@ import pytest
 from shapely.geometry import LineString, Point, Polygon
 
 from navcore.errors import BadGeometry
-from navcore.zone_shapes import Circle, Corridor, Shape, still_drawn
+from navcore.mission.zone_shapes import Circle, Corridor, Shape, still_drawn
 
 CIRCLE = Circle(centre=(1.0, -2.0), radius_m=0.7)
 BENT = Corridor(line=((0.0, 0.0), (2.0, 0.0), (2.0, 1.5)), width_m=0.4)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from navcore.errors import BadGeometry
-from navcore.grid import BoolGrid, GridSpec
-from navcore.zones import MAX_CORNERS, _rasterised, check_polygon, rasterise
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mission.zone import MAX_CORNERS, _rasterised, check_polygon, rasterise
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from sim.egl import egl_works
+from sim.sensors.egl import egl_works
 
 
 def need_egl() -> None:

@@ -12,15 +12,15 @@ import pytest
 
 from navcore.config import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec
-from navcore.points import back_project
-from navcore.robot import HUSKY, ROBOTS, STANDSTILL, load_profile
-from navcore.transform import Pose2, transform_points
-from sim.barn import HUSKY_SCALE, load_worlds
-from sim.referee import Referee
-from sim.scenario import Mover, Scenario
+from navcore.geometry.transform import Pose2, transform_points
+from navcore.grid.grid import GridSpec
+from navcore.mapping.observation import back_project
+from navcore.robot.profile import HUSKY, ROBOTS, STANDSTILL, load_profile
+from sim.referee.referee import Referee
+from sim.scenario.barn import HUSKY_SCALE, load_worlds
+from sim.scenario.schema import Mover, Scenario
+from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import PERIOD_S, Simulator
-from sim.stereo import PERFECT
 from tests.shared_data import beside
 from tests.sim.worlds import drive, open_floor, turned_by, wait
 

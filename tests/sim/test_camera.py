@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.frame import check_frame
-from navcore.points import back_project
-from navcore.transform import Matrix, Pose2, transform_points
-from sim.camera import T_BASE_CAMERA, Renderer, d455_intrinsics
-from sim.egl import egl_works
-from sim.scenario import Furniture, Marking, load_scenario
+from navcore.geometry.transform import Matrix, Pose2, transform_points
+from navcore.mapping.observation import back_project
+from navcore.robot.frame import check_frame
+from sim.scenario.schema import Furniture, Marking, load_scenario
+from sim.sensors.camera import T_BASE_CAMERA, Renderer, d455_intrinsics
+from sim.sensors.egl import egl_works
+from sim.sensors.stereo_noise import PERFECT, StereoErrors, spoil_depth
 from sim.simulator import Simulator
-from sim.stereo import PERFECT, StereoErrors, spoil_depth
 from tests.sim.renderers import need_egl
 from tests.sim.worlds import drive, open_floor, seeing, shifted
 
@@ -146,7 +146,7 @@ def test_the_mount_is_where_the_documentation_says() -> None:
 def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
         assert simulator.renderer == ("egl" if egl_works() else "tiny")
-    monkeypatch.setattr("sim.camera.egl_works", lambda: False)
+    monkeypatch.setattr("sim.sensors.camera.egl_works", lambda: False)
     with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
         assert simulator.renderer == "tiny"
     with pytest.raises(BadConfiguration, match="apt-get install"):

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import pytest
 
-from navcore.robot import HUSKY, Twist
-from sim.husky import HUSKY_CHASSIS
-from sim.scenario import load_scenario
+from navcore.robot.profile import HUSKY, Twist
+from sim.robot.husky import HUSKY_CHASSIS
+from sim.robot.skid_steer import COMMAND_TIMEOUT_NS, Driver
+from sim.scenario.schema import load_scenario
 from sim.simulator import PERIOD_S, Simulator
-from sim.skid_steer import COMMAND_TIMEOUT_NS, Driver
 from tests.sim.worlds import blind, drive, open_floor, turned_by, wait
 
 

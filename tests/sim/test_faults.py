@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration, BadFrame
-from navcore.frame import Frame, check_frame
-from sim.faults import EVERY_KIND, KINDS, Fault
-from sim.scenario import WORLDS, load_scenario
+from navcore.robot.frame import Frame, check_frame
+from sim.scenario.schema import WORLDS, load_scenario
+from sim.sensors.faults import EVERY_KIND, KINDS, Fault
 from sim.simulator import Simulator
 from tests.sim.worlds import blind, drive, open_floor
 

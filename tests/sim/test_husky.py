@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import yourdfpy
 
-from sim.husky import WHEELS, husky_urdf
+from sim.robot.husky import WHEELS, husky_urdf
 
 
 def test_the_urdf_loads_with_all_its_meshes_outside_of_pybullet() -> None:

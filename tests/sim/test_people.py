@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.transform import Pose2
-from sim.people import Walker
-from sim.scenario import Person, load_scenario
+from navcore.geometry.transform import Pose2
+from sim.physics.pedestrians import Walker
+from sim.scenario.schema import Person, load_scenario
 
 AFAR = Pose2(x_m=50.0, y_m=0.0, yaw_rad=0.0)
 PERIOD_S = 0.01

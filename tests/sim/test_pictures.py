@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.learning.classes import BEWARE_CLASSES
-from navcore.transform import Pose2
-from sim.camera import T_BASE_CAMERA, Light
-from sim.items import ITEM_COLOURS, ITEM_SIZES, item_shapes, item_solids
-from sim.pictures import SHARDS_PER_SPLIT, SPLITS, WORLDS_PER_SHARD, Picture, render_pictures, shard_seed
-from sim.pictures.rooms import random_scene
-from sim.pictures.scene import BACKGROUND, Patch, Piece, Scene, Sheet
-from sim.pictures.studio import LABELS, PATTERNS, Studio
-from sim.shapes import Colour
+from navcore.geometry.transform import Pose2
+from navcore.learning.data.class_names import BEWARE_CLASSES
+from sim.dataset.generate import SHARDS_PER_SPLIT, SPLITS, WORLDS_PER_SHARD, Picture, render_pictures, shard_seed
+from sim.dataset.renderer import LABELS, PATTERNS, Studio
+from sim.dataset.room_generator import random_scene
+from sim.dataset.scene import BACKGROUND, Patch, Piece, Scene, Sheet
+from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_shapes, item_solids
+from sim.models.solids import Colour
+from sim.sensors.camera import T_BASE_CAMERA, Light
 from tests.sim.renderers import need_egl
 
 SMALL = (212, 120)

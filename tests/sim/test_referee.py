@@ -11,13 +11,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navcore.grid import GridSpec
-from navcore.robot import HUSKY, STANDSTILL, Twist
-from navcore.transform import Pose2
-from sim.clearance import Outlines, distance_m
-from sim.referee import Referee
-from sim.scenario import Furniture, Item, Marking, Person, Scenario
-from sim.shapes import Polygon, placed, rectangle
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from sim.models.solids import Polygon, placed, rectangle
+from sim.referee.clearance import Outlines, distance_m
+from sim.referee.referee import Referee
+from sim.scenario.schema import Furniture, Item, Marking, Person, Scenario
 from tests.sim.worlds import blind, drive, open_floor, shifted, wait
 
 PERIOD_S = 1 / 240

@@ -12,14 +12,14 @@ import pytest
 from shapely import Polygon
 
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec
-from sim.items import ITEM_SIZES, item_shapes
-from sim.layout import beware_markings, items, obstacles
-from sim.referee import Referee
-from sim.scenario import WORLDS, Furniture, Item, Marking, Print, Scenario, Wall, load_scenario, scenario_names
+from navcore.grid.grid import GridSpec
+from sim.models.items import ITEM_SIZES, item_shapes
+from sim.referee.referee import Referee
+from sim.scenario.layout import beware_markings, items, obstacles
+from sim.scenario.schema import WORLDS, Furniture, Item, Marking, Print, Scenario, Wall, load_scenario, scenario_names
+from sim.scenario.variation import vary
+from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
-from sim.stereo import PERFECT
-from sim.variation import vary
 from tests.sim.renderers import need_egl
 from tests.sim.worlds import blind, open_floor, wait
 

@@ -10,12 +10,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navcore.grid import GridSpec
-from navcore.path import Path, plan
-from navcore.transform import Pose2
-from sim.shapes import Polygon, placed, rectangle
-from sim.shortest_way import Surroundings, length_m, shortest_way
-from sim.true_map import blocked_grid
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.planning.planner import Path, plan
+from sim.models.solids import Polygon, placed, rectangle
+from sim.truth.shortest_path import Surroundings, length_m, shortest_way
+from sim.truth.true_map import blocked_grid
 
 SPEC = GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.05)
 RADIUS_M = 0.5

@@ -10,14 +10,14 @@ import pytest
 import shapely
 
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec
-from navcore.robot import HUSKY, STANDSTILL
-from navcore.transform import Pose2
-from sim.finds import Finds
-from sim.referee import Referee
-from sim.scenario import Furniture, Item, MapExtent, Marking, Person, Scenario, load_scenario
-from sim.tasks import draw_places, draw_zones
-from sim.variation import vary
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.robot.profile import HUSKY, STANDSTILL
+from sim.referee.detections import Finds
+from sim.referee.referee import Referee
+from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Person, Scenario, load_scenario
+from sim.scenario.variation import vary
+from sim.truth.random_missions import draw_places, draw_zones
 from tests.sim.worlds import open_floor, seeing, shifted
 
 MARGINS_M = {"landmine": 0.5, "cup": 0.05}

@@ -12,20 +12,20 @@ import pytest
 import shapely
 
 from navcore.errors import BadConfiguration
-from navcore.grid import GridSpec
-from navcore.robot import HUSKY
-from navcore.transform import Pose2
-from sim.ground import FLAT, Ground, Relief
-from sim.layout import Thing, doors, items, obstacles
-from sim.people import BODY_DIAMETER_M
-from sim.referee import Referee
-from sim.scenario import WORLDS, Scenario, Wall, load_scenario
-from sim.scenery import Scatter
-from sim.shapes import Polygon
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.robot.profile import HUSKY
+from sim.models.ground import FLAT, Ground, Relief
+from sim.models.solids import Polygon
+from sim.physics.pedestrians import BODY_DIAMETER_M
+from sim.physics.terrain_mesh import draped
+from sim.referee.referee import Referee
+from sim.scenario.layout import Thing, doors, items, obstacles
+from sim.scenario.scenery import Scatter
+from sim.scenario.schema import WORLDS, Scenario, Wall, load_scenario
+from sim.scenario.variation import vary
+from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
-from sim.stereo import PERFECT
-from sim.terrain import draped
-from sim.variation import vary
 from tests.sim.worlds import blind, drive, open_floor, wait
 
 NAMES = ("indoor", "forest", "clutter")

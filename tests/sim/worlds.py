@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from navcore.robot import Twist
-from sim.scenario import Furniture, Item, MapExtent, Marking, Mover, Person, Scenario
+from navcore.robot.profile import Twist
+from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Mover, Person, Scenario
+from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import STEPS_PER_S, Simulator
-from sim.stereo import PERFECT
 
 SQUARE = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
 

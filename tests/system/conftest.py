@@ -10,8 +10,8 @@ from typing import Any
 import httpx
 import pytest
 
-from app.console import ConsoleOptions, RunningConsole, console
-from app.segmenter_choice import SegmenterChoice
+from app.console.application import ConsoleOptions, RunningConsole, console
+from app.runtime.segmenter_choice import SegmenterChoice
 
 BY_COLOUR = SegmenterChoice(kind="colour")
 """Most of what a console does needs no network, and its tests run on two processors beside a browser."""

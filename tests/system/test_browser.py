@@ -11,7 +11,7 @@ import pytest
 import shapely
 from playwright.sync_api import expect, sync_playwright
 
-from app.console import RunningConsole
+from app.console.application import RunningConsole
 from tests.web.test_browser import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
 
 PATIENCE_MS = 90_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import httpx
 
-from app.console import RunningConsole
+from app.console.application import RunningConsole
 from app.examples.client import main
 
 

@@ -8,8 +8,12 @@ from typing import Any
 
 import pytest
 
-from app import drills, hand_figures, hostile_figures, keeping_figures, start_figures
-from app.operations import LiveOperations
+from app.console.operations import LiveOperations
+from tests.reliability import drills
+from tests.reliability import hostile as hostile_figures
+from tests.reliability import startup as start_figures
+from tests.reliability import storage as keeping_figures
+from tests.reliability import teleop as hand_figures
 from web import problems
 from web.api import control as control_api
 
@@ -23,7 +27,7 @@ def test_row_12_the_emergency_stop_holds_whatever_else_is_asked_for() -> None:
 
 def test_row_12_without_the_latch_the_hand_drives_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LiveOperations, "stop", lambda self, source: None)
-    monkeypatch.setattr("app.console_on_a_bench.PATIENCE_S", 2.0)
+    monkeypatch.setattr("tests.reliability.console_rig.PATIENCE_S", 2.0)
     with pytest.raises(RuntimeError, match="does not come to work"):
         hand_figures.emergency_stops(1)
 
@@ -36,10 +40,10 @@ def test_row_13_a_page_that_is_closed_frozen_or_cut_off_moves_nothing() -> None:
 
 
 def test_row_13_without_expiry_it_goes_on_moving(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.pilot.HAND_LIFE_NS", NEVER_NS)
-    monkeypatch.setattr("navcore.safety.COMMAND_LIFE_NS", NEVER_NS)
+    monkeypatch.setattr("app.runtime.pilot.HAND_LIFE_NS", NEVER_NS)
+    monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", NEVER_NS)
     monkeypatch.setattr(control_api.Hand, "let_go", lambda self: None)
-    monkeypatch.setattr("app.console_on_a_bench.PATIENCE_S", 2.0)
+    monkeypatch.setattr("tests.reliability.console_rig.PATIENCE_S", 2.0)
     with pytest.raises(RuntimeError, match="does not come to work"):
         hand_figures.silent_hands(1)
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from app.crossings import draw_crossing, drive_crossing
-from navcore.beware import default_beware_list
-from navcore.people import PeopleTracker
+from app.evaluation.crossings import draw_crossing, drive_crossing
+from navcore.mission.beware_list import default_beware_list
+from navcore.perception.people.tracker import PeopleTracker
 
 
 def drive() -> dict[str, Any]:

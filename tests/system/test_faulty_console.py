@@ -7,8 +7,8 @@ from typing import Any
 
 import httpx
 
-from app.console import ConsoleOptions, console
-from sim.scenario import WORLDS
+from app.console.application import ConsoleOptions, console
+from sim.scenario.schema import WORLDS
 from tests.system.conftest import BY_COLOUR, state_when
 
 FAULTS = """

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 from websockets.sync.client import connect
 
-from app.console import ConsoleOptions, RunningConsole, console
+from app.console.application import ConsoleOptions, RunningConsole, console
 from tests.system.conftest import BY_COLOUR, state_when
 
 GOAL = {"x_m": -2.5, "y_m": 2.0}

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from shapely import LineString, box
 
-from app.episode import Episode
-from app.segmenter import Perception, compose
-from app.segmenter_choice import SegmenterChoice
-from navcore.beware import default_beware_list
-from sim.scenario import load_scenario
+from app.episode.episode import Episode
+from app.runtime.segmentation import Perception, compose
+from app.runtime.segmenter_choice import SegmenterChoice
+from navcore.mission.beware_list import default_beware_list
+from sim.scenario.schema import load_scenario
 
 ROOM = """
 name = "poster"

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from app.console import ConsoleOptions, console
+from app.console.application import ConsoleOptions, console
 from tests.recorded import write_recording
 from tests.system.conftest import BY_COLOUR, state_when
 

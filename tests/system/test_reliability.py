@@ -7,12 +7,16 @@ from typing import Any
 
 import pytest
 
-from app import pilot, plan_figures, stop_figures
-from app.pilot import Pilot
-from app.reliability import ROWS, measure_reliability
-from navcore import navigator, safety, senses
-from navcore.zones import Zone
-from sim import skid_steer
+from app.runtime import pilot
+from app.runtime.pilot import Pilot
+from navcore import navigator
+from navcore.mission.zone import Zone
+from navcore.safety import gate as safety
+from navcore.safety import sensor_monitor as senses
+from sim.robot import skid_steer
+from tests.reliability import planning as plan_figures
+from tests.reliability import stopping as stop_figures
+from tests.reliability.main import ROWS, measure_reliability
 
 NEVER_NS = 10**15
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import httpx
 
-from navcore.learning.dataset import load_dataset
+from navcore.learning.data.dataset import load_dataset
 from tests.system.conftest import state_when
 
 WALL = {"name": "fence", "geometry": {"type": "Polygon", "coordinates": [[[-3.9, 0.2], [3.9, 0.2], [3.9, 0.6], [-3.9, 0.6]]]}}

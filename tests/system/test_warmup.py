@@ -15,14 +15,14 @@ from types import ModuleType
 from numba.core.dispatcher import Dispatcher
 
 import navcore
-from app.drills import drill
 from navcore.warmup import warm_up
+from tests.reliability.drills import drill
 
 OTHERS = {
-    "navcore.search.free_space._replace",  # only benches and tests change a space but through its layers
-    "navcore.search.free_space._set_cells",
-    "navcore.esanet.preprocess._look_up",  # of the network, which runs while warming up where there is one
-    "navcore.esanet.winners._most_likely",
+    "navcore.grid.free_space._replace",  # only benches and tests change a space but through its layers
+    "navcore.grid.free_space._set_cells",
+    "navcore.perception.esanet.network.preprocess._look_up",  # of the network, which runs while warming up where there is one
+    "navcore.perception.esanet.inference.argmax._most_likely",
 }
 
 

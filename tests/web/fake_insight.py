@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from app.explaining import Case, alternative, explained
-from app.journal import Journal
-from app.series import COLUMNS, Series
+from app.insight.event_log import Journal
+from app.insight.explanation import Case, alternative, explained
+from app.insight.time_series import COLUMNS, Series
 from navcore.errors import NotKnown
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
 from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Sighting
 from web.pictures import camera_jpg
 

@@ -13,29 +13,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.beware_desk import BewareDesk
-from app.explaining import Case
-from app.goals import Goals
-from app.mission_shelf import MissionShelf
-from app.occupant import check_standable
-from app.preview import compared, place_on, standing_at, under
-from app.zone_book import ZoneBook
-from navcore.beware import BewareList, default_beware_list
+from app.console.beware_editor import BewareDesk
+from app.console.goals import Goals
+from app.console.path_preview import compared, place_on, standing_at, under
+from app.console.saved_missions import MissionShelf
+from app.console.zone_editor import ZoneBook
+from app.insight.explanation import Case
+from navcore.control.motion import LocalRules
+from navcore.control.speed_limits import travel_time_s
+from navcore.costmap.cell_description import check_standable
+from navcore.costmap.costmap import Occupancy
 from navcore.errors import BadConfiguration, NotKnown, Refused
-from navcore.frame import Intrinsics
-from navcore.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.mask import Mask
-from navcore.mission import Mission, Phase
-from navcore.motion import LocalRules
-from navcore.occupancy import Occupancy
-from navcore.path import NoPath, Path, plan
-from navcore.robot import HUSKY, STANDSTILL, RobotProfile, Twist
-from navcore.safety import Cause, StopReason
-from navcore.segment import ColourSegmenter
-from navcore.speed_limits import travel_time_s
-from navcore.transform import Pose2, camera_mount
-from navcore.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
-from navcore.zones import Zone, rasterise
+from navcore.geometry.transform import Pose2, camera_mount
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone, rasterise
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.planning.planner import NoPath, Path, plan
+from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.robot.frame import Intrinsics
+from navcore.robot.profile import HUSKY, STANDSTILL, RobotProfile, Twist
+from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
 from web.drafts import PathPreview, Preview, PreviewDraft
 from web.port import MissionAction

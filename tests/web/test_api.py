@@ -15,9 +15,9 @@ import pytest
 import trimesh
 from websockets.sync.client import connect
 
-from navcore.beware import BewareList, load_beware_list
 from navcore.errors import StorageFailed
-from navcore.zones import OWN_COLOUR, Zone
+from navcore.mission.beware_list import BewareList, load_beware_list
+from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.pictures import bewared, overlaid
 from web.server import ConsoleServer

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
-from navcore.mission import Phase
+from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
 from web.drafts import ZoneDraft
 from web.server import ConsoleServer

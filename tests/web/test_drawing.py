@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from navcore.zone_masks import closed_cells
+from navcore.formats.keepout_mask import closed_cells
 from tests.web.fake_operations import SPEC, FakeOperations
 from tests.web.test_api import SQUARE, wrong, zone
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from navcore.zone_shapes import Circle, Corridor
-from navcore.zones import ZoneKind
+from navcore.mission.zone import ZoneKind
+from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, await_map, browser, click_map, page
 from web.drafts import ZoneDraft

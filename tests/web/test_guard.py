@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.knock import STRANGERS, ask, routes_of
+from tests.reliability.routes import STRANGERS, ask, routes_of
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
 from web.server import create_app

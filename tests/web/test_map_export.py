@@ -8,10 +8,10 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from navcore.grid import GridSpec, OccupancyGrid
-from navcore.nav2_map import Nav2Map, State, load
-from navcore.occupancy import Occupancy
-from navcore.zones import rasterise
+from navcore.costmap.costmap import Occupancy
+from navcore.formats.nav2_map import Nav2Map, State, load
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mission.zone import rasterise
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.pictures import map_pgm, map_yaml
 from web.snapshots import Picture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.journal import Journal
+from app.insight.event_log import Journal
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_browser import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures

@@ -7,7 +7,7 @@ import threading
 from typing import TYPE_CHECKING, Literal
 
 from navcore.errors import Refused
-from navcore.mission import Phase
+from navcore.mission.mission import Phase
 from web.port import Operations
 
 if TYPE_CHECKING:

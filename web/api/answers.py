@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navcore.beware import BewareClass, BewareList
-from navcore.mission import Goal
-from navcore.zone_shapes import Circle, Shape
-from navcore.zones import Zone
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.mission import Goal
+from navcore.mission.zone import Zone
+from navcore.mission.zone_shapes import Circle, Shape
 from web import palette
 from web.port import Operations
 from web.replies import (

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Path, Response
 
-from navcore.beware import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
 from navcore.errors import Outdated
+from navcore.mission.beware_list import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
 from web.api.answers import beware_of
 from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations

@@ -10,12 +10,12 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Response
 
 from navcore.errors import BadConfiguration
-from navcore.map_image import encode
-from navcore.nav2_map import description_of, drawn, read, yaml_text
-from navcore.path import NoPath
-from navcore.prior_map import prior_layer
-from navcore.regions import region_at
-from navcore.zone_masks import closed_cells, polygons_of
+from navcore.formats.keepout_mask import closed_cells, polygons_of
+from navcore.formats.map_image import encode
+from navcore.formats.nav2_map import description_of, drawn, read, yaml_text
+from navcore.mapping.prior_map import prior_layer
+from navcore.perception.region_growing import region_at
+from navcore.planning.planner import NoPath
 from web.api.answers import track, zones_of
 from web.drafts import PathPreview, Preview, ZoneDraft
 from web.pictures import bewared

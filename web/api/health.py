@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from fastapi import APIRouter, Response
 
-from navcore.mission import Phase
+from navcore.mission.mission import Phase
 from web.port import Operations
 from web.problems import JsonResponse
 from web.replies import HealthOut

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
-from navcore.followed import Track
+from navcore.perception.people.track import Track
 from web.api.answers import finite, track, zone_of
 from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
 from web.port import Operations

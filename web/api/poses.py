@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import NumberedPoseOut, PosesOut

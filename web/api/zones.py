@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Response
 
 from navcore.errors import NotKnown, Outdated
-from navcore.zones import Zone
+from navcore.mission.zone import Zone
 from web.api.answers import zone_of, zones_of
 from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations

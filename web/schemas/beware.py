@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictStr
 
-from navcore.beware import LARGEST_CLASS_ID
+from navcore.mission.beware_list import LARGEST_CLASS_ID
 from web.schemas.fields import Closed, Margin, Name, Share
 
 MAX_CLASSES = LARGEST_CLASS_ID

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StrictStr
 
-from navcore.zones import MAX_CORNERS
+from navcore.mission.zone import MAX_CORNERS
 from web.drafts import PreviewDraft, ZoneDraft
 from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share
 from web.schemas.mission import GoalIn

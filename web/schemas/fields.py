@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr
 
-from navcore.beware import MAX_MARGIN_M
+from navcore.mission.beware_list import MAX_MARGIN_M
 
 MAX_NAME = 80
 FAR_M = 1e6

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
 
-from navcore.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
-from navcore.zones import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, ZoneKind
+from navcore.mission.zone import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, ZoneKind
+from navcore.mission.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
 from web.drafts import ZoneDraft
 from web.schemas.fields import Closed, Corner, Margin, Metres, Name
 

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from navcore.beware import NOTHING
-from navcore.search.bits import compiled
+from navcore.grid.bitplane import compiled
+from navcore.mission.beware_list import NOTHING
 from web.pictures import class_colours
 from web.snapshots import Cloud
 from web.viewer.shapes import faded

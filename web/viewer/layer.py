@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from navcore.beware import BewareList
-from navcore.zones import Zone
+from navcore.mission.beware_list import BewareList
+from navcore.mission.zone import Zone
 from web.insight import Candidates
 from web.palette import Rgb
 from web.snapshots import Picture, State

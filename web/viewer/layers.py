@@ -11,7 +11,7 @@ import numpy.typing as npt
 import viser
 import viser.transforms
 
-from navcore.transform import Pose2
+from navcore.geometry.transform import Pose2
 from web import palette
 from web.pictures import overlaid
 from web.viewer.layer import Snapshot

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from navcore.mission import Goal
-from navcore.zones import Zone
+from navcore.mission.mission import Goal
+from navcore.mission.zone import Zone
 from web import palette
 from web.viewer.layer import Snapshot
 from web.viewer.shapes import closed, flag, ribbon, triangulated

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from navcore.zones import MAX_CORNERS
+from navcore.mission.zone import MAX_CORNERS
 from web.schemas.fields import MAX_NAME, Corner, Share
 
 Layer = Literal["cloud", "floor", "robot", "camera", "path", "waypoints", "driven", "candidates", "goals", "zones", "people"]

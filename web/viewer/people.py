@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from navcore.followed import Track
+from navcore.perception.people.track import Track
 from web import palette
 from web.viewer.layer import Snapshot
 from web.viewer.shapes import closed, ribbon

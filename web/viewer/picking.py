@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navcore.grid import GridSpec
+from navcore.grid.grid import GridSpec
 
 Point = tuple[float, float]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from navcore.grid import GridSpec
+from navcore.grid.grid import GridSpec
 from web import palette
 from web.viewer.messages import Draft, Mark
 from web.viewer.picking import Point, clamped, floor_point

@@ -16,7 +16,7 @@ import viser
 from viser import _messages
 from viser.extras import ViserUrdf
 
-from navcore.grid import GridSpec
+from navcore.grid.grid import GridSpec
 from web import palette
 from web.insight import Candidates
 from web.port import Operations

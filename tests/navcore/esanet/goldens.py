@@ -19,7 +19,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from navcore.esanet import EsaNet, build
+from navcore.perception.esanet import EsaNet, build
 from tests.shared_data import beside
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "esanet"

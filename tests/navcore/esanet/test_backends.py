@@ -16,9 +16,13 @@ import torch
 from torch import nn
 
 from navcore.errors import BadConfiguration
-from navcore.esanet import EsaNet, build
-from navcore.esanet.backends import choice
-from navcore.esanet.backends.choice import (
+from navcore.perception.esanet import EsaNet, build
+from navcore.perception.esanet.inference import selection as choice
+from navcore.perception.esanet.inference.engine import Batch
+from navcore.perception.esanet.inference.network_file import NetworkFile, nearest_size, open_network
+from navcore.perception.esanet.inference.onnx_engines import OnnxRuntimeInference, OpenVinoInference, is_installed
+from navcore.perception.esanet.inference.onnx_file import OnnxCard, exported, read_onnx, with_card
+from navcore.perception.esanet.inference.selection import (
     ENOUGH_MS,
     MIN_AGREEMENT,
     MIN_AGREEMENT_IN_BYTES,
@@ -28,14 +32,10 @@ from navcore.esanet.backends.choice import (
     probes,
     tried,
 )
-from navcore.esanet.backends.folding import FixedPool, folded
-from navcore.esanet.backends.inference import Batch
-from navcore.esanet.backends.network_file import NetworkFile, nearest_size, open_network
-from navcore.esanet.backends.onnx_engines import OnnxRuntimeInference, OpenVinoInference, is_installed
-from navcore.esanet.backends.onnx_file import OnnxCard, exported, read_onnx, with_card
-from navcore.esanet.backends.torch_engine import TorchInference
-from navcore.esanet.preprocess import NYUV2_DEPTH, Preprocessor, Size, to_tensors
-from navcore.esanet.weights import WeightsCard, save
+from navcore.perception.esanet.inference.torch_engine import TorchInference
+from navcore.perception.esanet.network.batchnorm_folding import FixedPool, folded
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Preprocessor, Size, to_tensors
+from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 
 SIZE = Size(height=96, width=128)  # at 1/32 3 × 4: cells of the 5 × 5 pooling are not all of one size
 NAMES = ("background", "book", "cup", "cable")
@@ -258,7 +258,7 @@ class Slow:
 def installed(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> list[Candidate]:
     """Only these: name, milliseconds, share of wrong pixels; in eight bits 1 % of them may be."""
     clock = [0.0]
-    monkeypatch.setattr("navcore.esanet.backends.choice.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("navcore.perception.esanet.inference.selection.time.perf_counter", lambda: clock[0])
     made = [
         Candidate(
             name=name,

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadFrame
-from navcore.learning.losses import jaccard_loss, pyramid_losses, weighted_cross_entropy
-from navcore.learning.metrics import (
+from navcore.learning.training.losses import jaccard_loss, pyramid_losses, weighted_cross_entropy
+from navcore.learning.training.metrics import (
     confusion_matrix,
     count_pixels,
     ious,

@@ -12,10 +12,10 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from navcore.errors import BadConfiguration, BadFrame
-from navcore.esanet import EsaNet, build
-from navcore.esanet.blocks import Bottleneck
-from navcore.esanet.decoder import LearnedUpsampling
-from navcore.esanet.variants import VARIANTS
+from navcore.perception.esanet import EsaNet, build
+from navcore.perception.esanet.network.blocks import Bottleneck
+from navcore.perception.esanet.network.decoder import LearnedUpsampling
+from navcore.perception.esanet.network.variants import VARIANTS
 from tests.navcore.laws import law
 
 SLIM = 1 / 8

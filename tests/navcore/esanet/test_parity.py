@@ -10,8 +10,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from navcore.esanet import EsaNet, build, context, decoder, fusion, model
-from navcore.esanet.blocks import NonBottleneck1D
+from navcore.perception.esanet import EsaNet, build
+from navcore.perception.esanet.network import decoder, fusion, model
+from navcore.perception.esanet.network import pyramid_pooling as context
+from navcore.perception.esanet.network.blocks import NonBottleneck1D
 from tests.navcore.esanet.goldens import OFFICIAL, arrays, filled, fresh, inputs, run, table
 
 STRICT = 1e-4

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from torch.nn import functional
 
 from navcore.errors import BadConfiguration, BadFrame
-from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
-from navcore.esanet.preprocess import (
+from navcore.perception.esanet.network.preprocess import (
     NYUV2_DEPTH,
     RGB_MEAN,
     RGB_STD,
@@ -29,6 +28,7 @@ from navcore.esanet.preprocess import (
     resize_rgb,
     to_tensors,
 )
+from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from tests.navcore.esanet.goldens import arrays, data_file, filled
 from tests.navcore.laws import law
 

@@ -11,14 +11,14 @@ import torch
 from torch import nn
 
 from navcore.errors import BadConfiguration
-from navcore.esanet.backends.choice import open_inference, probes
-from navcore.esanet.backends.folding import folded
-from navcore.esanet.backends.network_file import open_network
-from navcore.esanet.backends.onnx_engines import OpenVinoInference
-from navcore.esanet.backends.quantised import ByteConvolution, convolutions, measured_ranges, quantised
-from navcore.esanet.backends.torch_engine import TorchInference
-from navcore.esanet.preprocess import NYUV2_DEPTH
-from navcore.esanet.weights import WeightsCard, load, save
+from navcore.perception.esanet.inference.network_file import open_network
+from navcore.perception.esanet.inference.onnx_engines import OpenVinoInference
+from navcore.perception.esanet.inference.selection import open_inference, probes
+from navcore.perception.esanet.inference.torch_engine import TorchInference
+from navcore.perception.esanet.network.batchnorm_folding import folded
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
+from navcore.perception.esanet.network.quantisation import ByteConvolution, convolutions, measured_ranges, quantised
+from navcore.perception.esanet.weights.weights_file import WeightsCard, load, save
 from tests.navcore.esanet.test_backends import NAMES, SIZE, needs_openvino, network, network_file
 
 CARD = WeightsCard(
@@ -74,7 +74,7 @@ def test_ranges_are_kept_with_the_weights_and_files_without_them_still_load(tmp_
 
 
 def test_a_range_leaves_out_the_few_largest_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("navcore.esanet.backends.quantised.KEPT", 0.99)  # the maps of this network are small
+    monkeypatch.setattr("navcore.perception.esanet.network.quantisation.KEPT", 0.99)  # the maps of this network are small
     rgb, depth = (torch.from_numpy(batch) for batch in probes(SIZE, NYUV2_DEPTH)[0])
     folded_network = folded(network())
     convolution = folded_network.get_submodule("skip_layer1.0.conv")

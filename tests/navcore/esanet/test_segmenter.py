@@ -13,16 +13,16 @@ import pytest
 import torch
 from torch.nn import functional
 
-from navcore.beware import NOTHING, BewareClass, BewareList
 from navcore.errors import BadConfiguration
-from navcore.esanet import build
-from navcore.esanet.classes import NYUV2_CLASSES, SUNRGBD_CLASSES
-from navcore.esanet.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size, to_tensors
-from navcore.esanet.segmenter import EsaNetSegmenter
-from navcore.esanet.weights import TrainedNetwork, WeightsCard, load, save
-from navcore.esanet.winners import most_likely
-from navcore.frame import Frame, Intrinsics
-from navcore.segment import Segmenter
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
+from navcore.perception.esanet import build
+from navcore.perception.esanet.inference.argmax import most_likely
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size, to_tensors
+from navcore.perception.esanet.segmenter import EsaNetSegmenter
+from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
+from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
+from navcore.perception.segmenter import Segmenter
+from navcore.robot.frame import Frame, Intrinsics
 from tests.navcore.esanet.goldens import arrays, data_file, fresh
 from tests.navcore.scene import Box, picture
 

@@ -21,12 +21,14 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from navcore.errors import BadConfiguration, StorageFailed
-from navcore.esanet import EsaNet, build, checkpoint, weights
-from navcore.esanet.architecture import Architecture, infer
-from navcore.esanet.checkpoint import read_checkpoint
-from navcore.esanet.preprocess import NYUV2_DEPTH
-from navcore.esanet.variants import VARIANTS
-from navcore.esanet.weights import WeightsCard, convert, load, save
+from navcore.perception.esanet import EsaNet, build
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
+from navcore.perception.esanet.network.variants import VARIANTS
+from navcore.perception.esanet.weights import official_checkpoint as checkpoint
+from navcore.perception.esanet.weights import weights_file as weights
+from navcore.perception.esanet.weights.architecture import Architecture, infer
+from navcore.perception.esanet.weights.official_checkpoint import read_checkpoint
+from navcore.perception.esanet.weights.weights_file import WeightsCard, convert, load, save
 from tests.navcore.laws import law
 
 SLIM = 1 / 8

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from navcore.esanet.preprocess import Size
-from navcore.learning.dataset import Dataset, DatasetWriter, load_dataset
-from navcore.learning.dataset_card import Sample, Split
-from navcore.learning.recipe import Recipe
+from navcore.learning.data.card import Sample, Split
+from navcore.learning.data.dataset import Dataset, DatasetWriter, load_dataset
+from navcore.learning.training.recipe import Recipe
+from navcore.perception.esanet.network.preprocess import Size
 
 NAMES = ("floor", "book")
 SIDE = 64

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadConfiguration
-from navcore.esanet.preprocess import Size
-from navcore.learning.augment import augmented, flipped, resized, tinted
-from navcore.learning.batches import epoch_batches
-from navcore.learning.dataset_card import Sample
-from navcore.learning.recipe import Augmentation
+from navcore.learning.data.card import Sample
+from navcore.learning.training.augmentation import augmented, flipped, resized, tinted
+from navcore.learning.training.batches import epoch_batches
+from navcore.learning.training.recipe import Augmentation
+from navcore.perception.esanet.network.preprocess import Size
 from tests.navcore.laws import law
 from tests.navcore.learning.made import sample
 

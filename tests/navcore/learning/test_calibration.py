@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from navcore.esanet import build
-from navcore.esanet.preprocess import Size
-from navcore.learning.batches import Pictures, plain_batch
-from navcore.learning.calibration import best_offsets, best_temperature, calibrate
-from navcore.learning.evaluation import Looking, logits_of
-from navcore.learning.metrics import confusion_matrix, mean_iou
+from navcore.learning.training.batches import Pictures, plain_batch
+from navcore.learning.training.calibration import best_offsets, best_temperature, calibrate
+from navcore.learning.training.evaluation import Looking, logits_of
+from navcore.learning.training.metrics import confusion_matrix, mean_iou
+from navcore.perception.esanet import build
+from navcore.perception.esanet.network.preprocess import Size
 from tests.navcore.learning.made import data_set
 
 

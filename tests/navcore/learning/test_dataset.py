@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.esanet.preprocess import DepthStatistics
-from navcore.learning.dataset import DatasetWriter, load_dataset, measure_depth
-from navcore.learning.dataset_card import KINDS
-from navcore.learning.pictures import MAX_SIDE_PX, decode_rgb, picture_size, read_labels, write_rgb
+from navcore.learning.data.card import KINDS
+from navcore.learning.data.dataset import DatasetWriter, load_dataset, measure_depth
+from navcore.learning.data.images import MAX_SIDE_PX, decode_rgb, picture_size, read_labels, write_rgb
+from navcore.perception.esanet.network.preprocess import DepthStatistics
 from tests.navcore.learning.made import NAMES, data_set, sample
 
 

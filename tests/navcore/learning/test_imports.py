@@ -14,9 +14,9 @@ import numpy.typing as npt
 import pytest
 
 from navcore.errors import BadConfiguration
-from navcore.learning import imports
-from navcore.learning.imports import CvatArchive, LabelmeFolder
-from navcore.learning.pictures import write_grey, write_rgb
+from navcore.learning.data import importers as imports
+from navcore.learning.data.images import write_grey, write_rgb
+from navcore.learning.data.importers import CvatArchive, LabelmeFolder
 
 LABELMAP = "# label:color_rgb:parts:actions\nbackground:0,0,0::\nbook:200,10,20::\ncup:0,90,0::\n"
 RGB = np.full((20, 30, 3), 77, dtype=np.uint8)

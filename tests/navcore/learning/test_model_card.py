@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from navcore.errors import BadConfiguration
-from navcore.esanet import build
-from navcore.esanet.preprocess import NYUV2_DEPTH, Size
-from navcore.esanet.weights import WeightsCard, load, save
-from navcore.settings import from_table
+from navcore.perception.esanet import build
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
+from navcore.perception.esanet.weights.weights_file import WeightsCard, load, save
+from navcore.toml_config import from_table
 
 
 def saved(path: Path, size: Size | None) -> WeightsCard:

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from navcore.errors import BadConfiguration
-from navcore.esanet.preprocess import DepthStatistics
-from navcore.learning.dataset_card import DatasetCard
-from navcore.learning.recipe import Recipe, learning_rate, load_recipe, momentum
+from navcore.learning.data.card import DatasetCard
+from navcore.learning.training.recipe import Recipe, learning_rate, load_recipe, momentum
+from navcore.perception.esanet.network.preprocess import DepthStatistics
 
 CARD = DatasetCard(class_names=("a",), depth=DepthStatistics(mean=1.0, std=1.0, units_per_m=1.0))
 

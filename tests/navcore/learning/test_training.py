@@ -14,18 +14,16 @@ import pytest
 import torch
 from torch import Tensor
 
-from app.training import train
+from app.learning.training import train
 from navcore.errors import BadConfiguration
-from navcore.esanet import weights
-from navcore.esanet.preprocess import Size
-from navcore.learning.batches import Pictures, epoch_batches, training_batch
-from navcore.learning.dataset import load_dataset
-from navcore.learning.evaluation import Looking, evaluate, predict
-from navcore.learning.metrics import confusion_matrix, count_pixels, median_frequency_weights
-from navcore.learning.recipe import Recipe, learning_rate, momentum
-from navcore.learning.run_state import Epoch, RunState
-from navcore.learning.start import fresh_network, taught_network
-from navcore.learning.training import (
+from navcore.learning.data.dataset import load_dataset
+from navcore.learning.training.batches import Pictures, epoch_batches, training_batch
+from navcore.learning.training.checkpoint import Epoch, RunState
+from navcore.learning.training.evaluation import Looking, evaluate, predict
+from navcore.learning.training.initial_weights import fresh_network, taught_network
+from navcore.learning.training.metrics import confusion_matrix, count_pixels, median_frequency_weights
+from navcore.learning.training.recipe import Recipe, learning_rate, momentum
+from navcore.learning.training.trainer import (
     MODEL_NAME,
     STATE_NAME,
     Step,
@@ -35,6 +33,8 @@ from navcore.learning.training import (
     class_weights,
     training_loss,
 )
+from navcore.perception.esanet.network.preprocess import Size
+from navcore.perception.esanet.weights import weights_file as weights
 from tests.navcore.learning.made import NAMES, data_set, tiny_recipe
 
 CPU = torch.device("cpu")
@@ -176,7 +176,7 @@ class _Hostile:
 
 def test_the_mirrored_picture_is_labelled_as_the_mirror(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d", train=1, valid=1, test=1)
-    from navcore.learning.augment import flipped
+    from navcore.learning.training.augmentation import flipped
 
     network = fresh_network(tiny_recipe(), 2)
     looking = Looking(size=tiny_recipe().size, mirrored_too=True)

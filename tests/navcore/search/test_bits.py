@@ -8,8 +8,8 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.search.bits import empty_plane, highest, lowest, mirrored, pack, transpose, unpack
+from navcore.grid.bitplane import empty_plane, highest, lowest, mirrored, pack, transpose, unpack
+from navcore.grid.grid import BoolGrid
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import grids
 

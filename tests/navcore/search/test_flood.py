@@ -7,9 +7,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.search.bits import Plane, cells_of, contains, empty_plane, pack, plane_of, unpack
-from navcore.search.flood import beside, flood
+from navcore.grid.bitplane import Plane, cells_of, contains, empty_plane, pack, plane_of, unpack
+from navcore.grid.flood_fill import beside, flood
+from navcore.grid.grid import BoolGrid
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import grids
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.search.bits import PAD
-from navcore.search.free_space import AHEAD, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.bitplane import PAD
+from navcore.grid.free_space import AHEAD, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.grid import BoolGrid
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import grids, some_cells
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid, inflate
-from navcore.search.bits import empty_plane, pack, unpack
-from navcore.search.free_space import FreeSpace
-from navcore.search.inflation import InflatedGrid, inflated
+from navcore.grid.bitplane import empty_plane, pack, unpack
+from navcore.grid.free_space import FreeSpace
+from navcore.grid.grid import BoolGrid, inflate
+from navcore.grid.inflation import InflatedGrid, inflated
 from tests.navcore.laws import law
 from tests.navcore.search.test_free_space import assert_same_space
 from tests.navcore.search.worlds import grids, some_cells

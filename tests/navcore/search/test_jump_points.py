@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.path import NoPath, Path, Reason, plan, plan_in
-from navcore.search.free_space import VAIN_AHEAD, FreeSpace
-from navcore.search.jump_points import FOUND, UNREACHABLE, find, search
-from navcore.search.memory import FAR, ROOT, UNIT, Arena
+from navcore.grid.free_space import VAIN_AHEAD, FreeSpace
+from navcore.grid.grid import BoolGrid
+from navcore.planning.planner import NoPath, Path, Reason, plan, plan_in
+from navcore.planning.search.jump_point_search import FOUND, UNREACHABLE, find, search
+from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids
 from tests.navcore.test_path import assert_is_a_path, optimum

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.path import Path, plan
-from navcore.search.reachable import nearest_reachable
+from navcore.grid.grid import BoolGrid
+from navcore.grid.reachable import nearest_reachable
+from navcore.planning.planner import Path, plan
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid, Cell
-from navcore.path import NoPath, Path, Reason, plan
-from navcore.search.free_space import FreeSpace
-from navcore.search.memory import UNIT, octile
-from navcore.search.replanner import NOWHERE, Replanner, alike, restring
+from navcore.grid.free_space import FreeSpace
+from navcore.grid.grid import BoolGrid, Cell
+from navcore.planning.planner import NoPath, Path, Reason, plan
+from navcore.planning.replanner import NOWHERE, Replanner, alike, restring
+from navcore.planning.search.open_list import UNIT, octile
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells
 from tests.navcore.test_path import assert_is_a_path

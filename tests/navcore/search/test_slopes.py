@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid
-from navcore.path import Path, plan, plan_in
-from navcore.search.bits import PAD
-from navcore.search.free_space import SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
-from navcore.search.memory import Arena
-from navcore.search.slopes import OWNER
+from navcore.grid.bitplane import PAD
+from navcore.grid.free_space import SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.grid import BoolGrid
+from navcore.planning.planner import Path, plan, plan_in
+from navcore.planning.search.diagonals import OWNER
+from navcore.planning.search.open_list import Arena
 from tests.navcore.laws import law
 from tests.navcore.search.worlds import free_cell, grids, some_cells
 
@@ -104,7 +104,7 @@ def test_all_is_surveyed_anew_once_many_lines_have_changed() -> None:
 
 
 def test_diagonals_take_turns_where_there_is_no_room_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("navcore.search.free_space.MOST_SLOPING", 1024)
+    monkeypatch.setattr("navcore.grid.free_space.MOST_SLOPING", 1024)
     generator = np.random.default_rng(7)
     space = FreeSpace.of(generator.random((150, 170)) < 0.003)
     assert space.sloping.shape[1] == 128, "of 640 diagonals of each kind"

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from hypothesis import strategies as st
 
-from navcore.grid import BoolGrid, Cell
+from navcore.grid.grid import BoolGrid, Cell
 
 SHARES = st.sampled_from([0.0, 0.02, 0.1, 0.3, 0.5])
 

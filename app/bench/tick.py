@@ -1,0 +1,158 @@
+"""How long a tick takes without the segmentation, on a map of 150 m × 150 m in cells of 5 cm, with pictures of 640 × 480.
+
+The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray is met with each near trunk.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from rich.table import Table
+
+from navcore.config import NavigatorConfig
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.grid.grid import GridSpec
+from navcore.mapping.observation import PointRules
+from navcore.mapping.voxels import looked_at, measured_voxels
+from navcore.mission.beware_list import default_beware_list
+from navcore.navigator import Navigator, Order
+from navcore.perception.segmenter import ColourSegmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL
+from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
+
+SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500
+SIZE = (640, 480)
+STEP_M, STEP_RAD = 0.1, 0.15
+"""How far the robot goes from picture to picture: at 10 Hz, 1 m/s and 1.5 rad/s."""
+WARM_UP = 12
+"""The first ticks are not counted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Durations of a part of the tick."""
+
+    what: str
+    """In words."""
+    ms: list[float]
+    """One for each tick."""
+
+
+def tick_table(ticks: int) -> Table:
+    """Drive through the forest for so many pictures; the figures of every stage."""
+    table = Table("stage", "mean ms", "p50", "p95", "p99", "max", title=f"tick without segmentation, 640×480, {SIDE_M:g} m map")
+    for stage in _measured(ticks):
+        durations = np.array(stage.ms)
+        figures = [durations.mean(), *np.percentile(durations, [50, 95, 99]), durations.max()]
+        table.add_row(stage.what, *(f"{figure:.2f}" for figure in figures))
+    return table
+
+
+def _measured(ticks: int) -> list[Stage]:
+    spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
+    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    order = Order(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
+    names = ("depth → cells, by itself", "points, map", "layers, inflation", "path", "motion", "all but the first")
+    stages = [Stage(what=name, ms=[]) for name in names]
+    forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
+    for number in range(ticks + WARM_UP):
+        frame = forest.picture(pose, number)
+        # The pictures are grey and the colour rules find nothing; how long that takes does not count.
+        labels = navigator.label(frame, order)
+        marks = [time.perf_counter()]
+        navigator.remember(frame, labels, order)
+        marks.append(time.perf_counter())
+        occupancy = navigator.occupancy(order)
+        marks.append(time.perf_counter())
+        route = navigator.route(occupancy, pose, order)
+        marks.append(time.perf_counter())
+        navigator.move(occupancy, pose, route)
+        marks.append(time.perf_counter())
+        if number >= WARM_UP:
+            parts = [_depth_to_cells_s(frame, spec), *np.diff(marks), marks[-1] - marks[0]]
+            for stage, seconds in zip(stages, parts, strict=True):
+                stage.ms.append(seconds * 1e3)
+        if route is None or len(route.track) < 2:
+            raise RuntimeError("the forest has no way through; choose another seed")
+        pose = _ahead(pose, route.track)
+    return stages
+
+
+class _Forest:
+    """Trunks on a plain, and what a D455 sees of them."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng, self._lens = rng, d455_intrinsics(SIZE)
+        half = SIDE_M / 2 - 3
+        self._trunks = np.column_stack([rng.uniform(-half, half, (TRUNKS, 2)), rng.uniform(0.1, 0.4, TRUNKS)])
+        ends = np.array([[-60.0, -60.0], [60.0, 60.0]])
+        clear = np.hypot(*(self._trunks[:, None, :2] - ends).transpose(2, 0, 1)).min(axis=1) > 3.0
+        self._trunks = self._trunks[clear]
+
+    def picture(self, pose: Pose2, number: int) -> Frame:
+        """The picture from a pose, with noise that grows with the square of the distance."""
+        eye = pose.matrix() @ T_BASE_CAMERA
+        near = self._trunks[np.hypot(*(self._trunks[:, :2] - eye[:2, 3]).T) < 9.0]
+        lens = self._lens
+        depth = _trace(near, eye, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), lens.height, lens.width)
+        depth += 0.002 * depth**2 * self._rng.standard_normal(depth.shape, dtype=np.float32)
+        rgb = np.full((lens.height, lens.width, 3), 120, dtype=np.uint8)
+        rgb.flags.writeable = depth.flags.writeable = False
+        return Frame(
+            stamp_ns=number * 100_000_000,
+            rgb=rgb,
+            depth_m=depth,
+            intrinsics=lens,
+            T_base_camera=T_BASE_CAMERA,
+            pose=pose,
+            twist=STANDSTILL,
+        )
+
+
+@numba.njit(cache=True)
+def _trace(
+    trunks: npt.NDArray[np.float64], t: npt.NDArray[np.float64], lens: npt.NDArray[np.float64], height: int, width: int
+) -> npt.NDArray[np.float32]:
+    """(H, W) depth of the floor or of the nearest trunk, 0 beyond 8 m."""
+    depth = np.zeros((height, width), dtype=np.float32)
+    for i in range(height):
+        for j in range(width):
+            a, b = (j - lens[2]) / lens[0], (i - lens[3]) / lens[1]
+            dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]
+            dz = t[2, 0] * a + t[2, 1] * b + t[2, 2]
+            nearest = -t[2, 3] / dz if dz < -1e-9 else np.inf
+            for k in range(len(trunks)):
+                x, y = t[0, 3] - trunks[k, 0], t[1, 3] - trunks[k, 1]
+                square, half, rest = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - trunks[k, 2] ** 2
+                root = half * half - square * rest
+                if root > 0.0:
+                    hit = (-half - math.sqrt(root)) / square
+                    if 0.1 < hit < nearest:
+                        nearest = hit
+            depth[i, j] = nearest if nearest < 8.0 else 0.0
+    return depth
+
+
+def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
+    rules = PointRules()
+    start = time.perf_counter()
+    looked = looked_at(frame, spec, rules.max_range_m)
+    measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
+    return time.perf_counter() - start
+
+
+def _ahead(pose: Pose2, track: npt.NDArray[np.float64]) -> Pose2:
+    """A step along the track, turning towards it no faster than a robot can."""
+    toward = track[min(4, len(track) - 1)] - (pose.x_m, pose.y_m)
+    turn = wrap_angle(math.atan2(toward[1], toward[0]) - pose.yaw_rad)
+    yaw = pose.yaw_rad + max(-STEP_RAD, min(STEP_RAD, turn))
+    if abs(turn) > 0.5:
+        return Pose2(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=yaw)
+    at = track[min(round(STEP_M / CELL_M), len(track) - 1)]
+    return Pose2(x_m=float(at[0]), y_m=float(at[1]), yaw_rad=yaw)

@@ -1,0 +1,71 @@
+"""What is installed, what is missing, and what to do about it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import shutil
+import sys
+from collections.abc import Iterator
+
+import typer
+
+PACKAGES = ("numpy", "numba", "opencv-python-headless", "torch", "pybullet", "viser", "fastapi", "uvicorn", "shapely")
+FASTER = ("onnx", "onnxruntime", "openvino")
+TRIAL_S = 1.0
+
+
+def examine() -> int:
+    """Print one line a part; 0 when everything that is needed is there."""
+    missing = 0
+    _say(True, f"Python {platform.python_version()} ({sys.executable})")
+    for package in PACKAGES:
+        try:
+            _say(True, f"{package} {importlib.metadata.version(package)}")
+        except importlib.metadata.PackageNotFoundError:
+            missing += 1
+            _say(False, f"{package} is missing: run `make setup`")
+    _say(*_renderer())
+    for line in _segmentation():
+        _say(*line)
+    found = shutil.which("chromium")
+    _say(
+        bool(found), f"chromium {found}" if found else "chromium is missing, needed for browser tests: apt-get install chromium"
+    )
+    return 1 if missing else 0
+
+
+def _renderer() -> tuple[bool, str]:
+    from sim.scenario.schema import load_scenario
+    from sim.simulator import Simulator
+
+    with Simulator(load_scenario("empty_room"), seed=0) as simulator:
+        if simulator.renderer == "egl":
+            return True, "camera renderer: EGL"
+    return False, "camera renderer: TINY, slower; for EGL: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+
+
+def _segmentation() -> Iterator[tuple[bool, str]]:
+    """Which engines there are, what the network takes on each, and what drives."""
+    from app.runtime.segmentation import compose, measure_segmenter
+    from app.runtime.segmenter_choice import SegmenterChoice
+    from navcore.perception.esanet.inference.onnx_engines import is_installed
+
+    for package in FASTER:
+        there = is_installed(package)
+        yield (
+            there,
+            f"{package} {importlib.metadata.version(package)}"
+            if there
+            else (f"{package} is missing; not needed, but the network runs faster with it: pip install 'bewarenav[fast]'"),
+        )
+    what, trials = measure_segmenter(trial_s=TRIAL_S)
+    yield True, f"measured {what}"
+    for trial in trials:
+        yield trial.failure is None, f"  {trial.text()}"
+    perception = compose(SegmenterChoice(live=True))
+    yield perception.warning is None, f"segmentation: {perception.title}"
+
+
+def _say(good: bool, text: str) -> None:
+    typer.echo(f"{'ok  ' if good else 'MISS'} {text}")

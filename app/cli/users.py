@@ -1,0 +1,108 @@
+"""`bewarenav users`: who may log in. The console may be running meanwhile; it hears of changes within a second."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from navcore.errors import NotKnown
+
+if TYPE_CHECKING:
+    from app.storage.users import UserTable
+    from web.access.users import User
+
+users_cli = typer.Typer(help="Who may log in to the console.", no_args_is_help=True)
+DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="The console's data folder.")]
+RoleOption = Annotated[
+    Literal["viewer", "operator", "admin"],
+    typer.Option(help="viewer: look and stop; operator: drive and edit as well; admin: users as well."),
+]
+NameArgument = Annotated[str, typer.Argument(metavar="NAME")]
+
+
+@users_cli.command("add")
+def add(name: NameArgument, role: RoleOption = "operator", data: DataOption = Path("data")) -> None:
+    """Add somebody; the password is asked for, or read from standard input."""
+    from web.access.roles import Role
+    from web.access.users import new_user
+
+    with _users(data) as users:
+        users.add(new_user(name, Role(role), _password()))
+    typer.echo(f"{name} may log in as {role}.")
+
+
+@users_cli.command("list")
+def list_users(data: DataOption = Path("data")) -> None:
+    """Print who may log in."""
+    with _users(data) as users:
+        for user in users.all():
+            typer.echo(f"{user.name:20} {user.role:10} {'token' if user.token_hash else ''}".rstrip())
+
+
+@users_cli.command("remove")
+def remove(name: NameArgument, data: DataOption = Path("data")) -> None:
+    """Remove somebody; his sessions end."""
+    with _users(data) as users:
+        users.remove(name)
+    typer.echo(f"{name} may no longer log in.")
+
+
+@users_cli.command("password")
+def password(name: NameArgument, data: DataOption = Path("data")) -> None:
+    """Give somebody a new password; his sessions end."""
+    from web.access.users import hash_password
+
+    with _users(data) as users:
+        users.change(name, password_hash=hash_password(_password()))
+    typer.echo(f"{name} has a new password.")
+
+
+@users_cli.command("role")
+def change_role(
+    name: NameArgument,
+    role: Annotated[Literal["viewer", "operator", "admin"], typer.Argument()],
+    data: DataOption = Path("data"),
+) -> None:
+    """Give somebody another role; his sessions end."""
+    from web.access.roles import Role
+
+    with _users(data) as users:
+        users.change(name, role=Role(role))
+    typer.echo(f"{name} is {role} now.")
+
+
+@users_cli.command("token")
+def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
+    """Print a bearer token for a program that acts as NAME; it is shown this once, and the one before it is void."""
+    from web.access.users import new_token
+
+    token, token_hash = new_token()
+    with _users(data) as users:
+        users.change(name, token_hash=token_hash)
+    typer.echo(token)
+
+
+@contextmanager
+def _users(data: Path) -> Iterator[UserTable]:
+    from app.storage.users import user_table
+
+    with user_table(data) as users:
+        yield users
+
+
+def _user(users: UserTable, name: str) -> User:
+    for user in users.all():
+        if user.name == name:
+            return user
+    raise NotKnown(f"no user is called {name!r}")
+
+
+def _password() -> str:
+    if sys.stdin.isatty():
+        return str(typer.prompt("Password", hide_input=True, confirmation_prompt=True))
+    return sys.stdin.readline().rstrip("\n")

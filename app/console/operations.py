@@ -1,0 +1,308 @@
+"""The console's port, satisfied: operators' intents go to the pilot and the store, snapshots come from the newest tick."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+from app.console.beware_editor import BewareDesk
+from app.console.goals import Goals
+from app.console.path_preview import compared, place_on, standing_at
+from app.console.saved_missions import MissionShelf
+from app.console.zone_editor import ZoneBook
+from app.insight.labelling import LabellingFolder
+from app.insight.service import LiveInsight
+from app.runtime.pilot import MOVING, Intent, Pilot
+from app.runtime.recorder import Recorder
+from app.runtime.segmentation import Perception
+from app.runtime.stage_timer import Stopwatch
+from app.storage import Store
+from navcore.config import NavigatorConfig
+from navcore.control.motion import Outcome
+from navcore.costmap.cell_description import check_standable
+from navcore.errors import Refused
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import OccupancyGrid
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone
+from navcore.navigator import Decision
+from navcore.planning.planner import NoPath
+from navcore.robot.profile import STANDSTILL, Command, Robot, RobotProfile, Twist
+from navcore.safety.gate import StopReason, Verdict
+from web.drafts import PathPreview, Preview, PreviewDraft
+from web.port import MissionAction
+from web.snapshots import Cloud, Picture, State
+
+MOVING_MPS = 1e-3
+TRANSITIONS = {
+    "start": Mission.start,
+    "pause": Mission.pause,
+    "resume": Mission.resume,
+    "cancel": Mission.cancel,
+    "leave": Mission.leave,
+}
+
+
+class LiveOperations:
+    """Satisfies `web.port.Operations` for a running robot."""
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        pilot: Pilot,
+        store: Store,
+        recorder: Recorder,
+        world: str,
+        robot_urdf: FilePath | None,
+        perception: Perception,
+        calendar_s: Callable[[], float] = time.time,
+        labelling: FilePath,
+        config: NavigatorConfig,
+    ) -> None:
+        """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing else asks for it."""
+        self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
+        self._world, self._urdf, self._perception = world, robot_urdf, perception
+        self._stopwatch = Stopwatch(pilot.navigator)
+        self._verdict = Verdict(twist=STANDSTILL, reasons=())
+        self._zones_version = 0
+        spec = pilot.navigator.map.spec
+        self.goals = Goals(
+            spec=spec,
+            shelf=MissionShelf(store),
+            present=lambda: pilot.intent.mission,
+            change=pilot.change_mission,
+            check=self._check_goal,
+        )
+        self.zones = ZoneBook(pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s)
+        self.beware = BewareDesk(
+            present=lambda: pilot.intent.beware,
+            save=store.save_beware,
+            put=self._beware_put,
+            finds=perception.segmenter.finds,
+        )
+        self.insight = LiveInsight(
+            pilot=pilot,
+            recorder=recorder,
+            labelling=LabellingFolder(labelling),
+            config=config,
+            now_s=lambda: robot.now_ns() / 1e9,
+            tick_ms=self.tick_ms,
+            log_shelf=store.decisions,
+        )
+        recorder.tick_ms = self.tick_ms
+
+    @property
+    def profile(self) -> RobotProfile:
+        """The platform's body."""
+        return self._pilot.profile
+
+    @property
+    def robot_urdf(self) -> FilePath | None:
+        """A URDF of the robot for the 3D view."""
+        return self._urdf
+
+    def note_verdict(self, verdict: Verdict) -> None:
+        """Called by the command thread each time it has sent."""
+        self._verdict = verdict
+        self._recorder.note_verdict(verdict)
+        self.insight.note_verdict(verdict)
+
+    def note_decision(self, decision: Decision) -> None:
+        """Called by the think thread after each tick."""
+        self._recorder.note_decision(decision)
+        self.insight.note_decision(decision)
+
+    def tick_ms(self) -> float:
+        """How long the newest tick took."""
+        ticks = self._stopwatch.ms["tick"]
+        return ticks[-1] if ticks else 0.0
+
+    # What is shown
+
+    def state(self) -> State:
+        """The newest snapshot."""
+        intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
+        decision, now_ns = thought.decision, self._robot.now_ns()
+        reasons = tuple(self._pilot.reasons(now_ns))
+        moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
+        return State(
+            stamp_s=now_ns / 1e9,
+            scenario=self._world,
+            robot=self.profile.name,
+            phase=intent.mission.phase,
+            moving=moving,
+            by_hand=self._pilot.hand(now_ns) is not None,
+            summary=_summary(intent, decision, reasons, moving),
+            stop_latched=intent.stopped_by is not None or self._pilot.pose_in_doubt,
+            reasons=reasons,
+            pose=self._recorder.pose,
+            twist=decision.frame.twist if decision else STANDSTILL,
+            command=verdict.twist,
+            queue=intent.mission.queue,
+            reached=intent.mission.reached,
+            distance_to_goal_m=_length_m(decision) if intent.mission.phase is not Phase.IDLE else None,
+            travelled_m=self._recorder.travelled_m,
+            explored_m2=self._recorder.explored_m2,
+            replans=self._recorder.replans,
+            tick_ms=self.tick_ms(),
+            frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
+            in_zone=_in_zone(decision),
+            zones_version=self._zones_version,
+            beware_version=intent.beware.version,
+            segmenter=self._perception.title,
+            segmenter_warning=self._perception.warning,
+            loop=intent.mission.loop,
+        )
+
+    def picture(self) -> Picture | None:
+        """The newest tick's values."""
+        return self._recorder.picture
+
+    def cloud(self) -> Cloud | None:
+        """The map's points."""
+        return self._recorder.cloud
+
+    # Mission, hand and stop
+
+    def mission(self, action: MissionAction) -> None:
+        """Start, pause, resume or cancel."""
+
+        def edit(intent: Intent) -> Intent:
+            if intent.stopped_by is not None and action in ("start", "resume", "leave"):
+                raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
+            return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
+
+        self._pilot.change(edit)
+
+    def drive(self, twist: Twist | None) -> None:
+        """By hand, for as long as the command lives; a mission that drives is paused, and stays so."""
+        if twist is None:
+            self._pilot.change(lambda intent: dataclasses.replace(intent, by_hand=None))
+            return
+        command = Command(twist=twist, stamp_ns=self._robot.now_ns())
+
+        def edit(intent: Intent) -> Intent:
+            if intent.stopped_by is not None:
+                raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
+            mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
+            return dataclasses.replace(intent, by_hand=command, mission=mission)
+
+        self._pilot.change(edit)
+
+    def stop(self, source: str) -> None:
+        """Latch the emergency stop and pause the mission, as one step."""
+
+        def edit(intent: Intent) -> Intent:
+            driving = intent.mission.phase in MOVING
+            mission = intent.mission.pause() if driving else intent.mission
+            return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None)
+
+        self._pilot.change(edit)
+        # The command thread would send it within its period; the wheels need not wait for that.
+        self._robot.send(STANDSTILL)
+
+    def reset_stop(self) -> None:
+        """Release the latch, and accept the pose if odometry has jumped; the mission stays paused."""
+
+        def edit(intent: Intent) -> Intent:
+            doubted = self._pilot.pose_in_doubt and intent.mission.phase in MOVING
+            return dataclasses.replace(intent, stopped_by=None, mission=intent.mission.pause() if doubted else intent.mission)
+
+        self._pilot.change(edit)
+        self._pilot.trust_pose()
+
+    # What the zones, the goals and the beware list are given to work with
+
+    def _bind(self, zones: tuple[Zone, ...]) -> None:
+        self._pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
+        self._zones_version += 1
+        self._recorder.watch_zones(zones)
+
+    def _beware_put(self, beware: BewareList) -> None:
+        self._pilot.change(lambda intent: dataclasses.replace(intent, beware=beware))
+
+    def _check_goal(self, x_m: float, y_m: float) -> None:
+        picture = self._recorder.picture
+        if picture is not None:
+            check_standable(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
+
+    # The poses that the map is made from
+
+    def poses(self) -> tuple[Pose2, ...]:
+        """By pose ID."""
+        return self._pilot.navigator.map.poses
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Move past poses, and what was seen from them."""
+        self._pilot.correct_poses(poses)
+
+    # Drafts and the past
+
+    def preview(self, draft: PreviewDraft) -> Preview:
+        """Plan over the newest map with the draft and without it; nothing is applied."""
+        decision, navigator = self._pilot.thought.decision, self._pilot.navigator
+        queue = self._pilot.intent.mission.queue
+        target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
+        if target is None:
+            raise Refused("there is no goal to preview a path to; give one")
+        if decision is None:
+            raise Refused("there is no map yet; the camera has not delivered a picture")
+        grid, spec = decision.occupancy.grid, navigator.map.spec
+        goal = place_on(grid, target, "goal")
+        pose = decision.frame.pose if draft.start is None else standing_at(place_on(grid, draft.start, "start"))
+        zone = None if draft.zone is None else self.zones.checked(draft.zone, zone_id="draft", version=1)
+
+        def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
+            route = navigator.preview(navigator.drafted(grid), pose, goal)
+            if isinstance(route.outcome, NoPath):
+                return PathPreview(outcome=route.outcome, points=route.points, length_m=None, time_s=None)
+            yaw_rad = pose.yaw_rad if draft.start is None else None
+            time_s = navigator.travel_time_s(route, zones, start_yaw_rad=yaw_rad)
+            length_m = route.outcome.length * spec.resolution_m
+            return PathPreview(outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s)
+
+        return compared(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
+
+    def runs(self) -> tuple[Mapping[str, object], ...]:
+        """Reports of past missions, newest first, without their series."""
+        return tuple({key: value for key, value in report.items() if key != "series"} for report in self._store.runs())
+
+    def run(self, run_id: str) -> Mapping[str, Any]:
+        """One mission's whole report."""
+        return self._store.run(run_id)
+
+
+def _length_m(decision: Decision | None) -> float | None:
+    if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
+        return None
+    return decision.route.outcome.length * decision.occupancy.spec.resolution_m
+
+
+def _in_zone(decision: Decision | None) -> bool:
+    return decision is not None and decision.motion.outcome is Outcome.IN_ZONE
+
+
+def _summary(intent: Intent, decision: Decision | None, reasons: tuple[StopReason, ...], moving: bool) -> str:
+    mission = intent.mission
+    if reasons:
+        return reasons[0].text
+    if moving and mission.phase not in MOVING:
+        return "Driven by hand."
+    if mission.phase is Phase.LEAVING:
+        return "Leaving the beware area by the shortest way."
+    if _in_zone(decision):
+        return "Standing in a beware area; have it leave, or change the area."
+    if mission.phase is Phase.DRIVING and decision is not None:
+        goal = mission.queue[0]
+        what = decision.motion.outcome if moving else "about to move"
+        return f"Driving to goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}): {what}."
+    if mission.queue:
+        return f"Standing; {len(mission.queue)} goal{'s wait' if len(mission.queue) > 1 else ' waits'} for start."
+    if mission.cancelled:
+        return "Standing; the mission was cancelled."
+    return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

@@ -1,0 +1,100 @@
+"""Leave one part of the navigation out, or make one perfect, to see what it is worth."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from app.cli.options import Ablation
+from navcore.config import NavigatorConfig
+from navcore.control.local_planner import path_from
+from navcore.control.motion import IDLE, Motion, Outcome
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
+from navcore.navigator import Navigator
+from navcore.perception.segmenter import Finder, Labels, Segmenter
+from navcore.planning.route import Route
+from navcore.robot.frame import Frame
+from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
+from sim.simulator import Simulator
+
+TURN_FROM_RAD = math.radians(60)
+"""A path that leads off by more than this is turned to on the spot."""
+
+
+class SeesNothing:
+    """A segmenter that never sees anything."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Nothing in every pixel."""
+        shape = frame.depth_m.shape
+        return Labels(class_ids=np.full(shape, NOTHING, np.uint8), confidence=np.ones(shape, dtype=np.float32))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Nothing."""
+        return Finder.NOTHING
+
+
+class Oracle:
+    """A segmenter that is told by the simulator. It must be asked about a picture before the simulator steps on."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """The truth, with certainty."""
+        class_ids = np.full(frame.depth_m.shape, NOTHING, np.uint8)
+        shown = self._simulator.true_labels()
+        for entry in beware.classes:
+            # The warm-up shows a picture of its own, of another size.
+            if entry.name in shown and shown[entry.name].shape == class_ids.shape:
+                class_ids[shown[entry.name]] = entry.class_id
+        return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Everything, as a network that knows everything would."""
+        return Finder.NETWORK
+
+
+def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) -> Segmenter:
+    """What labels the pictures."""
+    if ablation is Ablation.NO_SEMANTICS:
+        return SeesNothing()
+    return Oracle(simulator) if ablation is Ablation.ORACLE else usual
+
+
+def ablate(navigator: Navigator, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig) -> None:
+    """Take the local planner away, where that is asked for."""
+    if ablation is not Ablation.NO_LOCAL_PLANNER:
+        return
+
+    def move(occupancy: Occupancy, pose: Pose2, route: Route | None, *rest: Any, **named: Any) -> Motion:
+        return IDLE if route is None or not len(route.points) else pursue(route, pose, profile, config)
+
+    navigator.move = move  # type: ignore[method-assign]
+
+
+def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> Motion:
+    """Pure pursuit of the path, blind to all else: towards a point ahead on it, turning on the spot where it leads off."""
+    rules = config.local
+    path = path_from(route.track, pose)
+    goal_m = float(np.hypot(*path[-1]))
+    if goal_m <= rules.arrival_m:
+        return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
+    away_m = np.hypot(*path.T)
+    ahead = np.flatnonzero(away_m >= rules.lookahead_m)
+    x, y = path[ahead[0]] if len(ahead) else path[-1]
+    bearing = math.atan2(y, x)
+    if abs(bearing) > TURN_FROM_RAD:
+        return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rules.turn_rate_radps, bearing)), outcome=Outcome.TURN)
+    curvature = 2 * y / max(x**2 + y**2, 1e-6)
+    v_mps = min(
+        profile.max_speed_mps,
+        math.sqrt(rules.braking_mps2 * goal_m) + 0.02,
+        rules.turn_rate_radps / max(abs(curvature), 1e-6),
+    )
+    return dataclasses.replace(IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=Outcome.FOLLOW)

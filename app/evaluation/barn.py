@@ -1,0 +1,165 @@
+"""The outside measure: the published BARN and DynaBARN worlds, driven by camera alone, scored by the challenge's rule."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from app.episode.episode import Episode
+from app.episode.failure_causes import causes_of
+from app.evaluation.campaign import Campaign, conclude, mean_of
+from navcore.config import NavigatorConfig, config_for
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import BewareList
+from navcore.robot.profile import RobotProfile, load_profile
+from sim.scenario.barn import SCALES, BarnWorld, load_worlds
+from sim.simulator import Simulator
+
+MOVED_M = 0.1
+"""The clock starts when the robot has come so far from the start."""
+COLUMNS = (
+    "world",
+    "success",
+    "collision",
+    "timeout",
+    "time_s",
+    "score",
+    "optimal_s",
+    "distance_m",
+    "min_clearance_m",
+    "wall_time_s",
+)
+SUITES = ("barn", "dynabarn")
+LOOK_FIRST_S = 1.5
+"""The robot looks for so long before it sets out, or it could not know who walks; the clock does not run yet."""
+NOTHING_TO_BEWARE = BewareList(classes=())
+
+
+class Judge:
+    """Ends a run by the challenge's rule: within the tolerance of the goal, at any contact, or when the time is up."""
+
+    def __init__(self, world: BarnWorld) -> None:
+        self._world = world
+        self.began_s: float | None = None
+        """When the robot had moved; None before."""
+        self.now_s = 0.0
+        self.there = self.touched = False
+
+    def ended(self, simulator: Simulator) -> bool:
+        """Look at the ground truth; whether the run is over."""
+        pose, (x_m, y_m, _), referee = simulator.true_pose(), self._world.scenario.start, simulator.referee
+        self.now_s = simulator.now_ns() / 1e9
+        if self.began_s is None and pose.distance_to(x_m, y_m) >= MOVED_M:
+            self.began_s = self.now_s
+        self.touched = referee.collisions + referee.struck_while_standing > 0
+        self.there = not self.touched and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m
+        return self.there or self.touched or self.time_s >= self._world.limit_s
+
+    @property
+    def time_s(self) -> float:
+        """On the challenge's clock; before the robot has moved, since it was put down."""
+        return self.now_s - (self.began_s or 0.0)
+
+
+def evaluate_barn(
+    suite: str,
+    worlds: Path | None,
+    *,
+    robot: str,
+    count: int | None,
+    seed: int,
+    workers: int,
+    out: Path,
+    config: NavigatorConfig | None = None,
+) -> dict[str, Any]:
+    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json` and returns it.
+
+    Without a configuration they are driven with the one that the robot starts with.
+    """
+    if worlds is None:
+        raise BadConfiguration(f"the suite {suite} needs --worlds FILE.json, the file of its worlds")
+    profile = load_profile(robot)
+    listed, config = _listed(suite, worlds, profile)[:count], _fitted(suite, config or config_for(profile))
+    drive = partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed, config=config)
+    campaign = Campaign(
+        key="world",
+        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config, seed),
+        holds="other worlds, another robot, seed or configuration",
+        drive=drive,
+        drive_alone=drive,
+    )
+    reports = campaign.run([world.id for world in listed], workers=workers, out=out)
+    summary = summarise(suite, profile, reports)
+    conclude(reports, summary, columns=COLUMNS, title=f"{suite}, {profile.name}", out=out)
+    return summary
+
+
+def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) -> dict[str, Any]:
+    """The figures of a campaign."""
+    return {
+        "suite": suite,
+        "robot": robot.name,
+        "worlds": len(reports),
+        "success_rate": mean_of(reports, lambda report: float(report["success"])),
+        "collisions": sum(report["collision"] for report in reports),
+        "timeouts": sum(report["timeout"] for report in reports),
+        "score": mean_of(reports, lambda report: report["score"]),
+        "time_s": mean_of(reports, lambda report: report["time_s"]),
+        "min_clearance_m": min(report["min_clearance_m"] for report in reports),
+        "tick_ms_p99": mean_of(reports, lambda report: report["tick_ms"]["p99"]),
+    }
+
+
+def drive_world(
+    number: int, *, worlds: Path, suite: str, robot: str, seed: int, config: NavigatorConfig | None = None
+) -> dict[str, Any]:
+    """One run through the world of a number; the episode's report with the challenge's verdict."""
+    profile = load_profile(robot)
+    world = next(world for world in _listed(suite, worlds, profile) if world.id == number)
+    judge = Judge(world)
+    episode = Episode(
+        world.scenario,
+        seed=seed,
+        beware=NOTHING_TO_BEWARE,
+        config=config or _fitted(suite, config_for(profile)),
+        max_time_s=2 * world.limit_s,
+        robot=profile,
+    )
+    try:
+        report = episode.run(ended=judge.ended, look_first_s=LOOK_FIRST_S)
+    finally:
+        episode.close()
+    judged = {**report, "world": number, **verdict(world, judge)}
+    return {**judged, "causes": causes_of(judged)}
+
+
+def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:
+    """What the challenge makes of a run."""
+    return {
+        "success": judge.there,
+        "goals_reached": int(judge.there),
+        "collision": judge.touched,
+        "timeout": not judge.there and not judge.touched,
+        "time_s": round(judge.time_s, 3),
+        "optimal_s": round(world.optimal_s, 3),
+        "score": round(world.score(success=judge.there, seconds=judge.time_s), 4),
+    }
+
+
+def _fitted(suite: str, config: NavigatorConfig) -> NavigatorConfig:
+    """What moves in DynaBARN runs on its rails, over whoever stands there."""
+    return replace(config, people=replace(config.people, heedless=suite == "dynabarn"))
+
+
+def _listed(suite: str, path: Path, profile: RobotProfile) -> tuple[BarnWorld, ...]:
+    """The worlds of a file, fitted to the robot."""
+    if profile.name not in SCALES:
+        raise BadConfiguration(f"--robot {profile.name}: the worlds are made for one of: {', '.join(SCALES)}")
+    worlds = load_worlds(path, scale=SCALES[profile.name])
+    moving = any(world.scenario.movers for world in worlds)
+    if moving != (suite == "dynabarn"):
+        raise BadConfiguration(f"{path}: holds no {suite} worlds, but {'dynabarn' if moving else 'barn'} worlds")
+    return worlds

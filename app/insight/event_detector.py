@@ -1,0 +1,196 @@
+"""What of a drive is worth a line in the log, and how it reads: told from one look at the pilot to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from app.insight.event_log import Journal
+from app.runtime.pilot import MOVING, Intent
+from navcore.grid.grid import Cell, OccupancyGrid
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone
+from navcore.navigator import Decision
+from navcore.planning.planner import NoPath, Path
+from navcore.planning.route import Route
+from navcore.safety.gate import StopReason
+from web.insight import Place
+
+ASIDE_M = 0.3
+"""A path that leaves the one before by less is the same path."""
+REPLAN_PERIOD_S = 1.0
+"""Paths are compared so often at most: in unknown ground they change with every look."""
+QUIET_S = 1.0
+"""A reason to stand is over when it has been so long."""
+
+_PHASES = {
+    Phase.DRIVING: "The mission drives.",
+    Phase.PAUSED: "The mission is paused.",
+    Phase.LEAVING: "The robot is told to leave the beware area.",
+    Phase.IDLE: "The mission has ended.",
+}
+
+
+class Chronicle:
+    """Compares the newest of everything with the last, and writes down what differs. One thread calls it."""
+
+    def __init__(self, journal: Journal, intent: Intent) -> None:
+        self._journal = journal
+        self._intent = intent
+        self._decision: Decision | None = None
+        self._compared_s = -np.inf
+        self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
+
+    def look(self, now_s: float, intent: Intent, decision: Decision | None, pose: Place) -> None:
+        """The operator's will and the newest tick's decision."""
+        before, self._intent = self._intent, intent
+        if before is not intent:
+            self._mission(now_s, before.mission, intent.mission, pose)
+            self._zones(now_s, before.zones, intent.zones)
+            if before.beware is not intent.beware:
+                self._beware(now_s, before.beware, intent.beware)
+        if decision is not None and decision is not self._decision:
+            self._path(now_s, decision, intent)
+        self._settle(now_s, pose)
+
+    def hear(self, now_s: float, reasons: tuple[StopReason, ...], pose: Place) -> None:
+        """What the gate says holds the robot, whenever that changes."""
+        self._settle(now_s, pose)
+        if not reasons:
+            if self._held is not None and self._held[2] is None:
+                self._held = (self._held[0], self._held[1], now_s)
+            return
+        cause = str(reasons[0].cause)
+        if self._held is not None and self._held[0] == cause:
+            self._held = (cause, self._held[1], None)
+            return
+        self._held = (cause, now_s, None)
+        self._journal.note(now_s, "stopped", reasons[0].text, pose)
+
+    def _settle(self, now_s: float, pose: Place) -> None:
+        if self._held is None:
+            return
+        cause, since_s, clear_s = self._held
+        if clear_s is None or now_s - clear_s < QUIET_S:
+            return
+        self._held = None
+        text = f"Nothing holds the robot any more; {cause.replace('_', ' ')} lasted {clear_s - since_s:.1f} s."
+        self._journal.note(now_s, "released", text, pose)
+
+    def _mission(self, now_s: float, before: Mission, after: Mission, pose: Place) -> None:
+        known = {goal.id for goal in before.reached}
+        for goal in after.reached:
+            if goal.id not in known:
+                text = f"Goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}) is reached."
+                self._journal.note(now_s, "goal", text, (goal.x_m, goal.y_m))
+        if after.phase is not before.phase:
+            cancelled = after.cancelled and not before.cancelled
+            self._journal.note(now_s, "mission", "The mission is cancelled." if cancelled else _PHASES[after.phase], pose)
+
+    def _zones(self, now_s: float, before: tuple[Zone, ...], after: tuple[Zone, ...]) -> None:
+        if before is after:
+            return
+        old, new = {zone.id: zone for zone in before}, {zone.id: zone for zone in after}
+        for zone in (*after, *(zone for zone in before if zone.id not in new)):
+            what = _what_happened(old.get(zone.id), new.get(zone.id))
+            if what:
+                x_m, y_m = np.mean(zone.polygon, axis=0)
+                self._journal.note(now_s, "zone", f"Zone “{zone.name}” {what}.", (float(x_m), float(y_m)))
+
+    def _beware(self, now_s: float, before: BewareList, after: BewareList) -> None:
+        old, new = ({entry.name: entry for entry in beware.classes} for beware in (before, after))
+        for name in {**old, **new}:
+            one, other = old.get(name), new.get(name)
+            if one == other:
+                continue
+            if one is None or other is None:
+                what = "joins the beware list" if one is None else "leaves the beware list"
+            elif one.enabled != other.enabled:
+                what = "is to be kept away from" if other.enabled else "need not be kept away from any more"
+            else:
+                what = f"now has a margin of {other.margin_m:g} m, least confidence {other.min_confidence:.0%}"
+            self._journal.note(now_s, "beware", f"“{name}” {what}.")
+
+    def _path(self, now_s: float, decision: Decision, intent: Intent) -> None:
+        before = self._decision
+        changed_goal = before is None or _end(before.route) != _end(decision.route)
+        found = None if before is None or before.route is None else isinstance(before.route.outcome, Path)
+        opened = decision.route is not None and isinstance(decision.route.outcome, Path) != found
+        if not changed_goal and not opened and now_s - self._compared_s < REPLAN_PERIOD_S:
+            return
+        self._compared_s, self._decision = now_s, decision
+        if decision.route is None or intent.mission.phase not in MOVING:
+            return
+        said = _why_replanned(before, decision, intent, changed_goal=changed_goal)
+        if said is not None:
+            self._journal.note(now_s, "replanned", *said)
+
+
+def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
+    if before is None:
+        return "was drawn" if after is not None and after.enabled else "was drawn, switched off"
+    if after is None:
+        return "was deleted"
+    if before.enabled != after.enabled:
+        return "was switched on" if after.enabled else "was switched off"
+    return "was changed" if before != after else None
+
+
+def _end(route: Route | None) -> Place | None:
+    return (float(route.points[-1, 0]), float(route.points[-1, 1])) if route is not None and len(route.points) else None
+
+
+def _why_replanned(
+    before: Decision | None, after: Decision, intent: Intent, *, changed_goal: bool
+) -> tuple[str, Place | None] | None:
+    """What to say about the newest path; None when it is the same as before."""
+    route, here = after.route, (after.frame.pose.x_m, after.frame.pose.y_m)
+    assert route is not None
+    old = before.route if before is not None else None
+    if isinstance(route.outcome, NoPath):
+        known = old is not None and isinstance(old.outcome, NoPath) and old.outcome.reason == route.outcome.reason
+        return None if known else (f"There is no path: {route.outcome.reason}.", here)
+    length_m = route.outcome.length * after.occupancy.spec.resolution_m
+    if old is None or (changed_goal and isinstance(old.outcome, Path)):
+        return f"Planned a path of {length_m:.1f} m to ({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).", here
+    if isinstance(old.outcome, NoPath):
+        return f"A path has opened, {length_m:.1f} m long.", here
+    aside_m, at = _furthest_aside(route.points, old.points)
+    if aside_m < ASIDE_M:
+        return None
+    blocked = _first_blocked(old.outcome.cells, after)
+    if blocked is None:
+        return f"A shorter way has opened: {length_m:.1f} m from here.", at
+    what = _closed_by(after.occupancy.grid, blocked, intent)
+    return f"{what} closes the path at this place; the new one is {length_m:.1f} m long.", after.occupancy.spec.centre(*blocked)
+
+
+def _furthest_aside(path: npt.NDArray[np.float64], old: npt.NDArray[np.float64]) -> tuple[float, Place]:
+    """How far a path leads from another at the most, and where."""
+    away, _ = cKDTree(old).query(path)
+    at = int(np.argmax(away))
+    return float(away[at]), (float(path[at, 0]), float(path[at, 1]))
+
+
+def _first_blocked(cells: npt.NDArray[np.int64], decision: Decision) -> Cell | None:
+    here = decision.occupancy.spec.cell(decision.frame.pose.x_m, decision.frame.pose.y_m)
+    ahead = cells[int(np.argmin(((cells - here) ** 2).sum(axis=1))) :]
+    closed = np.flatnonzero(decision.occupancy.blocked[ahead[:, 0], ahead[:, 1]])
+    return None if not len(closed) else (int(ahead[closed[0], 0]), int(ahead[closed[0], 1]))
+
+
+def _closed_by(grid: OccupancyGrid, cell: Cell, intent: Intent) -> str:
+    """What is nearest to a closed cell, in words."""
+    names = {entry.class_id: f"“{entry.label or entry.name}”" for entry in intent.beware.classes}
+    layers = [("An obstacle", grid.geometric), ("A zone", grid.zones), *(("A zone", mask) for _, mask in grid.wide_zones)]
+    layers += [(names.get(class_id, "Something to beware of"), layer) for class_id, layer in grid.beware.items()]
+    reach, best = 60, ("Something", np.inf)
+    top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
+    for name, layer in layers:
+        near = np.argwhere(layer[top : cell[0] + reach + 1, left : cell[1] + reach + 1]) + np.array([top, left])
+        away = float(((near - cell) ** 2).sum(axis=1).min()) if len(near) else np.inf
+        if away < best[1]:
+            best = (name, away)
+    return best[0]

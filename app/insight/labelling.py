@@ -1,0 +1,202 @@
+"""Pictures that an operator has corrected, in the layout of the data sets: `bewarenav train --data FOLDER` takes the folder.
+
+Every picture goes to the split `train`. Of its labels the operator vouches for one region only. The rest is the segmenter's own
+word, where it was sure enough to bind the robot; where it was unsure, and on the rim of the region, the label is void, which no
+training learns from. After every picture the lists and the card are whole again; what a crash leaves half done is mended at the
+next start.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import threading
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from app.insight.detections import View, unpacked
+from navcore.errors import BadConfiguration, Refused, StorageFailed
+from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files, check_labels
+from navcore.learning.data.class_names import BEWARE_CLASSES
+from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
+from navcore.learning.data.writer import write_text
+from web.insight import LabellingState
+
+MAX_PICTURES = 500
+MAX_BYTES = 500_000_000
+BACKGROUND = "background"
+UNITS_PER_M = 1000.0
+RIM_PX = 3
+"""So wide is the void about what the operator has said something of."""
+
+
+class LabellingFolder:
+    """Grows picture by picture up to its bounds; safe to use from any thread."""
+
+    def __init__(self, folder: Path, *, max_pictures: int = MAX_PICTURES, max_bytes: int = MAX_BYTES) -> None:
+        self.folder, self._max_pictures, self._max_bytes = folder, max_pictures, max_bytes
+        self._lock = threading.Lock()
+        self._files: list[Files] = []
+        self._class_names: list[str] = []
+        self._sizes: set[tuple[int, int]] = set()
+        self._sums = DepthSums()
+        self._bytes_used = 0
+        self._opened = False
+
+    def state(self) -> LabellingState:
+        """How much is in it."""
+        with self._lock:
+            self._open()
+            return LabellingState(
+                folder=str(self.folder),
+                pictures=len(self._files),
+                bytes_used=self._bytes_used,
+                max_pictures=self._max_pictures,
+                max_bytes=self._max_bytes,
+            )
+
+    def add(self, view: View, *, names: dict[int, str], said: str | None) -> None:
+        """Add a picture whose region shows a thing of the class `said`; None: nothing of the list.
+
+        `names` are the beware list's classes by id. Raises `Refused` when the folder is full, `StorageFailed`.
+        """
+        with self._lock:
+            self._open()
+            if len(self._files) >= self._max_pictures or self._bytes_used >= self._max_bytes:
+                raise Refused(
+                    f"the labelling folder {self.folder} is full ({len(self._files)} pictures); train with it, then move it"
+                )
+            self._name_classes([*names.values(), *([said] if said else [])])
+            labels = self._labels(view, names, said or BACKGROUND)
+            rgb = np.ascontiguousarray(unpacked(view.rgb_png)[..., ::-1], dtype=np.uint8)
+            self._write(rgb, np.asarray(unpacked(view.depth_png), dtype=np.uint16), labels)
+
+    def _labels(self, view: View, names: dict[int, str], said: str) -> npt.NDArray[np.uint8]:
+        class_ids, region = unpacked(view.class_ids_png), unpacked(view.mask_png) > 0
+        values = np.full(256, self._value(BACKGROUND), dtype=np.uint8)
+        for class_id, name in names.items():
+            values[class_id] = self._value(name)
+        labels = values[class_ids]
+        labels[unpacked(view.unsure_png) > 0] = 0
+        around = cv2.dilate(region.view(np.uint8), np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), dtype=np.uint8)) > 0
+        labels[around] = 0
+        labels[region] = self._value(said)
+        return np.asarray(labels, dtype=np.uint8)
+
+    def _value(self, name: str) -> int:
+        return [known.casefold() for known in self._class_names].index(name.casefold()) + 1
+
+    def _name_classes(self, names: Sequence[str]) -> None:
+        """Names are only ever added, at the end: what is on the disk keeps its meaning."""
+        for name in names:
+            if name.casefold() not in (known.casefold() for known in self._class_names):
+                self._class_names.append(name)
+
+    def _open(self) -> None:
+        """Take over what an earlier session left; a picture whose writing was cut off is left out."""
+        if self._opened:
+            return
+        class_names, found, sums, sizes = list(BEWARE_CLASSES), list[Files](), type(self._sums)(), set[tuple[int, int]]()
+        if (self.folder / CARD_NAME).exists():
+            class_names = self._names_on_card()
+            for label in sorted(self.folder.glob("train/label/*.npy")):
+                files = _files_of(label.stem)
+                try:
+                    depth, labels = read_depth(self.folder / files[1]), read_labels(self.folder / files[2])
+                    check_labels(labels, len(class_names), str(self.folder / files[2]))
+                    read_rgb(self.folder / files[0])
+                except BadConfiguration:
+                    continue
+                found.append(files)
+                sums.add(depth)
+                sizes.add((labels.shape[0], labels.shape[1]))
+        # All in one step: a disk that then refuses the lists finds what was read only once in them when it is tried again.
+        self._class_names, self._files, self._sums, self._sizes = class_names, found, sums, sizes
+        self._bytes_used = sum(map(self._size_of, found))
+        if found:
+            self._publish()
+        self._opened = True
+
+    def _names_on_card(self) -> list[str]:
+        try:
+            return [str(name) for name in json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))["class_names"]]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StorageFailed(f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away") from None
+
+    def _size_of(self, files: Files) -> int:
+        return sum((self.folder / path).stat().st_size for path in files)
+
+    def _write(self, rgb: npt.NDArray[np.uint8], depth_mm: npt.NDArray[np.uint16], labels: npt.NDArray[np.uint8]) -> None:
+        files, sums = _files_of(uuid.uuid4().hex[:16]), dataclasses.replace(self._sums)
+        sums.add(depth_mm)
+        try:
+            sums.statistics(units_per_m=UNITS_PER_M)
+        except BadConfiguration as error:
+            raise Refused(f"the picture cannot be learned from: {error}") from None
+        partial = self.folder / f"{files[2]}.partial.npy"
+        try:
+            for split in SPLITS:
+                for kind in KINDS:
+                    (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
+            self._write_card(sums)  # first: a number in a label must never be on the disk without its name
+            write_rgb(self.folder / files[0], rgb)
+            write_grey(self.folder / files[1], depth_mm)
+            np.save(partial, labels, allow_pickle=False)
+            partial.replace(self.folder / files[2])  # the last of the three, so that a picture is whole or none
+        except OSError as error:
+            raise StorageFailed(f"{self.folder}: the picture cannot be written: {error.strerror or error}") from error
+        self._files.append(files)
+        self._bytes_used += self._size_of(files)
+        self._sums = sums
+        self._sizes.add((labels.shape[0], labels.shape[1]))
+        self._publish()
+
+    def _publish(self) -> None:
+        """Write the lists and the card."""
+        for split in SPLITS:
+            for column, kind in enumerate(KINDS):
+                lines = [files[column] for files in self._files] if split == "train" else []
+                write_text(self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines))
+        self._write_card(self._sums)
+
+    def _write_card(self, sums: DepthSums) -> None:
+        card = DatasetCard(
+            class_names=tuple(self._class_names),
+            depth=sums.statistics(units_per_m=UNITS_PER_M),
+            counts=Counts(train=len(self._files)),
+            sizes=tuple(sorted(self._sizes)),
+            source={"made_by": "corrections in the operator console"},
+        )
+        write_text(self.folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
+
+
+def _files_of(name: str) -> Files:
+    return f"train/rgb/{name}.png", f"train/depth/{name}.png", f"train/label/{name}.npy"
+
+
+def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt.NDArray[np.bool_]:
+    """(H, W) what stands out within (left, top, right, bottom), by GrabCut; the whole box if nothing does.
+
+    Raises `BadConfiguration` for a box that is not on the picture or too small.
+    """
+    height, width = rgb.shape[:2]
+    left, top, right, bottom = box
+    if not (0 <= left < right <= width and 0 <= top < bottom <= height) or min(right - left, bottom - top) < 6:
+        raise BadConfiguration(
+            f"box {box}: expected left < right ≤ {width}, top < bottom ≤ {height}, each side 6 pixels or more"
+        )
+    region = np.zeros((height, width), dtype=np.bool_)
+    region[top:bottom, left:right] = True
+    if region.all():
+        return region
+    kinds = np.where(region, np.uint8(cv2.GC_PR_FGD), np.uint8(cv2.GC_BGD))
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.grabCut(np.ascontiguousarray(rgb[..., ::-1]), kinds, (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK)
+    found = (kinds == cv2.GC_FGD) | (kinds == cv2.GC_PR_FGD)
+    return found if found.sum() >= 0.05 * region.sum() else region

@@ -1,0 +1,141 @@
+"""A recording of an RGB-D camera with its poses, on the disk.
+
+A folder holds
+
+* `camera-intrinsics.txt`: the 3 × 3 matrix of the depth camera, pixels;
+* `poses.txt`: a line a frame, its number and the 4 × 4 matrix camera → world row by row, metres (lines with # are comments);
+* `frame-NNNNNN.depth.png`: 16 bits, millimetres, 0 and 65535 where nothing was measured;
+* `frame-NNNNNN.color.jpg` (or `.png`): the colours, of the same size.
+
+The number of a frame counts pictures at 30 Hz. The camera's axes are the optical ones (x right, y down, z ahead); where the
+world has its floor need not be known (`floor.py` finds it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.files import read_whole
+from navcore.geometry.transform import Matrix
+from navcore.learning.data.images import RgbArray, read_depth, read_rgb
+from navcore.robot.frame import Intrinsics
+
+MAX_FRAMES = 100_000
+MAX_TEXT_BYTES = 1 << 25
+MAX_NUMBER = 999_999
+FURTHEST_M = 1e4
+"""No camera of a recording is further from its world's origin."""
+RATE_HZ = 30
+UNITS_PER_M = 1000.0
+NOT_MEASURED = 65535
+LEAST_MEASURED_M = 0.4
+"""A depth camera that triangulates sees nothing nearer; what it says there is wrong."""
+ROUNDED = 5e-3
+"""Rotations are written with few digits, or were averaged."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Which frames there are and where the camera was; pictures are read one by one."""
+
+    folder: Path
+    """Where they lie."""
+    intrinsics: Intrinsics
+    """Of the depth camera."""
+    numbers: npt.NDArray[np.int64]
+    """(N,) of the frames, rising."""
+    T_world_camera: npt.NDArray[np.float64]
+    """(N, 4, 4) where the camera was, in the recording's own world frame, metres."""
+
+    def __len__(self) -> int:
+        """Frames."""
+        return len(self.numbers)
+
+    def stamp_ns(self, index: int) -> int:
+        """Capture time of a frame since the first, ns."""
+        return int(self.numbers[index] - self.numbers[0]) * 1_000_000_000 // RATE_HZ
+
+    def depth_m(self, index: int) -> npt.NDArray[np.float32]:
+        """(H, W) metres, 0 where nothing was measured; raises `BadConfiguration` naming the file."""
+        path = self._path(index, "depth.png")
+        raw = read_depth(path)
+        self._check_size(raw.shape, path)
+        depth_m = np.where(raw == NOT_MEASURED, np.uint16(0), raw).astype(np.float32) / np.float32(UNITS_PER_M)
+        depth_m[depth_m < LEAST_MEASURED_M] = 0
+        return depth_m
+
+    def rgb(self, index: int) -> RgbArray:
+        """(H, W, 3) colours; raises `BadConfiguration` naming the file."""
+        path = self._path(index, "color.jpg")
+        if not path.exists():
+            path = self._path(index, "color.png")
+        rgb = read_rgb(path)
+        self._check_size(rgb.shape[:2], path)
+        return rgb
+
+    def _path(self, index: int, ending: str) -> Path:
+        return self.folder / f"frame-{self.numbers[index]:06d}.{ending}"
+
+    def _check_size(self, shape: tuple[int, ...], path: Path) -> None:
+        expected = (self.intrinsics.height, self.intrinsics.width)
+        if shape != expected:
+            raise BadConfiguration(f"{path}: is {shape} pixels (height, width), expected {expected} as the first depth picture")
+
+
+def open_recording(folder: Path, *, every: int = 1) -> Recording:
+    """The recording in a folder, or every so manieth frame of it; raises `BadConfiguration` for what is no such folder."""
+    matrix = _numbers(folder / "camera-intrinsics.txt", 3)
+    if matrix.shape != (3, 3) or min(matrix[0, 0], matrix[1, 1]) <= 0:
+        raise BadConfiguration(f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal lengths")
+    table = _numbers(folder / "poses.txt", 17)
+    _check_poses(table, folder / "poses.txt")
+    table = table[::every]
+    height, width = read_depth(folder / f"frame-{int(table[0, 0]):06d}.depth.png").shape
+    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return Recording(
+        folder=folder,
+        intrinsics=Intrinsics(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy),
+        numbers=table[:, 0].astype(np.int64),
+        T_world_camera=table[:, 1:].reshape(-1, 4, 4),
+    )
+
+
+def _numbers(path: Path, columns: int) -> npt.NDArray[np.float64]:
+    """The lines of a text file, as (N, columns) finite numbers."""
+    rows = []
+    for count, line in enumerate(read_whole(path, at_most=MAX_TEXT_BYTES).decode("utf-8", "replace").splitlines(), start=1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != columns or not np.isfinite(row).all():
+            raise BadConfiguration(f"{path}: line {count}: expected {columns} numbers, got {line!r:.60}")
+        rows.append(row)
+    return np.array(rows).reshape(-1, columns)
+
+
+def _check_poses(table: npt.NDArray[np.float64], path: Path) -> None:
+    numbers, poses = table[:, 0], table[:, 1:].reshape(-1, 4, 4)
+    if not 0 < len(table) <= MAX_FRAMES:
+        raise BadConfiguration(f"{path}: has {len(table)} poses, expected 1 to {MAX_FRAMES}")
+    if (numbers != np.round(numbers)).any() or numbers.min() < 0 or numbers.max() > MAX_NUMBER or (np.diff(numbers) <= 0).any():
+        raise BadConfiguration(f"{path}: frames must be numbered by rising whole numbers of 0 to {MAX_NUMBER}")
+    for number, pose in zip(numbers, poses, strict=True):
+        if not _is_rigid(pose):
+            raise BadConfiguration(
+                f"{path}: frame {number:.0f}: its matrix is no rotation and translation within {FURTHEST_M:g} m"
+            )
+
+
+def _is_rigid(pose: Matrix) -> bool:
+    turn = pose[:3, :3]
+    straight = np.abs(turn @ turn.T - np.eye(3)).max() < ROUNDED and np.linalg.det(turn) > 0
+    return bool(straight and np.abs(pose[:3, 3]).max() < FURTHEST_M and np.abs(pose[3] - [0, 0, 0, 1]).max() < ROUNDED)

@@ -1,0 +1,157 @@
+"""A recording as a robot: it plays its frames by a clock, and its wheels are nowhere.
+
+The recorded camera need not have sat on a robot. Each frame's base is the place on the floor beneath the camera, heading where
+it looks; what is left of the camera's pose is that frame's mount. So the map is built from the camera's full pose.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.replay.recording import Recording
+from navcore.geometry.transform import Matrix, Pose2, invert, wrap_angle
+from navcore.grid.grid import GridSpec
+from navcore.robot.frame import Frame
+from navcore.robot.profile import STANDSTILL, Twist
+
+POLL_S = 0.01
+
+
+class ReplayRobot:
+    """A `Robot` whose senses were recorded. Velocities sent to it go nowhere."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        T_map_world: Matrix,
+        *,
+        clock: Callable[[], int] = time.monotonic_ns,
+        back_and_forth: bool = False,
+    ) -> None:
+        """The first frame is due now; `T_map_world` levels the recording's world (`floor.find_floor`).
+
+        After its end the recording stays at its last frame or, `back_and_forth`, turns and goes on for ever without a jump.
+        """
+        self._recording, self._T_map_world, self._clock = recording, T_map_world, clock
+        self._began_ns = clock()
+        self._length_ns = recording.stamp_ns(len(recording) - 1)
+        self._turns = back_and_forth and self._length_ns > 0
+        self._newest: Frame | None = None
+        self._read: _Due | None = None
+
+    def now_ns(self) -> int:
+        """The clock it is played by."""
+        return self._clock()
+
+    def newest_frame(self) -> Frame | None:
+        """The last frame that `wait_frame` has read; reading files is nothing for the command thread."""
+        return self._newest
+
+    def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
+        """The frame that is due if it is another than `after`, waiting for it; None when none comes in time.
+
+        Raises `BadConfiguration` for a damaged picture. For one thread only.
+        """
+        until_s = time.monotonic() + timeout_s
+        while True:
+            due = self._due()
+            if due != self._read:
+                self._newest, self._read = self._frame(due), due
+            if self._newest is not after:
+                return self._newest
+            if time.monotonic() >= until_s:
+                return None
+            time.sleep(POLL_S)
+
+    def send(self, twist: Twist) -> None:
+        """What was driven is past."""
+
+    def close(self) -> None:
+        """Nothing moves."""
+
+    def _due(self) -> _Due:
+        leg, since_ns = 0, self._clock() - self._began_ns
+        if self._turns:
+            leg, since_ns = divmod(since_ns, self._length_ns)
+        last, stamp_ns = len(self._recording) - 1, self._recording.stamp_ns
+        if leg % 2 == 0:
+            later = bisect.bisect_right(range(last + 1), since_ns, key=stamp_ns)
+            return _Due(leg=leg, index=max(later - 1, 0), stamp_ns=leg * self._length_ns + stamp_ns(max(later - 1, 0)))
+        index = bisect.bisect_left(range(last + 1), self._length_ns - since_ns, key=stamp_ns)
+        return _Due(leg=leg, index=index, stamp_ns=(leg + 1) * self._length_ns - stamp_ns(index))
+
+    def _frame(self, due: _Due) -> Frame:
+        T_map_camera = self._T_map_world @ self._recording.T_world_camera[due.index]
+        pose = base_beneath(T_map_camera)
+        return Frame(
+            stamp_ns=self._began_ns + due.stamp_ns,
+            rgb=self._recording.rgb(due.index),
+            depth_m=self._recording.depth_m(due.index),
+            intrinsics=self._recording.intrinsics,
+            T_base_camera=invert(pose.matrix()) @ T_map_camera,
+            pose=pose,
+            twist=self._twist(due, pose),
+        )
+
+    def _twist(self, due: _Due, pose: Pose2) -> Twist:
+        """Since the frame before, as wheels would tell it."""
+        other = due.index - 1 if due.leg % 2 == 0 else due.index + 1
+        if not 0 <= other < len(self._recording):
+            if due.leg == 0:
+                return STANDSTILL
+            other = 2 * due.index - other  # it has just turned: the one before is the one that follows
+        gap_s = abs(self._recording.stamp_ns(due.index) - self._recording.stamp_ns(other)) / 1e9
+        before = base_beneath(self._T_map_world @ self._recording.T_world_camera[other])
+        return Twist(
+            v_mps=before.distance_to(pose.x_m, pose.y_m) / gap_s,
+            w_radps=wrap_angle(pose.yaw_rad - before.yaw_rad) / gap_s,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Due:
+    """Which frame is shown."""
+
+    leg: int
+    """How often the recording has turned; every other leg goes back."""
+    index: int
+    stamp_ns: int
+    """Since the first frame was due."""
+
+
+def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
+    """Every frame once, as the robot gives it when the clock goes from one to the next."""
+    now_ns = 0
+    robot = ReplayRobot(recording, T_map_world, clock=lambda: now_ns)
+    for index in range(len(recording)):
+        now_ns = recording.stamp_ns(index)
+        if (frame := robot.wait_frame(None, 0.0)) is not None:
+            yield frame
+
+
+def base_beneath(T_map_camera: Matrix) -> Pose2:
+    """Where a robot would stand that has this camera above the middle of its base, heading where it looks."""
+    ahead = T_map_camera[:3, 2]
+    if math.hypot(ahead[0], ahead[1]) < 1e-6:  # it looks straight down or up: along the picture's upper edge then
+        ahead = -T_map_camera[:3, 1]
+    return Pose2(x_m=float(T_map_camera[0, 3]), y_m=float(T_map_camera[1, 3]), yaw_rad=math.atan2(ahead[1], ahead[0]))
+
+
+def map_around(recording: Recording, T_map_world: Matrix, *, reach_m: float, resolution_m: float) -> GridSpec:
+    """The grid of all that the camera can have measured from where it was."""
+    places = recording.T_world_camera[:, :3, 3] @ T_map_world[:2, :3].T + T_map_world[:2, 3]
+    low = np.floor((places.min(axis=0) - reach_m) / resolution_m)
+    cols, rows = (np.ceil((places.max(axis=0) + reach_m) / resolution_m) - low).astype(int).tolist()
+    return GridSpec(
+        resolution_m=resolution_m,
+        rows=rows,
+        cols=cols,
+        origin_x_m=float(low[0]) * resolution_m,
+        origin_y_m=float(low[1]) * resolution_m,
+    )

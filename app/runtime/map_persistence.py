@@ -1,0 +1,44 @@
+"""What a robot may know of its world before it starts: a map from elsewhere, or its own of an earlier session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from navcore.errors import BadConfiguration
+from navcore.formats import nav2_map
+from navcore.mapping import map_file
+from navcore.mapping.point_map import CloudMap
+from navcore.mapping.prior_map import prior_layer
+from navcore.mission.beware_list import BewareList
+
+
+def recall(cloud: CloudMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
+    """Put on an empty map what is known; raises `BadConfiguration` naming the file that does not fit."""
+    if kept is not None and kept.exists():
+        stored = map_file.load(kept)
+        map_file.check_classes(stored, beware)
+        cloud.restore(stored.state)
+    if prior is not None:
+        # Where the camera has been, the map knows better: what it saw to be gone does not come back with the next start.
+        occupied = prior_layer(nav2_map.load(prior), cloud.spec).copy()
+        measured = cloud.explored.was_measured(np.flatnonzero(occupied))
+        occupied[occupied] = ~measured
+        held = cloud.layers.prior
+        cloud.load_prior(occupied if held is None else occupied | held.bools)
+
+
+def keep(cloud: CloudMap, beware: BewareList, kept: Path | None) -> None:
+    """Write the map to its file; what was there stays intact until the new one is whole."""
+    if kept is not None:
+        map_file.save(kept, cloud.state(), {**_names_in(kept), **beware.names})
+
+
+def _names_in(kept: Path) -> Mapping[int, str]:
+    """What the classes of a map were called that was made before; a class that was taken off the list keeps its name there."""
+    try:
+        return map_file.load(kept).class_names if kept.exists() else {}
+    except BadConfiguration:
+        return {}  # damaged since it was read: it is written anew

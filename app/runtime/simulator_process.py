@@ -1,0 +1,202 @@
+"""The simulated robot as a process of its own, at real time: like a real robot it has its own clock, link and time-out.
+
+Physics and camera never hold the console's interpreter lock, and a hung console leaves the robot to its driver's time-out. The
+link carries JSON headers and raw pixels, nothing that could be executed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import multiprocessing
+import signal
+import threading
+import time
+from dataclasses import asdict
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from app.runtime.message_queue import Outbox
+from navcore.errors import BewareNavError
+from navcore.geometry.transform import Pose2
+from navcore.robot.frame import Frame, Intrinsics
+from navcore.robot.profile import RobotProfile, Twist
+from navcore.safety.gate import COMMAND_LIFE_NS
+from sim.scenario.schema import load_scenario
+from sim.simulator import Simulator
+
+START_S = 60.0
+"""How long the world may take to build."""
+MAX_BEHIND_S = 0.25
+"""A simulator that lags more than this does not try to catch up: it is slower than real time, and so be it."""
+
+
+class SimulatorFailed(BewareNavError):  # noqa: N818 - named after what happened, as all of them
+    """The simulator process did not come up or has died."""
+
+
+class SimulatorProcess:
+    """A `Robot` whose wheels and camera live in another process. Stamps are of the machine's monotonic clock."""
+
+    def __init__(self, scenario: str, *, seed: int, profile: RobotProfile) -> None:
+        self.profile = profile
+        self._frame: Frame | None = None
+        self._report: dict[str, Any] = {}
+        self._news = threading.Condition()
+        self._ended = False
+        self._told = itertools.count()
+        context = multiprocessing.get_context("spawn")
+        self._link, far_end = context.Pipe()
+        self._process = context.Process(target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator")
+        self._process.start()
+        far_end.close()
+        self._outbox = Outbox(self._link, "to-simulator")
+        self._reader = threading.Thread(target=self._sense, name="sense", daemon=True)
+        self._reader.start()
+        with self._news:
+            self._news.wait_for(lambda: self._frame is not None or self._ended, START_S)
+        if self._frame is None:
+            self.close()
+            raise SimulatorFailed(f"the simulator ended, or sent no picture within {START_S:g} s")
+
+    def now_ns(self) -> int:
+        """The machine's monotonic clock."""
+        return time.monotonic_ns()
+
+    def newest_frame(self) -> Frame | None:
+        """The last picture that came over the link."""
+        return self._frame
+
+    def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
+        """The newest picture if it is another than `after`, waiting for it; None when none comes in time."""
+        with self._news:
+            self._news.wait_for(lambda: self._frame is not after, timeout_s)
+            return self._frame if self._frame is not after else None
+
+    def send(self, twist: Twist) -> None:
+        """Pass a velocity on; the robot's driver forgets it after 0.25 s."""
+        message = {"kind": "twist", "v": twist.v_mps, "w": twist.w_radps, "stamp_ns": self.now_ns()}
+        self._outbox.post("twist", json.dumps(message).encode())
+
+    def watch_zones(self, polygons: list[list[tuple[float, float]]]) -> None:
+        """Tell the referee which zones to judge by."""
+        self._tell(kind="zones", polygons=polygons)
+
+    def note_stop(self, reason: str | None) -> None:
+        """Tell the referee why the robot is held, None when it is not."""
+        self._tell(kind="stop", reason=reason)
+
+    def new_run(self) -> None:
+        """Let the referee start afresh."""
+        self._tell(kind="new_run")
+
+    def referee_report(self) -> dict[str, Any]:
+        """What the referee has judged since the last `new_run`, as of the newest picture."""
+        return self._report
+
+    def close(self) -> None:
+        """Stop the wheels and end the process."""
+        self._tell(kind="close")
+        self._process.join(timeout=2.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self._outbox.close()
+        self._reader.join(timeout=2.0)
+        self._link.close()
+
+    def _tell(self, **message: Any) -> None:
+        self._outbox.post(f"told {next(self._told)}", json.dumps(message).encode())
+
+    def _sense(self) -> None:
+        try:
+            while True:
+                frame, report = _decode(self._link.recv_bytes())
+                with self._news:
+                    self._frame, self._report = frame, report
+                    self._news.notify_all()
+        except (EOFError, OSError):
+            return
+        finally:
+            with self._news:
+                self._ended = True
+                self._news.notify_all()
+
+
+def _serve(link: Connection, scenario: str, seed: int) -> None:
+    """The simulator process: step at real time, send each picture, obey what comes in."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the console's to hear; it sends zero, and then says close
+    outbox = Outbox(link, "pictures")
+    with Simulator(load_scenario(scenario), seed=seed) as simulator:
+        frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
+        while _obey(link, simulator):
+            behind_s = time.monotonic() - start_s - (simulator.now_ns() - start_ns) / 1e9
+            if behind_s > MAX_BEHIND_S:
+                start_s += behind_s
+            elif behind_s <= 0:
+                time.sleep(min(-behind_s + 1e-3, 0.01))
+                continue
+            lead_ns = time.monotonic_ns() - simulator.now_ns()
+            simulator.step()
+            if simulator.newest_frame() is not frame:
+                frame = simulator.newest_frame()
+                if frame is not None:
+                    # A picture that is late, or wrongly dated, by a fault stays so on the machine's clock.
+                    outbox.post("frame", _encode(frame, frame.stamp_ns + lead_ns, simulator.referee.summary()))
+
+
+def _obey(link: Connection, simulator: Simulator) -> bool:
+    """Apply all messages that wait; False when the link is closed."""
+    try:
+        while link.poll():
+            message = json.loads(link.recv_bytes())
+            match message["kind"]:
+                case "twist" if time.monotonic_ns() - message["stamp_ns"] < COMMAND_LIFE_NS:
+                    simulator.send(Twist(v_mps=message["v"], w_radps=message["w"]))
+                case "zones":
+                    simulator.referee.set_zones(tuple(np.array(polygon) for polygon in message["polygons"]))
+                case "stop":
+                    simulator.referee.note_stop(message["reason"])
+                case "new_run":
+                    simulator.new_run()
+                case "close":
+                    return False
+    except (EOFError, OSError):
+        return False
+    return True
+
+
+def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
+    header = {
+        "intrinsics": asdict(frame.intrinsics),
+        "mount": frame.T_base_camera.ravel().tolist(),
+        "pose": asdict(frame.pose),
+        "twist": asdict(frame.twist),
+        "stamp_ns": stamp_ns,
+        # JSON has no infinity: a clearance that was never measured is none.
+        "referee": {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in report.items()
+        },
+    }
+    text = json.dumps(header).encode()
+    text += b" " * (-(4 + len(text)) % 8)  # keeps the depth aligned, as compiled code wants it
+    return len(text).to_bytes(4, "little") + text + frame.depth_m.tobytes() + frame.rgb.tobytes()
+
+
+def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
+    split = 4 + int.from_bytes(message[:4], "little")
+    header = json.loads(message[4:split])
+    intrinsics = Intrinsics(**header["intrinsics"])
+    shape, pixels = (intrinsics.height, intrinsics.width), intrinsics.height * intrinsics.width
+    return Frame(
+        stamp_ns=header["stamp_ns"],
+        rgb=np.frombuffer(message, np.uint8, 3 * pixels, split + 4 * pixels).reshape(*shape, 3),
+        depth_m=np.frombuffer(message, np.float32, pixels, split).reshape(shape),
+        intrinsics=intrinsics,
+        T_base_camera=np.array(header["mount"]).reshape(4, 4),
+        pose=Pose2(**header["pose"]),
+        twist=Twist(**header["twist"]),
+    ), header["referee"]

@@ -1,0 +1,80 @@
+"""Driving by hand keeps out of beware areas, as driving by itself does: what the footprint sweeps until it stands is judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.costmap.costmap import Occupancy, box_around
+from navcore.costmap.local_costmap import areas_apart
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mission.zone import Zone
+from navcore.robot.profile import RobotProfile, Twist
+from navcore.safety.collision_monitor import REACTION_S, braking_s
+
+LATE_S = 0.35
+"""On top of the reaction: the picture that the pose comes from may be that old."""
+STEP_S = 0.05
+
+
+def keeps_out(
+    twist: Twist, pose: Pose2, profile: RobotProfile, *, zones: Sequence[Zone], spec: GridSpec, seen: Occupancy | None
+) -> bool:
+    """Whether the robot, driving so and then braking, comes over no more of any beware area than it stands over now.
+
+    Whoever stands in one may thus be driven out of it, and no farther in, nor over a thing or another zone that lies in it.
+    `zones` are the operator's, as they are now; `seen`, over `spec`, holds what of the beware list is known, None for nothing.
+    """
+    until_s = REACTION_S + LATE_S + braking_s(twist, profile) / 2
+    reach_m = profile.circumscribed_radius_m + abs(twist.v_mps) * until_s + max((zone.margin_m for zone in zones), default=0.0)
+    grid = _nothing(spec.part(*box_around(spec, pose, reach_m))) if seen is None else seen.around(pose, reach_m)
+    under, others = areas_apart(grid, zones, profile, pose)
+    steps = math.ceil(until_s / STEP_S)
+    ways = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
+    for area in (*under, others):
+        if area.any():
+            covered = _covered(area, grid.spec, pose, profile)
+            if any(_covered(area, grid.spec, way, profile) > covered for way in ways):
+                return False
+    return True
+
+
+def _nothing(spec: GridSpec) -> OccupancyGrid:
+    """Of a place where nothing was seen yet."""
+    empty = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    return OccupancyGrid(spec=spec, geometric=empty, beware={}, zones=empty)
+
+
+def _after(twist: Twist, t_s: float) -> Pose2:
+    """Where an arc from the origin leads."""
+    v, w = twist.v_mps, twist.w_radps
+    if abs(w) < 1e-6:
+        return Pose2(x_m=v * t_s, y_m=0.0, yaw_rad=w * t_s)
+    return Pose2(x_m=v * math.sin(w * t_s) / w, y_m=v * (1 - math.cos(w * t_s)) / w, yaw_rad=w * t_s)
+
+
+def _covered(ruled: npt.NDArray[np.bool_], spec: GridSpec, pose: Pose2, profile: RobotProfile) -> int:
+    """So many of the footprint's points, half a cell apart, lie on a ruled cell."""
+    body = _body(profile.length_m, profile.width_m, spec.resolution_m / 2)
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    x = pose.x_m + cos * body[:, 0] - sin * body[:, 1]
+    y = pose.y_m + sin * body[:, 0] + cos * body[:, 1]
+    col = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
+    row = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
+    inside = (row >= 0) & (row < spec.rows) & (col >= 0) & (col < spec.cols)
+    return int(np.count_nonzero(ruled[row[inside], col[inside]]))
+
+
+@lru_cache(maxsize=4)
+def _body(length_m: float, width_m: float, step_m: float) -> npt.NDArray[np.float64]:
+    """(N, 2) points all over the footprint, base frame."""
+    x = np.linspace(-length_m / 2, length_m / 2, math.ceil(length_m / step_m) + 1)
+    y = np.linspace(-width_m / 2, width_m / 2, math.ceil(width_m / step_m) + 1)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points.flags.writeable = False
+    return points

@@ -1,0 +1,96 @@
+"""Where the robot may go but must go slowly, and how long a way takes under such limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry import Polygon
+
+from navcore.control.motion import LocalRules, Motion
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.robot.profile import RobotProfile, Twist
+
+LAG_S = 0.25
+"""Between a picture and the wheels that obey what was decided on it."""
+Points = npt.NDArray[np.float64]
+
+
+def allowed_speed_mps(zones: Iterable[Zone], pose: Pose2, speed_mps: float, profile: RobotProfile, rules: LocalRules) -> float:
+    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it there; inf without one.
+
+    `speed_mps` is what the robot drives now: so fast it goes on until the wheels hear of this.
+    """
+    limits = [zone for zone in zones if _limits(zone)]
+    if not limits:
+        return math.inf
+    body = _body(pose, profile)
+    going_m = abs(speed_mps) * LAG_S
+    return min(_braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - going_m, rules) for zone in limits)
+
+
+def slowed(motion: Motion, allowed_mps: float) -> Motion:
+    """The same arc, no faster than is allowed."""
+    speed = abs(motion.twist.v_mps)
+    if speed <= allowed_mps:
+        return motion
+    share = allowed_mps / speed
+    return dataclasses.replace(motion, twist=Twist(v_mps=motion.twist.v_mps * share, w_radps=motion.twist.w_radps * share))
+
+
+def travel_time_s(
+    points: Points, zones: Sequence[Zone], profile: RobotProfile, rules: LocalRules, *, start_yaw_rad: float | None = None
+) -> float:
+    """How long the robot takes along (N, 2) points in metres, about: at full speed, at each limit within its zone, turning in
+    place where the path begins or bends sharply. What makes it wait on its way is not known beforehand."""
+    if len(points) < 2:
+        return 0.0
+    steps = np.diff(points, axis=0)
+    speeds = np.full(len(steps), profile.max_speed_mps)
+    middles = shapely.points(points[:-1] + steps / 2)
+    for zone in zones:
+        if _limits(zone):
+            touched = shapely.dwithin(middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m)
+            speeds[touched] = np.minimum(speeds[touched], _limit_mps(zone))
+    driving_s = float((np.hypot(*steps.T) / speeds).sum())
+    return driving_s + _turning_rad(steps, rules, start_yaw_rad) / rules.turn_rate_radps
+
+
+def _turning_rad(steps: Points, rules: LocalRules, start_yaw_rad: float | None) -> float:
+    moving = steps[np.hypot(*steps.T) > 0]
+    headings = np.arctan2(moving[:, 1], moving[:, 0]).tolist()
+    if start_yaw_rad is not None:
+        headings.insert(0, start_yaw_rad)
+    turns = (abs(wrap_angle(after - before)) for before, after in pairwise(headings))
+    return sum(turn for turn in turns if turn > math.radians(rules.turn_from_deg))
+
+
+def _limits(zone: Zone) -> bool:
+    return zone.enabled and zone.kind is ZoneKind.SPEED_LIMIT
+
+
+def _limit_mps(zone: Zone) -> float:
+    assert zone.max_speed_mps is not None
+    return zone.max_speed_mps
+
+
+def _braking_mps(zone: Zone, room_m: float, rules: LocalRules) -> float:
+    return math.sqrt(_limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0))
+
+
+def _body(pose: Pose2, profile: RobotProfile) -> Polygon:
+    return Polygon(pose.to_parent(profile.footprint()))
+
+
+@lru_cache(maxsize=256)
+def _shape(polygon: tuple[tuple[float, float], ...]) -> Polygon:
+    shape = Polygon(polygon)
+    shapely.prepare(shape)
+    return shape

@@ -1,5 +1,0 @@
-"""ESANet: RGB-D semantic segmentation (Seichter et al. 2021), compatible with the official repository's checkpoints."""
-
-from navcore.esanet.model import EsaNet, build
-
-__all__ = ["EsaNet", "build"]

@@ -1,0 +1,218 @@
+"""Words of 64 cells: the machine instructions that numba does not name, and grids packed into such words.
+
+A plane is uint64 (lines, words); bit b of word w of line l is the cell (l, 64 w + b). Planes are padded by 64 blocked cells on
+every side (`PAD`), so that no scan needs a bounds check and a plane and its transposed copy are cut into the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import intrinsic as numba_intrinsic
+
+from navcore.grid.grid import BoolGrid, Cell
+
+Plane = npt.NDArray[np.uint64]
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+PAD = 64
+ZERO, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
+
+
+def compiled(function: Function) -> Function:
+    """Compile, keep the result on disk, let other threads run meanwhile."""
+    return cast(Function, numba.njit(cache=True, nogil=True)(function))
+
+
+def lean(function: Function) -> Function:
+    """The same for functions that make no arrays: they need not count references, which would take most of their time."""
+    return cast(Function, numba.njit(cache=True, nogil=True, _nrt=False)(function))  # type: ignore[call-overload]
+
+
+def inlined(function: Function) -> Function:
+    """The same for steps of an inner loop: compiled into their callers, since an array costs seven arguments to hand on."""
+    return cast(
+        Function,
+        numba.njit(cache=True, nogil=True, _nrt=False, forceinline=True)(function),  # type: ignore[call-overload]
+    )
+
+
+def instruction(function: Callable[..., Any]) -> Any:
+    """Make a function that writes machine-independent code callable from compiled ones."""
+    return numba_intrinsic(function)
+
+
+@instruction
+def lowest(_typing: Any, _word: Any) -> Any:
+    """Number of the lowest set bit of a uint64 that is not 0."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.uint64), generate
+
+
+@instruction
+def highest(_typing: Any, _word: Any) -> Any:
+    """Number of the highest set bit of a uint64 that is not 0."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.xor(builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1)), ir.Constant(ir.IntType(64), 63))
+
+    return types.int64(types.uint64), generate
+
+
+@instruction
+def ones(_typing: Any, _word: Any) -> Any:
+    """How many bits of a uint64 are set."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.uint64), generate
+
+
+@instruction
+def mirrored(_typing: Any, _word: Any) -> Any:
+    """A uint64 with its bits in the opposite order."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitreverse(arguments[0])
+
+    return types.uint64(types.uint64), generate
+
+
+@instruction
+def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
+    """The upper 64 bits of two uint64 side by side, shifted to the left by 0 to 63 bits."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        word = ir.IntType(64)
+        shift = builder.module.declare_intrinsic("llvm.fshl", [word], ir.FunctionType(word, [word] * 3))
+        return builder.call(shift, arguments)
+
+    return types.uint64(types.uint64, types.uint64, types.uint64), generate
+
+
+@instruction
+def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
+    """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit with the uint8 `of`.
+
+    Nothing checks the bounds. One or two instructions on today's processors, where a loop over the bytes takes hundreds.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        byte, chunk = ir.IntType(8), ir.VectorType(ir.IntType(8), 64)
+        address = builder.bitcast(builder.gep(data, [arguments[1]]), chunk.as_pointer())
+        one = builder.insert_element(ir.Constant(chunk, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0))
+        of = builder.shuffle_vector(
+            one, ir.Constant(chunk, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), 64), [0] * 64)
+        )
+        shared = builder.and_(builder.load(address, align=1), of)
+        present = builder.icmp_unsigned("!=", shared, ir.Constant(chunk, [ir.Constant(byte, 0)] * 64))
+        return builder.bitcast(present, ir.IntType(64))
+
+    return types.uint64(array, types.int64, types.uint8), generate
+
+
+def empty_plane(rows: int, cols: int) -> Plane:
+    """A plane of zeros with room for (rows, cols) cells and the padding around them."""
+    return np.zeros((64 * blocks(rows), blocks(cols)), dtype=np.uint64)
+
+
+def blocks(cells: int) -> int:
+    """Words that hold so many cells and the padding on both sides."""
+    return -(-cells // 64) + 2
+
+
+def pack(mask: BoolGrid, plane: Plane) -> None:
+    """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not 0."""
+    if mask.itemsize != 1:
+        mask = np.not_equal(mask, 0)
+    flat = np.ascontiguousarray(mask).view(np.uint8).reshape(-1)
+    _pack(flat, mask.shape[0], mask.shape[1], plane)
+
+
+def unpack(plane: Plane, rows: int, cols: int) -> BoolGrid:
+    """The bool (rows, cols) grid that a plane holds."""
+    inner = np.ascontiguousarray(plane[PAD : PAD + rows, 1:-1]).view(np.uint8)
+    return np.unpackbits(inner, axis=1, bitorder="little")[:, :cols].view(np.bool_)
+
+
+def plane_of(cell: Cell, *, like: Plane) -> Plane:
+    """A plane of the same size that holds one cell (row, col)."""
+    plane = np.zeros_like(like)
+    plane[cell[0] + PAD, (cell[1] + PAD) >> 6] = ONE << np.uint64(cell[1] & 63)
+    return plane
+
+
+def contains(plane: Plane, cell: Cell) -> bool:
+    """Whether a plane holds a cell (row, col) of its grid."""
+    return bool(plane[cell[0] + PAD, (cell[1] + PAD) >> 6] >> np.uint64(cell[1] & 63) & ONE)
+
+
+def cells_of(plane: Plane) -> npt.NDArray[np.int64]:
+    """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every word."""
+    lines, words = np.nonzero(plane)
+    held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+    which, bit = np.nonzero(held)
+    return np.column_stack([lines[which] - PAD, 64 * words[which] + bit - PAD])
+
+
+@compiled
+def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: Plane) -> None:
+    whole = cols >> 6
+    for row in range(rows):
+        for word in range(whole):
+            plane[PAD + row, 1 + word] = gather(flat, row * cols + 64 * word, np.uint8(255))
+        tail = np.uint64(0)
+        for col in range(64 * whole, cols):
+            tail |= np.uint64(flat[row * cols + col] != 0) << np.uint64(col & 63)
+        if cols & 63:
+            plane[PAD + row, 1 + whole] = tail
+
+
+@compiled
+def transpose(source: Plane, target: Plane) -> None:
+    """Write the transposed copy of a padded plane, block by block of 64 × 64 cells."""
+    block = np.empty(64, dtype=np.uint64)
+    bytes_of_block = block.view(np.uint8)
+    for right in range(1, source.shape[1] - 1):
+        for down in range(1, target.shape[1] - 1):
+            # Rows are laid out so that swapping bytes leaves the 64 rows of 8 neighbouring columns side by side, in order.
+            for line in range(64):
+                block[(line & 7) << 3 | line >> 3] = source[np.uint64(64 * down + line), np.uint64(right)]
+            _transpose_bytes(block)
+            for line in range(64):
+                bits = gather(bytes_of_block, (line & ~7) << 3, np.uint8(1 << (line & 7)))
+                target[np.uint64(64 * right + line), np.uint64(down)] = bits
+
+
+@compiled
+def _transpose_bytes(block: Plane) -> None:
+    """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed length become vectors."""
+    for line in range(32):
+        _exchange(block, line, line + 32, 32, 0x00000000FFFFFFFF)
+    for line in range(16):
+        _exchange(block, line, line + 16, 16, 0x0000FFFF0000FFFF)
+    for line in range(32, 48):
+        _exchange(block, line, line + 16, 16, 0x0000FFFF0000FFFF)
+    for first in range(0, 64, 16):
+        for line in range(8):
+            _exchange(block, first + line, first + line + 8, 8, 0x00FF00FF00FF00FF)
+
+
+@compiled
+def _exchange(block: Plane, upper: int, lower: int, shift: int, mask: int) -> None:
+    up, low = np.uint64(upper), np.uint64(lower)
+    swapped = ((block[up] >> np.uint64(shift)) ^ block[low]) & np.uint64(mask)
+    block[low] ^= swapped
+    block[up] ^= swapped << np.uint64(shift)

@@ -1,0 +1,304 @@
+"""The free cells as the search wants them: packed both ways, with marks where a straight walk must stop, kept up to date.
+
+Two stacks of planes (`navcore.search.bits`): `across` has one line per row, `along` one line per column, so that a walk east or
+west reads words of `across` and one south or north words of `along`. Each stack holds, in this order,
+
+* FREE: the cell is free;
+* AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
+* BACK: the same for a walk towards lower cells;
+* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line,
+  once searches have asked for a line several times (`look_along`). Word 0 of a line counts that; until then nothing is in vain.
+  VAIN_AHEAD's line 0 has a bit for each line of the other stack that was forgotten again (`navcore.search.slopes`);
+* SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
+
+A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
+where an optimal path may turn (Harabor & Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011, and
+"Improving Jump Point Search", ICAPS 2014, which packs the rows into words).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid.bitplane import (
+    ALL,
+    ONE,
+    PAD,
+    Plane,
+    blocks,
+    compiled,
+    highest,
+    inlined,
+    lean,
+    lowest,
+    mirrored,
+    pack,
+    transpose,
+    unpack,
+)
+from navcore.grid.grid import BoolGrid, Cell
+
+Planes = npt.NDArray[np.uint64]
+
+FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
+FREED_LOG = 4096
+"""So many freed cells are noted one by one."""
+LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
+"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25 cells."""
+PATIENCE = np.uint64(16)
+"""How often a line is asked about before it pays to look along all of it."""
+MANY = 64
+"""Where more than one word in so many differs, everything is made anew instead of word by word."""
+MOST_SLOPING = 2**19
+"""A plane of `FreeSpace.sloping` has no more words than this; on larger grids diagonals take turns."""
+
+
+class FreeSpace:
+    """Which cells the robot's centre may be in, and notes for the owner of a path on what has changed since.
+
+    Not to be shared between threads: a search marks its goal in the planes and removes the mark again.
+    """
+
+    def __init__(self, rows: int, cols: int) -> None:
+        if max(rows, cols) > LONGEST_SIDE or rows * cols > MOST_CELLS:
+            raise ValueError(
+                f"grid: expected sides of at most {LONGEST_SIDE} and at most {MOST_CELLS} cells, got {rows} × {cols}; "
+                "use a coarser resolution or a smaller area"
+            )
+        self.rows, self.cols = rows, cols
+        self.across: Planes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
+        self.along: Planes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
+        diagonals, words = 64 * (blocks(rows) + blocks(cols)), blocks(rows)
+        slots = 1 << min((diagonals - 1).bit_length(), (MOST_SLOPING // words).bit_length() - 1)
+        self.sloping: Planes = np.zeros((4, slots, words), dtype=np.uint64)
+        """How far diagonal walks go, as far as it is known (`navcore.search.slopes`)."""
+        self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
+        """Set bits are cells that a standing path needs free."""
+        self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
+        """Cells freed since the notes were cleared, as (row << 32 | col)."""
+        self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
+        """How many cells were freed, however many of them fit into `freed`; how many words of the tripwire were hit."""
+        self.written = (self.across, self.along, self.tripwire, self.freed, self.notes)
+        """What a change of cells reads and writes, in the order in which compiled code takes it."""
+
+    @staticmethod
+    def of(blocked: BoolGrid) -> FreeSpace:
+        """Pack a bool (rows, cols) grid that is True where the robot's centre may not be."""
+        space = FreeSpace(*blocked.shape)
+        pack(blocked, space.across[FREE])
+        complement(space.across[FREE], space.rows, space.cols)
+        space.rebuild()
+        return space
+
+    def rebuild(self) -> None:
+        """Make everything that follows from the free cells of the rows; the notes then say that anything may have changed."""
+        _rebuild(self.across, self.along)
+        self.notes[:] = FREED_LOG + 1, 1
+
+    def update(self, blocked: BoolGrid) -> None:
+        """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what the change costs."""
+        plane = np.zeros_like(self.tripwire)
+        pack(blocked, plane)
+        self.replace(plane)
+
+    def replace(self, plane: Plane) -> None:
+        """Follow a changed plane of blocked cells, and spoil it."""
+        complement(plane, self.rows, self.cols)
+        if np.count_nonzero(plane != self.across[FREE]) * MANY > plane.size:
+            self.across[FREE] = plane
+            self.rebuild()
+            return
+        _replace(*self.written, plane)
+
+    def set_cells(self, cells: npt.NDArray[np.int64], blocked: bool) -> None:
+        """Block or free the (N, 2) cells (row, col), all of them on the grid."""
+        _set_cells(*self.written, cells, blocked)
+
+    def contains(self, cell: Cell) -> bool:
+        """Whether this is a cell of the grid."""
+        return 0 <= cell[0] < self.rows and 0 <= cell[1] < self.cols
+
+    def is_free(self, cell: Cell) -> bool:
+        """Whether the robot's centre may be in this cell of the grid."""
+        return bool(int(self.across[FREE, cell[0] + PAD, (cell[1] + PAD) >> 6]) >> (cell[1] & 63) & 1)
+
+    def blocked(self) -> BoolGrid:
+        """Bool (rows, cols), True where the robot's centre may not be."""
+        return ~unpack(self.across[FREE], self.rows, self.cols)
+
+
+@inlined
+def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
+    """One bit of a plane: 1 or 0."""
+    bit: np.uint64 = planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+    return bit
+
+
+@compiled
+def complement(plane: Plane, rows: int, cols: int) -> None:
+    """Exchange free and blocked cells of a plane; the padding becomes 0."""
+    whole = cols >> 6
+    for line in range(PAD, PAD + rows):
+        for word in range(1, whole + 1):
+            plane[line, word] = ~plane[line, word]
+        if cols & 63:
+            plane[line, whole + 1] = ~plane[line, whole + 1] & ((ONE << np.uint64(cols & 63)) - ONE)
+
+
+@compiled
+def _rebuild(across: Planes, along: Planes) -> None:
+    transpose(across[FREE], along[FREE])
+    mark_stops(across, along, PAD, across.shape[1] - PAD, 0, across.shape[2])
+    mark_stops(along, across, PAD, along.shape[1] - PAD, 0, along.shape[2])
+    mark_squares(across, PAD - 1, across.shape[1] - PAD, 0, across.shape[2] - 1)
+
+
+@compiled
+def mark_stops(planes: Planes, others: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the other stack."""
+    free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
+    one, rest = np.uint64(1), np.uint64(63)
+    low, high = max(left, 1), min(right, planes.shape[2] - 1)
+    for line in range(first, last):
+        above, below = np.uint64(line - 1), np.uint64(line + 1)
+        here = np.uint64(line)
+        for number in range(low, high):
+            word = np.uint64(number)
+            before, after = np.uint64(number - 1), np.uint64(number + 1)
+            up, down, walls = free[above, word], free[below, word], ~free[here, word]
+            opens = up & ~(up << one | free[above, before] >> rest) | down & ~(down << one | free[below, before] >> rest)
+            closes = up & ~(up >> one | free[above, after] << rest) | down & ~(down >> one | free[below, after] << rest)
+            ahead[here, word], back[here, word] = opens | walls, closes | walls
+        forget(planes, others, line)
+        if left == 0:
+            ahead[line, 0] = back[line, 0] = ALL
+        if right == planes.shape[2]:
+            ahead[line, right - 1] = back[line, right - 1] = ALL
+
+
+@inlined
+def forget(planes: Planes, others: Planes, line: int) -> None:
+    """Have no walk of a line known to be in vain, and do not trust what was built on that."""
+    if planes[VAIN_AHEAD, line, 0] >= PATIENCE:
+        others[VAIN_AHEAD, 0, line >> 6] |= ONE << np.uint64(line & 63)
+        for word in range(planes.shape[2]):
+            planes[VAIN_AHEAD, line, word] = planes[VAIN_BACK, line, word] = 0
+    planes[VAIN_AHEAD, line, 0] = 0
+
+
+@compiled
+def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Make SQUARE anew for lines first … last-1 and words left … right-1."""
+    free, square = across[FREE], across[SQUARE]
+    one, rest = np.uint64(1), np.uint64(63)
+    for line in range(first, last):
+        here, below = np.uint64(line), np.uint64(line + 1)
+        for number in range(left, right):
+            word, after = np.uint64(number), np.uint64(number + 1)
+            both, both_after = free[here, word] & free[below, word], free[here, after] & free[below, after]
+            square[here, word] = both & (both >> one | both_after << rest)
+
+
+@lean
+def look_along(planes: Planes, line: int) -> None:
+    """Make VAIN_AHEAD and VAIN_BACK for one line.
+
+    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what
+    is true of c. That is how carries run through an addition: generated at jump points, handed on by cells that stop nobody.
+    """
+    words = planes.shape[2]
+    carry = np.uint64(0)
+    for word in range(words):
+        jumps = planes[BACK, line, word] & planes[FREE, line, word]
+        hits, carry = _carries(jumps, ~planes[BACK, line, word], carry)
+        planes[VAIN_BACK, line, word] = ~hits
+    carry = np.uint64(0)
+    for word in range(words - 1, -1, -1):
+        jumps = planes[AHEAD, line, word] & planes[FREE, line, word]
+        hits, carry = _carries(mirrored(jumps), mirrored(~planes[AHEAD, line, word]), carry)
+        planes[VAIN_AHEAD, line, word] = ~mirrored(hits)
+    planes[VAIN_AHEAD, line, 0] = PATIENCE
+
+
+@inlined
+def _carries(generate: np.uint64, hand_on: np.uint64, carry: np.uint64) -> tuple[np.uint64, np.uint64]:
+    """The carry into every bit of an addition, and the carry out of it."""
+    into = ((generate | hand_on) + generate + carry) ^ hand_on
+    return into, (generate | hand_on & into) >> np.uint64(63)
+
+
+@compiled
+def write_word(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    line: int,
+    word: int,
+    value: np.uint64,
+) -> np.uint64:
+    """Set one word of free cells, in the rows and in the columns; returns the bits that differ. `refresh` has to follow."""
+    changed: np.uint64 = across[FREE, line, word] ^ value
+    across[FREE, line, word] = value
+    notes[1] += (changed & ~value & tripwire[line, word]) != 0
+    bit, left = ONE << np.uint64(line & 63), changed
+    while left != 0:
+        offset = lowest(left)
+        along[FREE, 64 * word + offset, line >> 6] ^= bit
+        if value >> np.uint64(offset) & ONE:
+            if notes[0] < len(freed):
+                freed[notes[0]] = (line - PAD) << 32 | (64 * word + offset - PAD)
+            notes[0] += 1
+        left &= left - ONE
+    return changed
+
+
+@compiled
+def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
+    """Renew the marks around free cells that were written in rows first … last-1 and columns left … right-1 of the planes."""
+    over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
+    mark_stops(across, along, over, under, (left - 1) >> 6, (right >> 6) + 1)
+    mark_squares(across, first - 1, last, (left - 1) >> 6, ((right - 1) >> 6) + 1)
+    over, under = max(left - 1, PAD), min(right + 1, along.shape[1] - PAD)
+    mark_stops(along, across, over, under, (first - 1) >> 6, (last >> 6) + 1)
+
+
+@compiled
+def _replace(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    plane: Plane,
+) -> None:
+    for line in range(PAD, across.shape[1] - PAD):
+        left, right = along.shape[1], 0
+        for word in range(1, plane.shape[1] - 1):
+            if plane[line, word] != across[FREE, line, word]:
+                changed = write_word(across, along, tripwire, freed, notes, line, word, plane[line, word])
+                left = min(left, 64 * word + lowest(changed))
+                right = max(right, 64 * word + highest(changed) + 1)
+        if right > 0:
+            refresh(across, along, line, line + 1, left, right)
+
+
+@compiled
+def _set_cells(
+    across: Planes,
+    along: Planes,
+    tripwire: Plane,
+    freed: npt.NDArray[np.int64],
+    notes: npt.NDArray[np.int64],
+    cells: npt.NDArray[np.int64],
+    blocked: bool,
+) -> None:
+    for index in range(len(cells)):
+        line, col = cells[index, 0] + PAD, cells[index, 1] + PAD
+        word, bit = col >> 6, ONE << np.uint64(col & 63)
+        value = across[FREE, line, word]
+        value = value & ~bit if blocked else value | bit
+        if write_word(across, along, tripwire, freed, notes, line, word, value):
+            refresh(across, along, line, line + 1, col, col + 1)

@@ -1,0 +1,191 @@
+"""Labelled RGB-D pictures on the disk, in the layout in which the official ESANet code reads SUN RGB-D.
+
+    train_rgb.txt  train_depth.txt  train_label.txt    one path per line, relative to the folder; likewise test_*.txt
+    valid_rgb.txt  …                                   ours: the split by which the best epoch is chosen
+    dataset.json                                       ours: the card, without which class names and depth must be told
+
+Colours are PNG or JPEG, depth is 16-bit PNG (0 = not measured), labels are `.npy` uint8: 0 = void, else class + 1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from navcore.errors import BadConfiguration
+from navcore.learning.data.card import (
+    CARD_NAME,
+    KINDS,
+    MAX_PICTURES,
+    SPLITS,
+    Counts,
+    DatasetCard,
+    DepthSums,
+    Files,
+    Sample,
+    Split,
+    check_labels,
+    check_sample,
+)
+from navcore.learning.data.images import LabelArray, read_depth, read_labels, read_rgb
+from navcore.learning.data.writer import DatasetWriter
+from navcore.perception.esanet.network.preprocess import DepthStatistics
+from navcore.toml_config import from_table
+
+__all__ = ["Dataset", "DatasetCard", "DatasetWriter", "Sample", "load_dataset", "measure_depth"]
+MAX_CARD_BYTES = 1 << 20
+MAX_LIST_BYTES = 1 << 27
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dataset:
+    """A data set whose lists are checked; the pictures are read one by one."""
+
+    folder: Path
+    """Absolute."""
+    card: DatasetCard
+    """Its classes and statistics."""
+    files: Mapping[Split, tuple[Files, ...]]
+    """By split, in the order of the lists."""
+
+    def __len__(self) -> int:
+        """Pictures in all splits."""
+        return sum(len(files) for files in self.files.values())
+
+    def count(self, split: Split) -> int:
+        """Pictures in this split."""
+        return len(self.files[split])
+
+    def name(self, split: Split, index: int) -> str:
+        """What the picture is called: its file name without the ending."""
+        return PurePosixPath(self.files[split][index][0]).stem
+
+    def read(self, split: Split, index: int) -> Sample:
+        """One picture of the disk; raises `BadConfiguration` naming the file that is damaged or does not fit."""
+        rgb_path, depth_path, label_path = (_inside(self.folder, path) for path in self.files[split][index])
+        rgb, depth, labels = read_rgb(rgb_path), read_depth(depth_path), read_labels(label_path)
+        check_sample(rgb, depth, labels, len(self.card.class_names), str(rgb_path))
+        return Sample(rgb=rgb, depth=depth, labels=labels)
+
+    def read_labels(self, split: Split, index: int) -> LabelArray:
+        """(H, W) labels alone; raises `BadConfiguration` as `read` does."""
+        path = _inside(self.folder, self.files[split][index][2])
+        labels = read_labels(path)
+        check_labels(labels, len(self.card.class_names), str(path))
+        return labels
+
+
+def load_dataset(folder: Path, *, class_names: Sequence[str] | None = None, depth: DepthStatistics | None = None) -> Dataset:
+    """Read the card and the lists of a data set and see that every file is there.
+
+    A data set in the official layout has no card: then `class_names` and `depth` are needed; `measure_depth` finds the
+    latter out. Raises `BadConfiguration` naming the file and what is wrong with it.
+    """
+    folder = folder.resolve()
+    files: dict[Split, tuple[Files, ...]] = {split: _read_lists(folder, split) for split in SPLITS}
+    if not any(files.values()):
+        raise BadConfiguration(
+            f"{folder}: no data set: none of {', '.join(f'{split}_rgb.txt' for split in SPLITS)} has an entry"
+        )
+    counts = Counts(**{split: len(listed) for split, listed in files.items()})
+    card = _card(folder, counts, class_names, depth)
+    for listed in files.values():
+        for path in (path for triple in listed for path in triple):
+            _inside(folder, path)
+    return Dataset(folder=folder, card=card, files=files)
+
+
+def dataset_for(folder: Path, *, class_names: Sequence[str], depth: DepthStatistics) -> Dataset:
+    """A data set for a network of these classes: its labels are the network's numbers, its depth in the network's units.
+
+    Raises `BadConfiguration` where the data set's own card says otherwise, else as `load_dataset` does.
+    """
+    dataset = load_dataset(folder, class_names=class_names, depth=depth)
+    path = dataset.folder / CARD_NAME
+    if path.is_file():
+        own = _read_card(path)
+        if [name.casefold() for name in own.class_names] != [name.casefold() for name in class_names]:
+            raise BadConfiguration(
+                f"{path}: the classes are {', '.join(own.class_names)}; the network's are {', '.join(class_names)}: labels are "
+                "numbers, so names and order must be the same"
+            )
+        if own.depth.units_per_m != depth.units_per_m:
+            raise BadConfiguration(
+                f"{path}: depth in {own.depth.units_per_m:g} units per metre, the network takes {depth.units_per_m:g}"
+            )
+    return dataset
+
+
+def measure_depth(folder: Path, *, units_per_m: float) -> DepthStatistics:
+    """Depth statistics of the train split of a data set without a card."""
+    folder, sums = folder.resolve(), DepthSums()
+    for _, path, _ in _read_lists(folder, "train"):
+        sums.add(read_depth(_inside(folder, path)))
+    return sums.statistics(units_per_m=units_per_m)
+
+
+def _card(folder: Path, counts: Counts, class_names: Sequence[str] | None, depth: DepthStatistics | None) -> DatasetCard:
+    """The card of the folder, what is told taking precedence."""
+    path = folder / CARD_NAME
+    if path.is_file():
+        card = _read_card(path)
+        if card.counts != counts:
+            raise BadConfiguration(f"{path}: counts {card.counts}, the lists have {counts}: one of them is from elsewhere")
+        return dataclasses.replace(card, class_names=tuple(class_names or card.class_names), depth=depth or card.depth)
+    if class_names is None or depth is None:
+        raise BadConfiguration(f"{path}: no such file; without it say the class names and the depth statistics")
+    return DatasetCard(class_names=tuple(class_names), depth=depth, counts=counts)
+
+
+def _read_card(path: Path) -> DatasetCard:
+    try:
+        table: Any = json.loads(_read_text(path, MAX_CARD_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise BadConfiguration(f"{path}: not readable as JSON: {error!s:.200}") from None
+    source = table.pop("source", {}) if isinstance(table, dict) else {}
+    if not isinstance(source, dict):
+        raise BadConfiguration(f"{path}: source: expected a table")
+    return dataclasses.replace(from_table(DatasetCard, table, str(path)), source=source)
+
+
+def _read_lists(folder: Path, split: Split) -> tuple[Files, ...]:
+    """The files of a split; none where all three lists are missing."""
+    paths = [folder / f"{split}_{kind}.txt" for kind in KINDS]
+    missing = [path for path in paths if not path.is_file()]
+    if missing:
+        if len(missing) < len(paths):
+            raise BadConfiguration(f"{missing[0]}: no such file; the other lists of {split} are there")
+        return ()
+    lists = [_read_text(path, MAX_LIST_BYTES).splitlines() for path in paths]
+    lengths = [len(lines) for lines in lists]
+    if len(set(lengths)) != 1 or lengths[0] > MAX_PICTURES:
+        raise BadConfiguration(f"{paths[0]}: {split} lists {lengths} colours, depths and labels; expected as many of each")
+    return tuple(zip(*lists, strict=True))
+
+
+def _inside(folder: Path, path: str) -> Path:
+    """The file, which must lie inside the folder even after links are followed."""
+    relative = PurePosixPath(path)
+    if not path or relative.is_absolute() or ".." in relative.parts or "\0" in path:
+        raise BadConfiguration(f"{folder}: lists {path!r:.200}, expected a path inside the folder")
+    found = (folder / relative).resolve()
+    if not found.is_relative_to(folder):
+        raise BadConfiguration(f"{folder}: {path!r:.200} leads out of the folder")
+    if not found.is_file():
+        raise BadConfiguration(f"{found}: no such file, but the data set lists it")
+    return found
+
+
+def _read_text(path: Path, limit: int) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(limit + 1)
+        if len(content) > limit:
+            raise BadConfiguration(f"{path}: more than {limit} bytes")
+        return content.decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadConfiguration(f"{path}: not readable: {error}") from None

@@ -1,0 +1,94 @@
+"""Where a training run stands, on the disk after every epoch, so that a killed one goes on as if nothing had happened."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from navcore.errors import BadConfiguration, StorageFailed
+from navcore.toml_config import from_table
+
+MAX_STATE_BYTES = 8 << 30
+_FORMAT = "bewarenav-training-1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Epoch:
+    """What one epoch came to."""
+
+    number: int
+    """From 1."""
+    loss: float
+    """Mean over the steps, sum of the four scales."""
+    learning_rate: float
+    """At its last step."""
+    miou: float | None = None
+    """Of the selection split; none where it was not validated."""
+
+
+@dataclass(slots=True, kw_only=True)
+class RunState:
+    """Everything that the next epoch depends on beside recipe and data."""
+
+    identity: str
+    """Of recipe and data: `Recipe.identity`."""
+    network: dict[str, Tensor]
+    """Its state dict."""
+    optimiser: dict[str, Any]
+    """Its state dict."""
+    average: dict[str, Tensor] = field(default_factory=dict)
+    """The averaged weights; empty where none are kept."""
+    history: list[Epoch] = field(default_factory=list)
+    """Of the epochs that are done."""
+    best_epoch: int = 0
+    """Whose weights are kept; 0 before the first."""
+    best_miou: float = -1.0
+    """Of that epoch."""
+
+
+def write_state(path: Path, state: RunState) -> None:
+    """Replace the file in one go; a kill at any moment leaves the old or the new one. Raises `StorageFailed`."""
+    content = {**{name: getattr(state, name) for name in state.__slots__}, "format": _FORMAT}
+    content["history"] = [dataclasses.asdict(epoch) for epoch in state.history]
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        try:
+            with partial.open("wb") as file:
+                torch.save(content, file)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except (OSError, RuntimeError) as error:  # torch's zip writer wraps a full disk in a RuntimeError
+        raise StorageFailed(f"{path}: the training's state cannot be written: {error!s:.200}") from error
+
+
+def read_state(path: Path, identity: str) -> RunState:
+    """Read what `write_state` wrote for the same recipe and data; executes nothing that is in the file.
+
+    Raises `BadConfiguration` for a file of another run, a damaged or a foreign one.
+    """
+    try:
+        if path.stat().st_size > MAX_STATE_BYTES:
+            raise BadConfiguration(f"{path}: more than {MAX_STATE_BYTES} bytes, too many for a training's state")
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        known = isinstance(content, dict) and content.pop("format") == _FORMAT
+    except BadConfiguration:
+        raise
+    except Exception as error:  # a damaged pickle can make the reader fail in any way
+        raise BadConfiguration(f"{path}: the training cannot be resumed: {type(error).__name__}: {error!s:.200}") from None
+    if not known or set(content) != set(RunState.__slots__):
+        raise BadConfiguration(f"{path}: not the state of a training run of this version")
+    if content["identity"] != identity:
+        raise BadConfiguration(
+            f"{path}: is of a run with another recipe or other data; resume it with the same, or train elsewhere"
+        )
+    content["history"] = [from_table(Epoch, epoch, f"{path}: history") for epoch in content["history"]]
+    return RunState(**content)

@@ -1,0 +1,184 @@
+"""A session's map in a file: a zip of plain arrays (NumPy's .npz, never pickled) with a head that says what they are.
+
+Every part carries a checksum, so that a torn or damaged file is refused, and nothing is read before its size is known.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.files import read_whole, write_whole
+from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
+from navcore.grid.cell_mask import Mask
+from navcore.grid.grid import GridSpec
+from navcore.mapping.map_state import MapState, check_state
+from navcore.mapping.point_table import MapPoints
+from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.toml_config import between, from_table
+
+log = logging.getLogger(__name__)
+FORMAT = "bewarenav map"
+VERSION = 1
+MAX_BYTES = 1 << 29
+"""The largest file that is read …"""
+MAX_UNPACKED = 1 << 31
+"""… and the most that its parts may take, unpacked."""
+_COLUMNS = ("points_map", "rgb", "class_ids", "confidence", "range_m", "pose_ids")
+_MASKS = ("seen", "looked", "trodden", "prior")
+_KINDS: Mapping[str, tuple[type[np.generic], int]] = {
+    "head": (np.uint8, 1),
+    "points_map": (np.float32, 2),
+    "rgb": (np.uint8, 2),
+    "class_ids": (np.uint8, 1),
+    "confidence": (np.float32, 1),
+    "range_m": (np.float32, 1),
+    "pose_ids": (np.int32, 1),
+    "poses": (np.float64, 2),
+    "volume": (np.uint64, 2),
+    **dict.fromkeys(_MASKS, (np.uint8, 2)),
+}
+"""Part → its type and number of axes. Masks are packed: eight cells of a row a byte, the first in the highest bit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredMap:
+    """What a map file holds."""
+
+    state: MapState
+    """The map."""
+    class_names: Mapping[int, str]
+    """Class id → name in the beware list under which the map was made."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Spec:
+    """The grid, with the limits that a file has to keep."""
+
+    resolution_m: float = between(1e-3, 100.0)
+    rows: int = between(1, MAX_SIDE)
+    cols: int = between(1, MAX_SIDE)
+    origin_x_m: float = between(-1e6, 1e6)
+    origin_y_m: float = between(-1e6, 1e6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Head:
+    """The part that says what the others are."""
+
+    format: str
+    version: int
+    spec: _Spec
+    class_ids: tuple[int, ...] = between(1, 255)
+    class_names: tuple[str, ...]
+
+
+def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
+    """Write a map in one step; raises `StorageFailed`, and then the file that was there before is intact."""
+    check_state(state, path.name)
+    head = _Head(
+        format=FORMAT,
+        version=VERSION,
+        spec=_Spec(**asdict(state.spec)),
+        class_ids=tuple(class_names),
+        class_names=tuple(class_names.values()),
+    )
+    parts: dict[str, npt.NDArray[Any]] = {name: getattr(state.points, name) for name in _COLUMNS}
+    parts |= {name: np.packbits(getattr(state, name).bools, axis=1) for name in _MASKS}
+    parts |= {"poses": state.poses, "volume": state.volume}
+    parts["head"] = np.frombuffer(json.dumps(asdict(head)).encode(), dtype=np.uint8)
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **parts)
+    write_whole(path, file.getvalue())
+
+
+def load(path: Path) -> StoredMap:
+    """The map of a file; raises `BadConfiguration` for one that is torn, damaged, too large or no map."""
+    parts = _read(read_whole(path, at_most=MAX_BYTES), path.name)
+    head = _head(parts["head"], path.name)
+    spec = GridSpec(**asdict(head.spec))
+    state = MapState(
+        spec=spec,
+        points=MapPoints(**{name: parts[name] for name in _COLUMNS}),
+        poses=parts["poses"],
+        volume=parts["volume"],
+        **{name: _mask(parts[name], spec, f"{path.name}: {name}") for name in _MASKS},
+    )
+    check_state(state, path.name)
+    return StoredMap(state=state, class_names=dict(zip(head.class_ids, head.class_names, strict=True)))
+
+
+def check_classes(stored: StoredMap, beware: BewareList) -> None:
+    """Raise `BadConfiguration` if points of the map would mean something else under this beware list.
+
+    Of a class that was taken off the list they bind nobody, as they did not when it was taken off; that is logged.
+    """
+    present = {entry.class_id: entry.name for entry in beware.classes}
+    for class_id in sorted({int(number) for number in np.unique(stored.state.points.class_ids)} - {NOTHING}):
+        now = present.get(class_id)
+        then = stored.class_names.get(class_id, now)
+        if now is None:
+            log.warning("the stored map has points of %r (class %d), which the beware list lacks: free floor", then, class_id)
+        elif then != now:
+            raise BadConfiguration(f"class {class_id} is {then!r} in the stored map and {now!r} in the beware list")
+
+
+def _read(data: bytes, where: str) -> dict[str, npt.NDArray[Any]]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            entries = packed.infolist()
+            if sorted(entry.filename for entry in entries) != sorted(f"{name}.npy" for name in _KINDS):
+                raise BadConfiguration(f"{where}: no map of this program; expected the parts {', '.join(_KINDS)}")
+            if (size := sum(entry.file_size for entry in entries)) > MAX_UNPACKED:
+                raise BadConfiguration(f"{where}: {size} bytes unpacked, at most {MAX_UNPACKED} are read")
+            return {name: _array(packed.read(f"{name}.npy"), *_KINDS[name], f"{where}: {name}") for name in _KINDS}
+    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, ValueError, RuntimeError, OSError) as error:
+        raise BadConfiguration(f"{where}: no map file, or a damaged one: {error!s:.200}") from None
+
+
+def _array(data: bytes, kind: type[np.generic], axes: int, where: str) -> npt.NDArray[Any]:
+    try:
+        array: npt.NDArray[Any] = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError, MemoryError, TypeError, OverflowError, SyntaxError) as error:
+        raise BadConfiguration(f"{where}: damaged: {error!s:.200}") from None
+    if array.dtype != kind or array.ndim != axes:
+        raise BadConfiguration(f"{where}: expected {axes} axes of {np.dtype(kind)}, got {array.ndim} of {array.dtype}")
+    return array
+
+
+def _mask(packed: npt.NDArray[np.uint8], spec: GridSpec, where: str) -> Mask:
+    if packed.shape != (spec.rows, -(-spec.cols // 8)):
+        raise BadConfiguration(f"{where}: expected {(spec.rows, -(-spec.cols // 8))} bytes, got {packed.shape}")
+    return Mask.of(np.unpackbits(packed, axis=1, count=spec.cols).view(np.bool_))
+
+
+def _head(part: npt.NDArray[Any], where: str) -> _Head:
+    try:
+        table = json.loads(part.tobytes())
+    except (ValueError, RecursionError):
+        raise BadConfiguration(f"{where}: head: damaged, not readable as JSON") from None
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise BadConfiguration(f"{where}: no map of this program")
+    if table.get("version") != VERSION:
+        raise BadConfiguration(
+            f"{where}: made in version {table.get('version')!r:.20} of the format, this program reads {VERSION}"
+        )
+    head = from_table(_Head, table, f"{where}: head")
+    if head.spec.rows * head.spec.cols > MAX_PIXELS:
+        raise BadConfiguration(
+            f"{where}: head.spec: {head.spec.rows} × {head.spec.cols} cells, at most {MAX_PIXELS} are allowed"
+        )
+    if len(head.class_ids) != len(head.class_names) or len(set(head.class_ids)) != len(head.class_ids):
+        raise BadConfiguration(f"{where}: head.class_ids: expected one id for each name, and no id twice")
+    return head

@@ -1,0 +1,319 @@
+"""The global map: points keyed by the pose they were seen from.
+
+A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's section on global mapping).
+Three rules make that safe for a camera that sees only a part of the world at a time:
+
+* a point is replaced only where the camera looks at it again; what it does not look at stays;
+* a point through which the camera now sees is removed, whichever pose it belongs to, because people walk on;
+* a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so that the map is bounded by
+  the world's surface, not by the time driven.
+
+The points are the truth; the occupied cells that they make (`navcore.layers`) follow every insertion and removal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2, invert, wrap_angle
+from navcore.grid.cell_mask import Mask, window
+from navcore.grid.free_space import MOST_CELLS
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
+from navcore.mapping.clearing import find_outdated
+from navcore.mapping.confidence import first_look, weigh
+from navcore.mapping.layers import Layers
+from navcore.mapping.map_state import MapState
+from navcore.mapping.observation import Observation
+from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in
+from navcore.mapping.visibility import Explored
+from navcore.mapping.voxels import Box
+from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.zone import Zone
+from navcore.perception.segmenter import Labels
+from navcore.robot.frame import Frame
+from navcore.toml_config import between
+
+Indices = npt.NDArray[np.int64]
+Points = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+BODY_M = 0.15
+"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapRules:
+    """How poses are told apart, when a point is given up, and how much may be kept."""
+
+    pose_spacing_m: float = between(0.01, 5.0, default=0.25)
+    """A new pose ID begins after this distance …"""
+    pose_spacing_deg: float = between(1.0, 180.0, default=10.0)
+    """… or after this turn."""
+    clearing_m: float = between(0.02, 1.0, default=0.10)
+    """How far behind a point the camera must see, at no distance, before the point is taken for gone …"""
+    clearing_per_m2: float = between(0.0, 0.2, default=0.012)
+    """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
+    budget_mb: float = between(0.01, 16_384.0, default=256.0)
+    """Memory of the points. Beyond it the oldest are thinned to one a cell and class: detail goes, obstacles stay."""
+
+
+class CloudMap:
+    """Points by pose ID, what they make of the cells, and what of the space is known."""
+
+    def __init__(self, spec: GridSpec, rules: MapRules) -> None:
+        if spec.rows * spec.cols > MOST_CELLS:
+            raise BadConfiguration(
+                f"the map would have {spec.rows} × {spec.cols} cells, at most {MOST_CELLS} in all; "
+                "take a coarser resolution or a smaller area"
+            )
+        self.spec = spec
+        self._rules = rules
+        self._points = PointTable(spec.rows * spec.cols)
+        self.layers = Layers(spec)
+        """The occupied cells."""
+        self.explored = Explored(spec)
+        """What of the space is known."""
+        self._poses: list[Pose2] = []
+        self._unsure = False  # whether any point may be less than certain
+        self._over_budget = False
+        self.version = 0
+        """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
+
+    def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
+        """Replace or append the points of the frame's pose ID, and clear what the frame sees through.
+
+        With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its word is taken once for all.
+        """
+        if labels is not None:
+            self._weigh(frame, labels, observation.box)
+        pose_id = self._pose_id_of(frame.pose)
+        outdated = self._outdated(frame, observation, pose_id)
+        new = self._records(observation, pose_id)
+        if labels is not None and (new["confidence"] < 1).any():
+            new["confidence"] = first_look(new["confidence"], self.explored.was_measured(new["cell"]))
+        self._unsure = self._unsure or bool((new["confidence"] < 1).any())
+        self.layers.make_room(new["class_id"])
+        touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
+        ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
+        self._points.remove(outdated)
+        self._points.add(new, one_per_cell=self._over_budget)
+        self.explored.note(observation.cells_seen, observation.heights_seen)
+        disproved = self.layers.disprove(observation.cells_seen, observation.heights_seen)
+        changed = self.layers.refresh(self._points, np.concatenate([touched, disproved]))
+        self.version += changed or ruled
+        self._keep_to_budget()
+
+    def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
+        """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody walked."""
+        gone = points_in(self._points.first, self._points.records, cells, _kinds(class_ids))
+        if len(gone):
+            self._points.remove(gone)
+            self.version += self.layers.refresh(self._points, cells)
+
+    def forget_afloat(self, box: Box, is_bare: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
+        """Give up what is left of people who have gone: their points, `class_ids`, and the obstacles within `BODY_M` of them.
+
+        Only within a box of the grid where `is_bare`, of (N, 2) places of the map frame, says that the frame shows the floor
+        and nothing above it, and where all of what is held would be in the picture: behind what floats in the air depth may
+        see nothing at all, to whatever distance.
+        """
+        class_ids = list(class_ids)
+        bodies = [window(plane, *box) for plane in map(self.layers.plane, class_ids) if plane is not None]
+        if not any(body.any() for body in bodies):
+            return
+        whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
+        cells = np.argwhere(whole) + box[:2]
+        cells = cells[is_bare(self.spec.centres(cells))]
+        flat = cells[:, 0] * self.spec.cols + cells[:, 1]
+        indices = points_in(self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids]))
+        held = self._points.records[indices]
+        outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
+        gone = ~np.isin(held["cell"], outside)
+        self._points.remove(indices[gone])
+        self.version += self.layers.refresh(self._points, np.unique(held["cell"][gone]).astype(np.int64))
+
+    def correct(self, poses: Mapping[int, Pose2]) -> None:
+        """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
+
+        Raises `BadConfiguration` for a pose ID that is not on the map, and then has moved nothing. What leaves the map's area
+        is forgotten. Where two points come to lie in one voxel the surer stays.
+        """
+        unknown = [pose_id for pose_id in poses if not 0 <= pose_id < len(self._poses)]
+        if unknown:
+            raise BadConfiguration(f"pose ID {unknown[0]} is not on the map, which has {len(self._poses)}")
+        moving = np.flatnonzero(np.isin(self._points.live["pose_id"], np.array(list(poses), dtype=np.int32)))
+        taken = self._points.live[moving].copy()
+        self._points.remove(moving)
+        before = taken["cell"].astype(np.int64)
+        for pose_id, pose in poses.items():
+            own = taken["pose_id"] == pose_id
+            T_new_old = pose.matrix() @ invert(self._poses[pose_id].matrix())
+            xy = np.column_stack([taken["x"][own], taken["y"][own]]).astype(np.float64) @ T_new_old[:2, :2].T + T_new_old[:2, 3]
+            taken["x"][own], taken["y"][own] = xy[:, 0], xy[:, 1]
+            self._poses[pose_id] = pose
+        kept = self._placed(taken)
+        self._points.add(kept, one_per_cell=self._over_budget)
+        self.version += (
+            self.layers.refresh(self._points, np.concatenate([before, kept["cell"].astype(np.int64)])) or len(moving) > 0
+        )
+
+    def load_prior(self, occupied: BoolGrid) -> None:
+        """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their floor free."""
+        self.version += self.layers.load_prior(occupied, self._points)
+
+    def state(self) -> MapState:
+        """Everything the map knows, as a value."""
+        rows, cols, explored = self.spec.rows, self.spec.cols, self.explored
+        return MapState(
+            spec=self.spec,
+            points=self._points.copied(),
+            poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64).reshape(-1, 3),
+            seen=Mask.copied(explored.measured, rows, cols),
+            looked=Mask.copied(explored.looked, rows, cols),
+            trodden=Mask.copied(explored.trodden, rows, cols),
+            prior=self.layers.prior or Mask.of(np.zeros((rows, cols), dtype=np.bool_)),
+            volume=explored.volume.copy(),
+        )
+
+    def restore(self, state: MapState) -> None:
+        """Know what another map knew, and forget all else; raises `BadConfiguration` if that map's grid was another."""
+        if state.spec != self.spec:
+            raise BadConfiguration(
+                f"the stored map covers {state.spec.extent()} in cells of {state.spec.resolution_m:g} m, "
+                f"this one {self.spec.extent()} in cells of {self.spec.resolution_m:g} m"
+            )
+        records = self._records(state.points, state.points.pose_ids)
+        self._points = PointTable(self.spec.rows * self.spec.cols)
+        self._points.add(records)
+        self._unsure = bool((records["confidence"] < 1).any())
+        self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
+        explored = self.explored
+        explored.measured, explored.looked, explored.trodden = (
+            mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
+        )
+        explored.volume = state.volume.copy()
+        self.layers.rebuild(self._points, state.prior.bools)
+        self.version += 1
+
+    def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
+        """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
+        self.use(beware)
+        drawn, wide = self.layers.drawn(tuple(zones))
+        return OccupancyGrid(
+            spec=self.spec,
+            geometric=self.layers.bools(NOTHING),
+            beware={entry.class_id: self.layers.bools(entry.class_id) for entry in beware.enabled},
+            margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
+            zones=drawn,
+            wide_zones=wide,
+        )
+
+    def use(self, beware: BewareList) -> None:
+        """Count, from now on and in all that was seen, only points as sure as the list wants them."""
+        self.layers.use(beware, self._points)
+
+    @property
+    def points(self) -> MapPoints:
+        """A copy of all points."""
+        return self._points.copied()
+
+    @property
+    def poses(self) -> tuple[Pose2, ...]:
+        """T_map_base of every pose ID, in their order."""
+        return tuple(self._poses)
+
+    @property
+    def memory_mb(self) -> float:
+        """Of the points; `MapRules.budget_mb` bounds it unless every cell and class is down to one point."""
+        return self._points.bytes_used / 1e6
+
+    def _pose_id_of(self, pose: Pose2) -> int:
+        near = bool(self._poses) and (
+            self._poses[-1].distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
+            and abs(wrap_angle(pose.yaw_rad - self._poses[-1].yaw_rad)) < math.radians(self._rules.pose_spacing_deg)
+        )
+        if not near:
+            self._poses.append(pose)
+        return len(self._poses) - 1
+
+    def _weigh(self, frame: Frame, labels: Labels, box: Box) -> None:
+        """Let the picture speak for or against what was seen before in the places it shows."""
+        if not self._unsure:
+            return
+        forgotten, cells = weigh(
+            self._points.records,
+            self._points.first,
+            self.spec.cols,
+            box,
+            frame,
+            invert(frame.T_map_camera),
+            labels.claimed[0],
+            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+        )
+        self._points.remove(forgotten)
+        if len(cells):
+            self.layers.refresh(self._points, np.unique(cells))
+            self.version += 1
+
+    def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
+        lens = frame.intrinsics
+        return find_outdated(
+            self._points.records,
+            self._points.count,
+            self._points.first,
+            self.spec.cols,
+            observation.box,
+            frame.depth_m,
+            invert(frame.T_map_camera),
+            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
+            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+            observation.max_range_m,
+            pose_id,
+        )
+
+    def _records(self, seen: Observation | MapPoints, pose_ids: int | npt.NDArray[np.int32]) -> Records:
+        new = np.zeros(len(seen.class_ids), dtype=POINT)
+        new["x"], new["y"], new["z"] = seen.points_map.T
+        new["r"], new["g"], new["b"] = seen.rgb.T
+        new["class_id"], new["confidence"] = seen.class_ids, seen.confidence
+        new["range_m"], new["pose_id"] = seen.range_m, pose_ids
+        new["level"] = levels_of(new["z"])
+        # A point measured a rounding error inside the border may be stored a rounding error outside.
+        rows, cols = self._rows_cols(new)
+        new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(cols, 0, self.spec.cols - 1)
+        return new
+
+    def _placed(self, records: Records) -> Records:
+        """Those that lie on the grid, with their cells."""
+        rows, cols = self._rows_cols(records)
+        inside = (rows >= 0) & (rows < self.spec.rows) & (cols >= 0) & (cols < self.spec.cols)
+        records["cell"][inside] = (rows * self.spec.cols + cols)[inside]
+        return records[inside]
+
+    def _rows_cols(self, records: Records) -> tuple[Indices, Indices]:
+        spec = self.spec
+        rows = np.floor((records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
+        cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
+        return rows, cols
+
+    def _keep_to_budget(self) -> None:
+        """Thin the older half of the points, then all of them; a cell never loses its last point of a class."""
+        for share in (0.5, 1.0):
+            if self.memory_mb <= self._rules.budget_mb or self._over_budget:
+                return
+            newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
+            self._points.remove(coarse_doubles(self._points.records, self._points.count, self._points.first, newest))
+        self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
+
+
+def _kinds(class_ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+    """(256,) which classes are meant."""
+    kinds = np.zeros(256, dtype=np.bool_)
+    kinds[list(class_ids)] = True
+    return kinds

@@ -1,0 +1,267 @@
+"""Which voxels a depth picture measures: a grid cell × 5 cm of height above the ground.
+
+The picture is gone through row by row. A row's voxels are worked out in vectors; then only those pixels are looked at that show
+another voxel than the pixel before them, about every sixth. So most of the time goes into arithmetic on what lies in the cache.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid.bitplane import ONE, compiled, inlined, lowest
+from navcore.grid.grid import GridSpec
+from navcore.perception.ground import Image
+from navcore.robot.frame import Frame
+
+HEIGHT_BINS = 64
+BIN_M = 0.05
+LOWEST_M = -0.425
+"""Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin, not the border of two."""
+
+Box = tuple[int, int, int, int]
+"""First row and column of some cells of the grid, and those after the last."""
+Pixels = npt.NDArray[np.int32]
+"""(N,) row · width + column."""
+_GATHER = np.uint64(0x0102040810204080)
+"""Times this, eight bytes of 0 or 1 become the eight bits of the product's highest byte."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Looked:
+    """A depth picture over the part of the grid that it can measure."""
+
+    depth_m: Image
+    """(H, W) as the camera measured it."""
+    ground_m: Image
+    """(H, W) height of the ground below each pixel, or (1, W) for all rows alike, above the plane on which the robot stands."""
+    affine: npt.NDArray[np.float32]
+    """(3, 4) from optical coordinates to columns and rows of the box, and metres of height."""
+    across: npt.NDArray[np.float32]
+    """(W,) x/z of each column of the picture …"""
+    down: npt.NDArray[np.float32]
+    """… and (H,) y/z of each row."""
+    box: Box
+    """The part of the grid."""
+    max_range_m: float
+    """Depth beyond this does not count."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the box; one that is empty has none."""
+        return max(self.box[2] - self.box[0], 0), max(self.box[3] - self.box[1], 0)
+
+
+def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
+    """(top, left, bottom, right) cells of the grid within which everything lies that the camera can measure; may be empty."""
+    lens = frame.intrinsics
+    a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
+    b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
+    corners = max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
+    points = corners @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]
+    (top, left), (bottom, right) = (spec.cell(*points[:, :2].min(axis=0)), spec.cell(*points[:, :2].max(axis=0)))
+    return max(top, 0), max(left, 0), min(bottom + 1, spec.rows), min(right + 1, spec.cols)
+
+
+def looked_at(frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None) -> Looked:
+    """The frame's picture over the grid; without `ground_m` the ground is the plane on which the robot stands."""
+    lens, t, box = frame.intrinsics, frame.T_map_camera, frustum_box(frame, spec, max_range_m)
+    cells = 1.0 / spec.resolution_m
+    affine = t[:3].copy()
+    affine[:2, 3] -= (spec.origin_x_m + box[1] * spec.resolution_m, spec.origin_y_m + box[0] * spec.resolution_m)
+    affine[:2] *= cells
+    return Looked(
+        depth_m=frame.depth_m,
+        ground_m=np.zeros((1, lens.width), dtype=np.float32) if ground_m is None else ground_m,
+        affine=affine.astype(np.float32),
+        across=((np.arange(lens.width) - lens.cx) / lens.fx).astype(np.float32),
+        down=((np.arange(lens.height) - lens.cy) / lens.fy).astype(np.float32),
+        box=box,
+        max_range_m=max_range_m,
+    )
+
+
+class _Scratch(threading.local):
+    """A counter for every voxel of a box, all 0 between two uses: clearing what was touched beats asking for new memory."""
+
+    def __init__(self) -> None:
+        self.counts: npt.NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
+
+    def room(self, size: int) -> npt.NDArray[np.uint8]:
+        if len(self.counts) < size:
+            self.counts = np.zeros(size, dtype=np.uint8)
+        return self.counts[:size]
+
+
+_scratch = _Scratch()
+
+
+def measured_voxels(
+    looked: Looked, limits_m: tuple[float, float, float], min_support: int
+) -> tuple[Pixels, npt.NDArray[np.uint64]]:
+    """One pixel of each voxel where something stands or the ground drops, and what of the box was measured at all.
+
+    Something stands where enough pixels lie between the first two limits, the ground drops where they lie below the third. The
+    second array is (rows · columns of the box,) with a bit for each height bin.
+    """
+    rows, cols = looked.shape
+    seen = np.zeros(rows * cols + 1, dtype=np.uint64)  # one more, for what was not measured
+    if len(seen) == 1:
+        return np.empty(0, dtype=np.int32), seen[:0]
+    limits = np.array([*limits_m, looked.max_range_m], dtype=np.float32)
+    rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
+    pixels = _measured(*rays, rows, cols, limits, seen, _scratch.room(rows * cols * HEIGHT_BINS), min_support)
+    return pixels, seen[:-1]
+
+
+def voxels_of(looked: Looked, pixels: npt.NDArray[np.int64], high_m: float, min_support: int) -> Pixels:
+    """One pixel of each voxel in which enough of the (N,) ascending `pixels` lie, below `high_m` above the ground."""
+    rows, cols = looked.shape
+    if not rows * cols:
+        return np.empty(0, dtype=np.int32)
+    limits = np.array([-np.inf, high_m, -np.inf, looked.max_range_m], dtype=np.float32)
+    rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
+    return _supported(*rays, rows, cols, limits, pixels, _scratch.room(rows * cols * HEIGHT_BINS), min_support)
+
+
+@inlined
+def _row(
+    depth_m: npt.NDArray[np.float32],
+    ground_m: npt.NDArray[np.float32],
+    across: npt.NDArray[np.float32],
+    b: float,
+    t: npt.NDArray[np.float32],
+    rows: int,
+    cols: int,
+    limits: npt.NDArray[np.float32],
+    codes: npt.NDArray[np.int32],
+) -> None:
+    """Of each pixel of a row twice its voxel, cell · 64 + height bin, plus one if it is as high as asked for; −1 for none.
+
+    Without a branch and without doubles, so that the compiler makes vectors of it. The first code is left for a sentinel.
+    """
+    zero, bins, lowest_m, levels = np.float32(0), np.float32(1.0 / BIN_M), np.float32(LOWEST_M), np.float32(HEIGHT_BINS)
+    x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
+    x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
+    x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
+    low, high, deep, far = limits[0], limits[1], limits[2], limits[3]
+    wide, long = np.float32(cols), np.float32(rows)
+    for j in range(len(depth_m)):
+        depth, a = depth_m[j], across[j]
+        x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
+        z -= ground_m[j]
+        level = (z - lowest_m) * bins
+        # The deeper a drop, the worse: what lies below the lowest bin is in that one.
+        level = zero if (z < deep) & (level < zero) else level
+        # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would be a branch.
+        inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (level >= zero)
+        inside &= (x < wide) & (y < long) & (level < levels)
+        counts = ((low < z) & (z < high)) | (z < deep)
+        voxel = (np.int32(y) * np.int32(cols) + np.int32(x)) * np.int32(HEIGHT_BINS) + np.int32(level)
+        codes[j + 1] = voxel * np.int32(2) + np.int32(counts) if inside else np.int32(-1)
+
+
+@inlined
+def _starts(codes: npt.NDArray[np.int32], changed: npt.NDArray[np.uint8], starts: npt.NDArray[np.int32], width: int) -> int:
+    """How many runs of one code a row has; writes where each begins, and after the last where the row ends."""
+    for j in range(width):
+        changed[j] = codes[j + 1] != codes[j]
+    bytes_, count = changed.view(np.uint64), 0
+    for word in range(len(bytes_) // 8):
+        left = np.uint64(0)
+        for byte in range(8):
+            left |= ((bytes_[8 * word + byte] * _GATHER) >> np.uint64(56)) << np.uint64(8 * byte)
+        while left != 0:
+            starts[count] = 64 * word + lowest(left)
+            count += 1
+            left &= left - ONE
+    starts[count] = width
+    return count
+
+
+@compiled
+def _measured(
+    depth_m: Image,
+    ground_m: Image,
+    across: npt.NDArray[np.float32],
+    down: npt.NDArray[np.float32],
+    t: npt.NDArray[np.float32],
+    rows: int,
+    cols: int,
+    limits: npt.NDArray[np.float32],
+    seen: npt.NDArray[np.uint64],
+    counts: npt.NDArray[np.uint8],
+    min_support: int,
+) -> Pixels:
+    height, width = depth_m.shape
+    words = (width + 63) // 64
+    codes, changed = np.full(width + 1, -2, dtype=np.int32), np.zeros(64 * words, dtype=np.uint8)
+    starts, tall = np.empty(width + 1, dtype=np.int32), np.empty(width + 1, dtype=np.int32)
+    outside = np.uint32(rows * cols * HEIGHT_BINS)
+    touched, pixels, count = np.empty(height * width, dtype=np.int32), np.empty(height * width, dtype=np.int32), 0
+    for i in range(height):
+        ground = ground_m[i if len(ground_m) > 1 else 0]
+        _row(depth_m[i], ground, across, down[i], t, rows, cols, limits, codes)
+        high = 0
+        for run in range(_starts(codes, changed, starts, width)):
+            code = codes[starts[run] + 1]
+            voxel = np.uint32(code >> 1) if code >= 0 else outside
+            seen[voxel >> 6] |= ONE << np.uint64(voxel & 63)
+            tall[high] = run
+            high += (code >= 0) & (code & 1)
+        for index in range(high):
+            run = tall[index]
+            first = starts[run]
+            voxel = np.uint32(codes[first + 1] >> 1)
+            touched[count], pixels[count] = voxel, i * width + first
+            count += counts[voxel] == 0
+            counts[voxel] = min(counts[voxel] + starts[run + 1] - first, 255)
+    return _enough(touched[:count], pixels[:count], counts, min_support)
+
+
+@compiled
+def _supported(
+    depth_m: Image,
+    ground_m: Image,
+    across: npt.NDArray[np.float32],
+    down: npt.NDArray[np.float32],
+    t: npt.NDArray[np.float32],
+    rows: int,
+    cols: int,
+    limits: npt.NDArray[np.float32],
+    some: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.uint8],
+    min_support: int,
+) -> Pixels:
+    width = depth_m.shape[1]
+    codes, row = np.full(width + 1, -2, dtype=np.int32), -1
+    touched, pixels, count = np.empty(len(some), dtype=np.int32), np.empty(len(some), dtype=np.int32), 0
+    for pixel in some:
+        if pixel // width != row:
+            row = pixel // width
+            ground = ground_m[row if len(ground_m) > 1 else 0]
+            _row(depth_m[row], ground, across, down[row], t, rows, cols, limits, codes)
+        code = codes[pixel - row * width + 1]
+        if code < 0 or not code & 1:
+            continue
+        voxel = code >> 1
+        if counts[voxel] == 0:
+            touched[count], pixels[count] = voxel, pixel
+            count += 1
+        counts[voxel] += np.uint8(counts[voxel] < 255)
+    return _enough(touched[:count], pixels[:count], counts, min_support)
+
+
+@compiled
+def _enough(touched: Pixels, pixels: Pixels, counts: npt.NDArray[np.uint8], min_support: int) -> Pixels:
+    """The pixels of those voxels that were counted often enough; the counters are 0 again."""
+    found = 0
+    for index in range(len(touched)):
+        if counts[touched[index]] >= min_support:
+            pixels[found] = pixels[index]
+            found += 1
+        counts[touched[index]] = 0
+    return pixels[:found].copy()

@@ -1,0 +1,85 @@
+"""From 1/32 back to full size: three modules that blend in the encoders' skips, then the class maps twice doubled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from navcore.perception.esanet.network.blocks import ConvBnAct, NonBottleneck1D, chain
+
+BLOCKS_PER_MODULE = 3
+Outputs = tuple[Tensor, Tensor, Tensor, Tensor]
+"""Logits (B, classes, h, w) at full size, 1/8, 1/16 and 1/32."""
+
+
+class LearnedUpsampling(nn.Module):
+    """Twice the size: nearest, then a 3×3 convolution per channel that starts out as bilinear interpolation."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(channels, channels, 3, padding=1, groups=channels)
+        self.reset_to_bilinear()
+
+    def reset_to_bilinear(self) -> None:
+        """Set the kernel to [1 2 1] × [1 2 1] / 16 and the bias to 0."""
+        ramp = torch.tensor([1.0, 2.0, 1.0]) / 4
+        with torch.no_grad():
+            self.conv.weight.copy_(torch.outer(ramp, ramp).expand_as(self.conv.weight))
+        if self.conv.bias is not None:
+            nn.init.zeros_(self.conv.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, C, H, W) → (B, C, 2H, 2W)."""
+        return self.conv(functional.interpolate(x, scale_factor=2.0, mode="nearest"))  # type: ignore[no-any-return]
+
+
+class DecoderModule(nn.Module):
+    """3×3 convolution, three non-bottleneck-1D blocks, learned upsampling, plus the skip of that size."""
+
+    def __init__(self, channels_in: int, channels: int, num_classes: int) -> None:
+        super().__init__()
+        self.conv3x3 = ConvBnAct(channels_in, channels, kernel=3)
+        self.decoder_blocks = nn.Sequential(*(NonBottleneck1D(channels, channels) for _ in range(BLOCKS_PER_MODULE)))
+        self.upsample = LearnedUpsampling(channels)
+        self.side_output = nn.Conv2d(channels, num_classes, 1)
+
+    def refine(self, x: Tensor) -> Tensor:
+        """(B, Cin, h, w) → (B, C, h, w), what the side output sees."""
+        return chain(self.decoder_blocks, self.conv3x3(x))
+
+    def merge(self, refined: Tensor, skip: Tensor) -> Tensor:
+        """(B, C, h, w) and the skip (B, C, 2h, 2w) → (B, C, 2h, 2w)."""
+        return self.upsample(refined) + skip  # type: ignore[no-any-return]
+
+
+class Decoder(nn.Module):
+    """Class logits from the context at 1/32 and the skips at 1/16, 1/8 and 1/4."""
+
+    def __init__(self, channels: Sequence[int], num_classes: int) -> None:
+        """`channels` of the three modules; the context has as many as the first."""
+        super().__init__()
+        first, second, third = channels
+        self.decoder_module_1 = DecoderModule(first, first, num_classes)
+        self.decoder_module_2 = DecoderModule(first, second, num_classes)
+        self.decoder_module_3 = DecoderModule(second, third, num_classes)
+        self.conv_out = nn.Conv2d(third, num_classes, 3, padding=1)
+        self.upsample1 = LearnedUpsampling(num_classes)
+        self.upsample2 = LearnedUpsampling(num_classes)
+
+    def forward(self, x: Tensor, skips: Sequence[Tensor]) -> Tensor | Outputs:
+        """Logits at full size; in train mode the side outputs too. `skips` from fine to coarse: 1/4, 1/8, 1/16."""
+        side_outputs = []
+        modules = (self.decoder_module_1, self.decoder_module_2, self.decoder_module_3)
+        for module, skip in zip(modules, reversed(skips), strict=True):
+            refined = module.refine(x)
+            if self.training:
+                side_outputs.append(module.side_output(refined))
+            x = module.merge(refined, skip)
+        logits: Tensor = self.upsample2(self.upsample1(self.conv_out(x)))
+        if not self.training:
+            return logits
+        coarse, middle, fine = side_outputs
+        return logits, fine, middle, coarse

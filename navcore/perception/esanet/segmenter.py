@@ -1,0 +1,87 @@
+"""The network as a segmenter: a frame in, labels of the beware list out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
+from navcore.perception.esanet.inference.argmax import most_likely
+from navcore.perception.esanet.inference.engine import Inference, check_logits
+from navcore.perception.esanet.inference.torch_engine import TorchInference
+from navcore.perception.esanet.network.model import STRIDE
+from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size, check_size
+from navcore.perception.esanet.weights.weights_file import TrainedNetwork
+from navcore.perception.segmenter import Finder, Labels
+from navcore.robot.frame import Frame
+
+OFFICIAL_SIZE = Size(height=480, width=640)
+"""What the public checkpoints were trained at."""
+
+
+class NetworkSegmenter:
+    """Labels by what a network sees, whichever engine runs it; satisfies `navcore.segment.Segmenter`.
+
+    A class of the network means the entry of the beware list that has its name, whatever the case of the letters, or the
+    name that `aliases` (network class → entry) gives it.
+    """
+
+    def __init__(
+        self,
+        inference: Inference,
+        *,
+        class_names: tuple[str, ...],
+        depth: DepthStatistics,
+        size: Size,
+        aliases: Mapping[str, str] | None = None,
+    ) -> None:
+        """`size` is what frames are resized to; raises `BadConfiguration`."""
+        check_size(size, STRIDE)
+        self.class_names = class_names
+        self._inference = inference
+        self._entry_names = _entry_names(class_names, aliases or {})
+        self._depth, self._prepare = depth, Preprocessor(size, depth)
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Labels of the frame's size; a pixel's confidence is the probability of its most likely class, listed or not."""
+        rgb, depth = self._prepare(frame.rgb, frame.depth_m * np.float32(self._depth.units_per_m))
+        logits = self._inference.logits(rgb, depth)
+        check_logits(logits, len(self.class_names), rgb, self._inference.name)
+        height, width = frame.depth_m.shape
+        winners, confidence = most_likely(logits[0], height=height, width=width)
+        return Labels(class_ids=self._class_ids(beware)[winners], confidence=confidence)
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Whether the network has a class for it."""
+        return Finder.NETWORK if entry.name.casefold() in self._entry_names else Finder.NOTHING
+
+    def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
+        """(C,) class id of the beware list by output of the network; of two entries of one name the first wins."""
+        ids = {entry.name.casefold(): entry.class_id for entry in reversed(beware.classes)}
+        return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
+
+
+class EsaNetSegmenter(NetworkSegmenter):
+    """A trained network on torch, on the device it lies on."""
+
+    def __init__(
+        self, trained: TrainedNetwork, *, size: Size = OFFICIAL_SIZE, aliases: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(
+            TorchInference(trained.network),
+            class_names=trained.card.class_names,
+            depth=trained.card.depth,
+            size=size,
+            aliases=aliases,
+        )
+
+
+def _entry_names(class_names: tuple[str, ...], aliases: Mapping[str, str]) -> tuple[str, ...]:
+    """What the outputs are called in the beware list, letters folded."""
+    for name in aliases:
+        if name not in class_names:
+            raise BadConfiguration(f"ESANet: alias of {name!r:.60}, which is no class of the network: {', '.join(class_names)}")
+    return tuple(aliases.get(name, name).casefold() for name in class_names)

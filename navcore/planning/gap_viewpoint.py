@@ -1,0 +1,100 @@
+"""A way that only the safety margin or somebody closes is looked at from nearer before the robot believes that it is closed.
+
+From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured anew. And who stood in the
+way when the robot turned from him may have walked on. So where there is no path, the robot goes to the mouth of the gap that
+least is missing of: of all ways that its body would fit through without the safety margin and without anybody there, the one
+with the fewest cells that margin or people close. It enters none of them, but for those within reach of where it stands, as at
+every start: these it may leave to any side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+
+from navcore.costmap.costmap import Occupancy
+from navcore.grid.bitplane import Plane, cells_of, contains, plane_of
+from navcore.grid.flood_fill import crossings, flood
+from navcore.grid.free_space import complement
+from navcore.grid.grid import Cell, inflation_radius
+from navcore.grid.inflation import inflated
+from navcore.mapping.point_map import BODY_M
+from navcore.mission.beware_list import NOTHING
+
+Area = tuple[Cell, Plane]
+"""The robot's nearest cell of what is connected, and all of it."""
+
+
+def mouth(
+    occupancy: Occupancy,
+    start: Cell,
+    goal: Cell,
+    *,
+    people: Collection[int] = (),
+    vehicle_width_m: float,
+    relief_cells: float,
+) -> tuple[Cell, Cell] | None:
+    """From which cell to which one to go to look closer; None where there is nothing to be gained by going.
+
+    Both are free and connected. `start` is the robot's cell and may be closed: free cells within `relief_cells` of it count as
+    beside it. Layers and zones keep their own margins, but for the layers of `people`, class ids, which somebody who walks on
+    leaves. Of ways that equally little is missing of, the one that is entered nearest to the goal.
+    """
+    areas = _areas(occupancy, start, relief_cells)
+    for first, area in areas:
+        if contains(area, goal):
+            return None if first == goal else (first, goal)
+    if not areas:
+        return None
+    within: Plane = np.bitwise_or.reduce([area for _, area in areas])
+    entries = cells_of(_entries(occupancy, within, goal, people, vehicle_width_m))
+    if not len(entries):
+        return None
+    row, col = entries[int(np.argmin(((entries - goal) ** 2).sum(axis=1)))].tolist()
+    first = next(first for first, area in areas if contains(area, (row, col)))
+    return None if first == (row, col) else (first, (row, col))
+
+
+def _areas(occupancy: Occupancy, start: Cell, relief_cells: float) -> list[Area]:
+    """The areas that the robot is beside, each with its free cell nearest to the robot, and that with the nearest first."""
+    free, reach = occupancy.free, int(relief_cells)
+    top, left = max(start[0] - reach, 0), max(start[1] - reach, 0)
+    bottom, right = min(start[0] + reach + 1, free.rows), min(start[1] + reach + 1, free.cols)
+    cells = np.argwhere(free.window(top, left, bottom, right)) + np.array([top, left])
+    away = np.hypot(*(cells - start).T)
+    areas: list[Area] = []
+    for row, col in cells[np.argsort(away, kind="stable")[: int((away <= relief_cells).sum())]].tolist():
+        if not any(contains(area, (row, col)) for _, area in areas):
+            area = plane_of((row, col), like=free.plane)
+            flood(free.plane, area, area)
+            areas.append(((row, col), area))
+    return areas
+
+
+def _entries(occupancy: Occupancy, within: Plane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> Plane:
+    """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells."""
+    free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
+    closed = free | solid
+    complement(closed, occupancy.spec.rows, occupancy.spec.cols)
+    end = plane_of(goal, like=free)
+    # Most often no way leads there at all, and to see that takes one flood.
+    reached = np.zeros_like(end)
+    flood(free | closed, reached, end & ~solid)
+    return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
+
+
+def _solid(occupancy: Occupancy, people: Collection[int], vehicle_width_m: float) -> Plane:
+    """Where the body does not fit in even without a safety margin and without the people who are known to be some."""
+    spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
+    bodies = [mask.plane for class_id, _, mask in occupancy.layers if class_id in people and mask.plane.any()]
+    by_radius: dict[int, Plane] = {}
+    for class_id, margin_m, mask in occupancy.layers:
+        cells = mask.plane
+        if class_id == NOTHING and bodies:
+            cells = cells & ~inflated({math.ceil(BODY_M / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols)
+        if class_id == NOTHING or (class_id not in people and cells.any()):
+            radius = inflation_radius(vehicle_width_m=vehicle_width_m, safety_margin_m=margin_m, resolution_m=spec.resolution_m)
+            by_radius[radius] = by_radius[radius] | cells if radius in by_radius else cells
+    return inflated(by_radius, rows, cols)

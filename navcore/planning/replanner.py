@@ -1,0 +1,255 @@
+"""The shortest path over a space that changes, searched for only when the one at hand may no longer be the shortest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid.bitplane import ONE, PAD, Plane, compiled, lean
+from navcore.grid.free_space import FreeSpace, Planes
+from navcore.grid.grid import Cell
+from navcore.planning.planner import ENDLESS, REASONS, SQRT2, NoPath, Path, Reason
+from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
+from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena, Memory, octile
+from navcore.planning.search.path_reconstruction import is_clear, lay
+
+Ints = npt.NDArray[np.int64]
+
+NOWHERE: Ints = np.empty((0, 2), dtype=np.int64)
+NO_LENGTHS: Ints = np.empty(0, dtype=np.int64)
+DETOUR = 12 * UNIT
+"""A change mostly makes the path no longer than this; a search that may assume so does not look far aside."""
+ELSEWHERE, LONGER = -1, -2
+"""The robot has left the path, or there may be a shorter one; or the path is blocked, and none is shorter than it was."""
+
+
+@dataclass(slots=True, eq=False)
+class Standing:
+    """The path at hand."""
+
+    path: Path
+    """As it was given out last, from the robot's cell on."""
+    cells: Ints
+    """(N, 2) all of it."""
+    left: Ints
+    """(N,) length from each cell to the goal, in units of `navcore.search.memory`."""
+    at: int
+    """Where on it the robot was last."""
+    goal: Cell
+    """Where it leads."""
+
+
+class Replanner:
+    """Plans over one `FreeSpace`. What it returns is always as long as what `navcore.path.plan` would return.
+
+    The path at hand stays the shortest from every later cell of it as long as nothing on it is blocked and every cell that
+    was freed is so far off that a path by way of it is no shorter. It is then kept without a search, and so never gives way to
+    another of the same length. One replanner a space: it consumes the notes that the space keeps of its changes.
+
+    A frame costs one compiled call, and a second one if there has to be a search.
+    """
+
+    def __init__(self, space: FreeSpace) -> None:
+        self._space = space
+        self._arena = Arena(space)
+        self._standing: Standing | None = None
+        self._failure: tuple[Cell, Cell] | None = None
+        self.searches = 0
+        """How many searches were made."""
+
+    def plan(self, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
+        """The shortest path from start to goal, (row, col) both; see `navcore.path.plan`."""
+        floor = 0
+        standing, space = self._standing, self._space
+        if standing is not None and standing.goal == goal:
+            at, floor = still_shortest(standing.cells, standing.left, standing.at, start[0], start[1], space.freed, space.notes)
+            if at >= 0:
+                if at != standing.at:
+                    standing.at, standing.path = at, _path(standing.cells[at:], floor)
+                return standing.path
+        elif self._failure == (start, goal) and space.notes[0] == 0 and space.is_free(start) and space.is_free(goal):
+            return NoPath(reason=Reason.UNREACHABLE)
+        self.searches += 1
+        return self._searched(start, goal, ENDLESS if max_expansions is None else max_expansions, floor)
+
+    def _searched(self, start: Cell, goal: Cell, budget: int, floor: int) -> Path | NoPath:
+        space, standing, memory = self._space, self._standing, self._arena.memory
+        cells, left, at = NOWHERE, NO_LENGTHS, ELSEWHERE
+        if standing is not None:
+            cells, left, at = standing.cells, standing.left, standing.at if standing.goal == goal else ELSEWHERE
+        status, fresh, lengths = searched(
+            space.across,
+            space.along,
+            space.sloping,
+            space.tripwire,
+            space.notes,
+            memory,
+            cells,
+            left,
+            at,
+            start[0],
+            start[1],
+            goal[0],
+            goal[1],
+            budget,
+            floor,
+        )
+        if status == FULL:
+            self._arena.grow()
+            return self._searched(start, goal, budget, floor)
+        if status == TIMEOUT:
+            return NoPath(reason=Reason.TIMEOUT)
+        self._standing, self._failure = None, (start, goal) if status == UNREACHABLE else None
+        if status != FOUND:
+            return NoPath(reason=REASONS[status])
+        path = _path(fresh, int(lengths[0]))
+        self._standing = Standing(path=path, cells=fresh, left=lengths, at=0, goal=goal)
+        return path
+
+
+def _path(cells: Ints, left: int) -> Path:
+    steps = len(cells) - 1
+    diagonal = (left - steps * UNIT) // (ROOT - UNIT)
+    return Path(cells=cells, length=steps - diagonal + diagonal * SQRT2)
+
+
+@compiled
+def still_shortest(
+    cells: Ints, left: Ints, at: int, start_row: int, start_col: int, freed: Ints, notes: Ints
+) -> tuple[int, int]:
+    """Where on the path the robot is, not before `at`, and the length left from there; the notes are then cleared.
+
+    `LONGER` in place of where, if something on the path was blocked; a path is then at least as long as what was left of it.
+    `ELSEWHERE`, and 0, if the robot is not on the path or a path may be shorter.
+
+    A path that uses a freed cell f, or squeezes diagonally past it, is at least octile(start, f) + octile(f, goal) - (2 - √2)
+    long: the squeeze goes by way of f's neighbours, one straight step each, with one diagonal step in place of those two.
+    """
+    if notes[0] > len(freed):
+        return ELSEWHERE, 0
+    while at < len(cells) and (cells[at, 0] != start_row or cells[at, 1] != start_col):
+        at += 1
+    if at == len(cells):
+        return ELSEWHERE, 0
+    goal_row, goal_col = cells[-1, 0], cells[-1, 1]
+    for index in range(notes[0]):
+        row, col = freed[index] >> 32, freed[index] & 0xFFFFFFFF
+        bound = octile(row - start_row, col - start_col) + octile(row - goal_row, col - goal_col) - (2 * UNIT - ROOT)
+        if bound < left[at]:
+            return ELSEWHERE, 0
+    if notes[1] > 0:
+        return LONGER, left[at]
+    notes[0] = 0
+    return at, left[at]
+
+
+@compiled
+def searched(
+    across: Planes,
+    along: Planes,
+    sloping: Planes,
+    tripwire: Plane,
+    notes: Ints,
+    memory: Memory,
+    cells: Ints,
+    left: Ints,
+    at: int,
+    start_row: int,
+    start_col: int,
+    goal_row: int,
+    goal_col: int,
+    budget: int,
+    floor: int,
+) -> tuple[int, Ints, Ints]:
+    """A path in place of the one at hand, none of which is shorter than `floor`: how the search for it ended, its (N, 2) cells,
+    and (N,) how much is left from each. The wire is moved to it and the notes are cleared, if the search came to an end.
+
+    `at`: where the robot was on the path at hand; `ELSEWHERE` if that one leads to another goal.
+    """
+    # Mostly a little of the path at hand has been found blocked.
+    guess = FAR if at < 0 else left[at] + DETOUR
+    ends = start_row, start_col, goal_row, goal_col
+    status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, guess, floor)
+    if status == UNREACHABLE and guess < FAR:
+        status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, FAR, floor)
+    if status in (FULL, TIMEOUT):
+        return status, fresh, left
+    if status == FOUND and at >= 0 and notes[1] == 0:
+        length = (len(fresh) - 1 - diagonal) * UNIT + diagonal * ROOT
+        back = joined(across, fresh, length, cells[at:], left[at:])
+        fresh = back if len(back) else fresh
+    common = alike(cells, fresh)
+    restring(tripwire, cells, fresh, common)
+    notes[:] = 0
+    lengths = np.empty(len(fresh), dtype=np.int64)
+    lengths[len(fresh) - common :] = left[len(cells) - common :]
+    measure(fresh, lengths, len(fresh) - common)
+    return status, fresh, lengths
+
+
+@compiled
+def measure(cells: Ints, left: Ints, first: int) -> None:
+    """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is known."""
+    for index in range(first - 1, -1, -1):
+        if index == len(cells) - 1:
+            left[index] = 0
+            continue
+        sloping = cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
+        left[index] = left[index + 1] + (ROOT if sloping else UNIT)
+
+
+@compiled
+def alike(old: Ints, new: Ints) -> int:
+    """How many cells two paths have in common at their ends."""
+    before, after = len(old), len(new)
+    while before > 0 and after > 0 and old[before - 1, 0] == new[after - 1, 0] and old[before - 1, 1] == new[after - 1, 1]:
+        before, after = before - 1, after - 1
+    return len(new) - after
+
+
+@compiled
+def restring(tripwire: Plane, old: Ints, new: Ints, common: int) -> None:
+    """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
+    # The first cell of what is alike is come to in another way. No two other steps of a shortest path share a cell beside them.
+    string(tripwire, old, len(old) - common + 1, False)
+    string(tripwire, new, len(new) - common + 1, True)
+
+
+@lean
+def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
+    """Set or clear the wire at all that has to stay free for the first cells: these and what is beside their diagonal steps."""
+    for index in range(min(until, len(cells))):
+        before = max(index - 1, 0)
+        for row, col in (
+            (cells[index, 0], cells[index, 1]),
+            (cells[before, 0], cells[index, 1]),
+            (cells[index, 0], cells[before, 1]),
+        ):
+            bit = ONE << np.uint64(col & 63)
+            if on:
+                tripwire[row + PAD, (col + PAD) >> 6] |= bit
+            else:
+                tripwire[row + PAD, (col + PAD) >> 6] &= ~bit
+
+
+@compiled
+def joined(across: Planes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
+    """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and follows them; else (0, 2)."""
+    row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
+    for index in range(len(cells)):
+        to_row, to_col = cells[index, 0] + PAD, cells[index, 1] + PAD
+        if octile(to_row - row, to_col - col) + left[index] != length:
+            continue
+        here, there = row << 16 | col, to_row << 16 | to_col
+        # A way back that starts straight is a way there that starts diagonally.
+        diagonal_first = is_clear(across, there, here)
+        if diagonal_first or is_clear(across, here, there):
+            steps = max(abs(to_row - row), abs(to_col - col))
+            path = np.empty((steps + len(cells) - index, 2), dtype=np.int64)
+            path[0] = fresh[0]
+            lay(path, 0, there, not diagonal_first)
+            path[steps:] = cells[index:]
+            return path
+    return np.empty((0, 2), dtype=np.int64)

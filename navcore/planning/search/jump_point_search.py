@@ -1,0 +1,373 @@
+"""Jump-point search without corner cutting over packed rows and columns: exactly optimal, deterministic.
+
+The search follows Harabor & Grastien (AAAI 2011, ICAPS 2014): of all paths of one length between two cells only the one that
+walks its diagonals first is looked at, and a straight walk is one scan over words to the next jump point. Four things are
+arranged in our own way:
+
+* Lengths are integers, so that equal ones compare as equal.
+* A cell reached again at equal length from another side is not dropped: the directions that this side adds are walked too.
+* The open list is a ring of buckets (`navcore.search.memory`); the search ends at the first one behind the best path known.
+* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not taken (`FreeSpace`); cells
+  from which there is no other are passed by many at a time (`navcore.search.slopes`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.grid.bitplane import ONE, PAD, compiled, highest, inlined, lean, lowest
+from navcore.grid.free_space import AHEAD, BACK, FREE, PATIENCE, SQUARE, VAIN_AHEAD, FreeSpace, Planes, bit_of, look_along
+from navcore.grid.grid import Cell
+from navcore.planning.search.diagonals import passable, settle, survey
+from navcore.planning.search.open_list import (
+    BEST,
+    BOUND,
+    BUCKET,
+    COLS,
+    FAR,
+    FINE,
+    FLOOR,
+    GOAL_COL,
+    GOAL_ROW,
+    KEY,
+    LACKING,
+    LEAST,
+    LENGTH,
+    PARENT,
+    REACHED,
+    ROOT,
+    ROWS,
+    SHIFT,
+    STAMP,
+    UNIT,
+    WAITING,
+    WALKS,
+    Arena,
+    Memory,
+    begin,
+    claim,
+    octile,
+    pop,
+    row_of,
+    want,
+)
+from navcore.planning.search.path_reconstruction import fewest_turns, lay
+
+EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (1 << bit for bit in range(8))
+ANYWHERE = 255
+
+FOUND, UNREACHABLE, TIMEOUT, OUTSIDE, START_BLOCKED, GOAL_BLOCKED, FULL = range(7)
+"""How a search ended; the last: its memory did not suffice."""
+
+IN_ONE_GO = 64
+"""After so many steps of a diagonal it is seen whether the path is too long by now."""
+ON_FOOT, FARTHER = 2, 32
+"""Steps of a diagonal taken cell by cell: at first, since there are seldom more among many obstacles; where not surveyed."""
+
+
+def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
+    """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
+
+    There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
+    is given up.
+    """
+    while True:
+        outcome = search(space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, FAR, 0)
+        if outcome[0] != FULL:
+            return outcome
+        arena.grow()
+
+
+@compiled
+def search(
+    across: Planes,
+    along: Planes,
+    sloping: Planes,
+    memory: Memory,
+    start_row: int,
+    start_col: int,
+    goal_row: int,
+    goal_col: int,
+    budget: int,
+    bound: int,
+    floor: int,
+) -> tuple[int, npt.NDArray[np.int64], int]:
+    """Search for a path shorter than `bound` on memory that the caller owns; none is known to be shorter than `floor`.
+
+    The ends come number by number, since a tuple costs a microsecond to hand on.
+    """
+    start, goal = number_of(across, memory, start_row, start_col), number_of(across, memory, goal_row, goal_col)
+    if start <= 0 or goal <= 0:
+        status = OUTSIDE if min(start, goal) < 0 else START_BLOCKED if start == 0 else GOAL_BLOCKED
+        return status, np.empty((0, 2), dtype=np.int64), 0
+    begin(memory, start, goal, bound, floor)
+    at = claim(memory, start, start, 0)
+    if at < 0:
+        return UNREACHABLE, np.empty((0, 2), dtype=np.int64), 0
+    settle(across, along)
+    saved = mark_goal(across, along, goal)
+    want(memory, at, ANYWHERE)
+    status = run(across, along, sloping, memory, budget)
+    unmark_goal(across, along, goal, saved)
+    while memory[WAITING] > 0:
+        pop(memory)
+    if status == FOUND:
+        cells = trace(across, memory, start, goal)
+        return FOUND, cells, (memory[BEST] - (len(cells) - 1) * UNIT) // (ROOT - UNIT)
+    return status, np.empty((0, 2), dtype=np.int64), 0
+
+
+@inlined
+def number_of(across: Planes, memory: Memory, row: int, col: int) -> int:
+    """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it is blocked, -1 if outside."""
+    if not (0 <= row < memory[ROWS] and 0 <= col < memory[COLS]):
+        return -1
+    return (row + PAD) << 16 | (col + PAD) if bit_of(across, FREE, row + PAD, col + PAD) else 0
+
+
+@compiled
+def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Make every straight walk stop at the goal; returns what the words were."""
+    row, col = goal >> 16, goal & 0xFFFF
+    saved = (
+        across[AHEAD, row, col >> 6],
+        across[BACK, row, col >> 6],
+        along[AHEAD, col, row >> 6],
+        along[BACK, col, row >> 6],
+    )
+    for plane in (AHEAD, BACK):
+        across[plane, row, col >> 6] |= ONE << np.uint64(col & 63)
+        along[plane, col, row >> 6] |= ONE << np.uint64(row & 63)
+    return saved
+
+
+@compiled
+def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]) -> None:
+    """Undo `mark_goal`."""
+    row, col = goal >> 16, goal & 0xFFFF
+    across[AHEAD, row, col >> 6], across[BACK, row, col >> 6] = saved[0], saved[1]
+    along[AHEAD, col, row >> 6], along[BACK, col, row >> 6] = saved[2], saved[3]
+
+
+@lean
+def run(across: Planes, along: Planes, sloping: Planes, memory: Memory, budget: int) -> int:
+    """Open bucket after bucket until none can hold a shorter path, or none is known to exist."""
+    while memory[WAITING] > 0:
+        at = pop(memory)
+        if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
+            break
+        walks = memory[at + WALKS]
+        todo = walks & ~(walks >> 8) & 0xFF
+        if todo == 0:
+            continue
+        memory[at + WALKS] = walks | todo << 8
+        budget -= open_cell(across, along, sloping, memory, at, todo)
+        if memory[LACKING]:
+            return FULL
+        if budget < 0:
+            return TIMEOUT
+    return FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
+
+
+@inlined
+def open_cell(across: Planes, along: Planes, sloping: Planes, memory: Memory, at: int, todo: int) -> int:
+    """Walk from a cell in the directions asked for; returns how many straight walks and diagonal steps that took."""
+    cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
+    row, col = cell >> 16, cell & 0xFFFF
+    if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
+        return 0
+    count = 0
+    for side in range(2):
+        if todo & (EAST << side):
+            count += 1
+            walk_row(across, memory, row, col, side, cell, length)
+        if todo & (SOUTH << side):
+            count += 1
+            walk_col(along, memory, row, col, side, cell, length)
+    for corner in range(4):
+        if todo & (SOUTH_EAST << corner):
+            count += walk_diagonal(across, along, sloping, memory, row, col, corner, cell, length)
+    return count
+
+
+@inlined
+def stop_ahead(planes: Planes, line: int, at: int) -> int:
+    """The first cell behind `at` on a line where a walk towards higher cells stops."""
+    word = np.uint64(at >> 6)
+    bits = planes[AHEAD, np.uint64(line), word] & (np.uint64(0xFFFFFFFFFFFFFFFE) << np.uint64(at & 63))
+    while bits == 0:
+        word += ONE
+        bits = planes[AHEAD, np.uint64(line), word]
+    return 64 * int(word) + int(lowest(bits))
+
+
+@inlined
+def stop_back(planes: Planes, line: int, at: int) -> int:
+    """The same towards lower cells."""
+    word = np.uint64(at >> 6)
+    bits = planes[BACK, np.uint64(line), word] & ((ONE << np.uint64(at & 63)) - ONE)
+    while bits == 0:
+        word -= ONE
+        bits = planes[BACK, np.uint64(line), word]
+    return 64 * int(word) + int(highest(bits))
+
+
+@inlined
+def walk_row(
+    across: Planes,
+    memory: Memory,
+    row: int,
+    col: int,
+    side: int,
+    parent: int,
+    length: int,
+) -> None:
+    """Walk east (side 0) or west (1) to the next jump point, if an obstacle is not first."""
+    stop = stop_back(across, row, col) if side else stop_ahead(across, row, col)
+    if bit_of(across, FREE, row, stop) == 0:
+        return
+    at = claim(memory, row << 16 | stop, parent, length + abs(stop - col) * UNIT)
+    if at < 0:
+        return
+    behind = stop + 1 if side else stop - 1
+    walks = WEST if side else EAST
+    if bit_of(across, FREE, row + 1, stop) > bit_of(across, FREE, row + 1, behind):
+        walks |= SOUTH | (SOUTH_WEST if side else SOUTH_EAST)
+    if bit_of(across, FREE, row - 1, stop) > bit_of(across, FREE, row - 1, behind):
+        walks |= NORTH | (NORTH_WEST if side else NORTH_EAST)
+    want(memory, at, walks)
+
+
+@inlined
+def walk_col(
+    along: Planes,
+    memory: Memory,
+    row: int,
+    col: int,
+    side: int,
+    parent: int,
+    length: int,
+) -> None:
+    """Walk south (side 0) or north (1) to the next jump point, if an obstacle is not first."""
+    stop = stop_back(along, col, row) if side else stop_ahead(along, col, row)
+    if bit_of(along, FREE, col, stop) == 0:
+        return
+    at = claim(memory, stop << 16 | col, parent, length + abs(stop - row) * UNIT)
+    if at < 0:
+        return
+    behind = stop + 1 if side else stop - 1
+    walks = NORTH if side else SOUTH
+    if bit_of(along, FREE, col + 1, stop) > bit_of(along, FREE, col + 1, behind):
+        walks |= EAST | (NORTH_EAST if side else SOUTH_EAST)
+    if bit_of(along, FREE, col - 1, stop) > bit_of(along, FREE, col - 1, behind):
+        walks |= WEST | (NORTH_WEST if side else SOUTH_WEST)
+    want(memory, at, walks)
+
+
+@inlined
+def walk_diagonal(
+    across: Planes,
+    along: Planes,
+    sloping: Planes,
+    memory: Memory,
+    row: int,
+    col: int,
+    corner: int,
+    parent: int,
+    length: int,
+) -> int:
+    """Walk diagonally until a corner or obstacle is in the way, with a straight walk to both sides from every cell.
+
+    `corner`: 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of steps.
+    """
+    west, north = corner & 1, corner >> 1
+    step_row, step_col = 1 - 2 * north, 1 - 2 * west
+    goal_row, goal_col = memory[GOAL_ROW], memory[GOAL_COL]
+    count, on_foot = 0, ON_FOOT
+    while bit_of(across, SQUARE, row - north, col - west) != 0:
+        most = min(steps_until(row, goal_row, step_row), steps_until(col, goal_col, step_col), IN_ONE_GO)
+        if on_foot:
+            steps = slide(across, along, row, col, west, north, min(most, on_foot))
+        else:
+            steps = passable(across, along, sloping, row, col, west, north, most)
+        row += steps * step_row
+        col += steps * step_col
+        length += steps * ROOT
+        count += steps
+        if length + octile(row - goal_row, col - goal_col) >= memory[BEST]:
+            return count
+        if row == goal_row and col == goal_col:
+            claim(memory, row << 16 | col, parent, length)
+            return count
+        vain_row = row != goal_row and is_vain(across, VAIN_AHEAD + west, row, col)
+        vain_col = col != goal_col and is_vain(along, VAIN_AHEAD + north, col, row)
+        if not vain_row:
+            walk_row(across, memory, row, col, west, parent, length)
+        if not vain_col:
+            walk_col(along, memory, row, col, north, parent, length)
+        if vain_row and vain_col:
+            if not on_foot:
+                survey(across, along, sloping, row, col, west, north, goal_row << 16 | goal_col)
+            on_foot = 0 if on_foot else FARTHER
+    return count
+
+
+@inlined
+def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: int, most: int) -> int:
+    """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or where the way ends."""
+    step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
+    plane_row, plane_col = np.uint64(VAIN_AHEAD + west), np.uint64(VAIN_AHEAD + north)
+    line, at, steps = np.uint64(row), np.uint64(col), 0
+    up, left = np.uint64(north), np.uint64(west)
+    low, shift = np.uint64(63), np.uint64(6)
+    while steps < most and across[np.uint64(SQUARE), line - up, (at - left) >> shift] >> ((at - left) & low) & ONE:
+        line += step_row
+        at += step_col
+        steps += 1
+        vain_row = across[plane_row, line, at >> shift] >> (at & low)
+        vain_col = along[plane_col, at, line >> shift] >> (line & low)
+        if (vain_row & vain_col & ONE) == 0:
+            break
+    return steps
+
+
+@inlined
+def steps_until(at: int, goal: int, step: int) -> int:
+    """Steps until a walk comes to the goal's row or column; more than any grid has if it does not."""
+    steps = (goal - at) * step
+    return steps if steps > 0 else 1 << 30
+
+
+@inlined
+def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
+    """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
+    asked = planes[VAIN_AHEAD, line, 0]
+    if asked < PATIENCE:
+        planes[VAIN_AHEAD, line, 0] = asked + ONE
+        if asked + ONE < PATIENCE:
+            return False
+        look_along(planes, line)
+    return bool(bit_of(planes, plane, line, at) != 0)
+
+
+@compiled
+def trace(across: Planes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
+    """(N, 2) every cell from start to goal, with as few turns as the jump points allow."""
+    corners = np.empty(memory[REACHED] + 1, dtype=np.int64)
+    corners[-1] = goal
+    first, steps = len(corners) - 1, 0
+    while corners[first] != start:
+        here = corners[first]
+        there = memory[row_of(memory, memory[STAMP] << 32 | here) + PARENT]
+        steps += max(abs((here >> 16) - (there >> 16)), abs((here & 0xFFFF) - (there & 0xFFFF)))
+        first -= 1
+        corners[first] = there
+    corners = corners[first:]
+    straight_first = fewest_turns(across, corners)
+    cells = np.empty((steps + 1, 2), dtype=np.int64)
+    cells[0, 0], cells[0, 1] = (start >> 16) - PAD, (start & 0xFFFF) - PAD
+    at = 0
+    for leg in range(len(corners) - 1):
+        at = lay(cells, at, corners[leg + 1], straight_first[leg])
+    return cells

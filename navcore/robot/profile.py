@@ -1,0 +1,129 @@
+"""The robot's body and limits, the velocity it is asked for, and the port every robot satisfies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Matrix, camera_mount
+from navcore.toml_config import between, from_table, read_toml
+
+if TYPE_CHECKING:
+    from navcore.robot.frame import Frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twist:
+    """Planar velocity of a differential drive."""
+
+    v_mps: float
+    """Forward speed."""
+    w_radps: float
+    """Yaw rate, counter-clockwise."""
+
+
+STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A twist that expires: the gate never sends one older than its life."""
+
+    twist: Twist
+    """What the local planner asks for."""
+    stamp_ns: int
+    """When it was decided, on the robot's monotonic clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraMount:
+    """Where the camera sits: in the robot's middle plane, looking ahead and down."""
+
+    x_m: float = between(-5.0, 5.0)
+    """Ahead of the middle of the footprint."""
+    z_m: float = between(0.05, 5.0)
+    """Above the floor."""
+    pitch_down_deg: float = between(-45.0, 89.0)
+    """Below the horizon."""
+
+    @property
+    def T_base_camera(self) -> Matrix:
+        """(4, 4) of the optical frame."""
+        return camera_mount(x_m=self.x_m, y_m=0.0, z_m=self.z_m, pitch_down_rad=math.radians(self.pitch_down_deg))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotProfile:
+    """Body and limits of a platform; the origin of the base is the middle of the footprint, on the floor."""
+
+    name: str
+    """Platform, as in `robot` of reports."""
+    length_m: float = between(0.05, 5.0)
+    """Footprint along x."""
+    width_m: float = between(0.05, 5.0)
+    """Footprint along y; the vehicle width w_v of the paper's Algorithm 1."""
+    max_speed_mps: float = between(0.05, 5.0)
+    """Largest forward speed."""
+    max_yaw_rate_radps: float = between(0.05, 10.0)
+    """Largest yaw rate."""
+    max_accel_mps2: float = between(0.05, 20.0)
+    """Largest change of speed, both ways."""
+    max_yaw_accel_radps2: float = between(0.05, 50.0)
+    """Largest change of yaw rate."""
+    camera: CameraMount
+    """Its one camera."""
+
+    @property
+    def circumscribed_radius_m(self) -> float:
+        """Radius of the circle that the footprint sweeps when it turns in place."""
+        return float(np.hypot(self.length_m, self.width_m)) / 2
+
+    def footprint(self, padding_m: float = 0.0) -> npt.NDArray[np.float64]:
+        """(4, 2) corners in the base frame, counter-clockwise, grown by `padding_m` on every side."""
+        x, y = self.length_m / 2 + padding_m, self.width_m / 2 + padding_m
+        return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
+
+
+ROBOTS = Path(__file__).parent / "robots"
+"""Where the profiles of known platforms lie."""
+
+
+def robot_names() -> tuple[str, ...]:
+    """The known platforms, sorted."""
+    return tuple(sorted(path.stem for path in ROBOTS.glob("*.toml")))
+
+
+def load_profile(name_or_path: str | Path) -> RobotProfile:
+    """A known platform by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        if name_or_path not in robot_names():
+            known = ", ".join(robot_names())
+            raise BadConfiguration(f"no robot is called {str(name_or_path)!r}; give a .toml file or one of: {known}")
+        path = ROBOTS / f"{name_or_path}.toml"
+    return from_table(RobotProfile, read_toml(path), path.name)
+
+
+HUSKY = load_profile("husky")
+
+
+class Robot(Protocol):
+    """What a robot back end offers: newest senses, and a wheel command it forgets by itself after 0.25 s."""
+
+    def now_ns(self) -> int:
+        """The robot's monotonic clock."""
+
+    def newest_frame(self) -> Frame | None:
+        """The last picture taken, or None before the first."""
+
+    def send(self, twist: Twist) -> None:
+        """Ask the wheels for a velocity; holds for at most the driver's time-out."""
+
+    def close(self) -> None:
+        """Stop the wheels and let the robot go."""

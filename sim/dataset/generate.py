@@ -1,0 +1,111 @@
+"""Labelled pictures of random worlds, to train and to measure the segmentation of what a robot must beware of.
+
+The seed of world `i` of `render_pictures(seed=s)` is `1000 · s + i`, and from it alone come the world, its poses and the
+camera's errors; floor patterns and prints come from `s`. `shard_seed` gives every shard of every split of a data set an `s`
+of its own, so no world of one split can be in another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Matrix, Pose2, camera_mount
+from sim.dataset.camera_effects import photograph
+from sim.dataset.renderer import PATTERNS, Labels, Studio
+from sim.dataset.room_generator import random_scene
+from sim.dataset.scene import Scene
+from sim.sensors.egl import egl_works
+from sim.sensors.stereo_noise import Rgb
+
+Split = Literal["train", "valid", "test"]
+SPLITS: tuple[Split, ...] = get_args(Split)
+WORLDS_PER_SHARD = 1000
+"""More would run into the next shard's worlds."""
+SHARDS_PER_SPLIT = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """One labelled RGB-D picture."""
+
+    world_seed: int
+    """Of the world that it shows."""
+    name: str
+    """Unique over all worlds and poses."""
+    rgb: Rgb
+    """(H, W, 3)"""
+    depth_mm: npt.NDArray[np.uint16]
+    """(H, W) millimetres along the optical axis, 0 where nothing was measured."""
+    labels: Labels
+    """(H, W) number of the class in `BEWARE_CLASSES` + 1."""
+
+
+def shard_seed(seed: int, split: Split, shard: int) -> int:
+    """The seed of one shard of a data set's split, different for all (seed, split, shard)."""
+    if not 0 <= shard < SHARDS_PER_SPLIT:
+        raise BadConfiguration(f"shard is {shard}, allowed 0 to {SHARDS_PER_SPLIT - 1}")
+    return (seed * len(SPLITS) + SPLITS.index(split)) * SHARDS_PER_SPLIT + shard
+
+
+def render_pictures(
+    *,
+    seed: int,
+    worlds: int,
+    poses_per_world: int,
+    size: tuple[int, int] = (424, 240),
+    renderer: Literal["auto", "tiny", "egl"] = "auto",
+) -> Iterator[Picture]:
+    """Pictures of so many random worlds from so many poses each; the same seed and renderer give the same bits.
+
+    "auto" takes EGL for two seeds of three where it works, else TINY. Raises `BadConfiguration`.
+    """
+    if seed < 0 or not 0 <= worlds <= WORLDS_PER_SHARD or poses_per_world < 1:
+        raise BadConfiguration(
+            f"seed {seed}, {worlds} worlds, {poses_per_world} poses: expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
+        )
+    chosen = renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
+    with Studio(seed=seed, size=size, renderer=chosen) as studio:
+        for i in range(worlds):
+            yield from _of_world(studio, WORLDS_PER_SHARD * seed + i, poses_per_world)
+
+
+def _of_world(studio: Studio, world_seed: int, poses: int) -> Iterator[Picture]:
+    rng = np.random.default_rng((world_seed, 2))
+    scene = random_scene(rng, patterns=PATTERNS, prints=studio.prints)
+    studio.build(scene)
+    for k in range(poses):
+        rgb, depth_m, labels = studio.shoot(_viewpoint(scene, rng, k), scene)
+        rgb, depth_m = photograph(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
+        depth_mm = np.round(depth_m * 1000).astype(np.uint16)
+        yield Picture(world_seed=world_seed, name=f"{world_seed:09d}_{k:02d}", rgb=rgb, depth_mm=depth_mm, labels=labels)
+
+
+def _viewpoint(scene: Scene, rng: np.random.Generator, k: int) -> Matrix:
+    """T_map_camera of a robot that looks at the k-th target, or about there, from near or from far."""
+    target = scene.targets[k % len(scene.targets)] if scene.targets else None
+    x_to, y_to = (target.x_m, target.y_m) if target else (0.0, 0.0)
+    best = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    for _ in range(40):
+        away, turn = math.exp(rng.uniform(math.log(0.8), math.log(5.5))), float(rng.uniform(-math.pi, math.pi))
+        x, y = x_to - away * math.cos(turn), y_to - away * math.sin(turn)
+        best = Pose2(x_m=x, y_m=y, yaw_rad=turn + float(rng.normal(0, 0.3)))
+        if abs(x) < scene.reach_m[0] and abs(y) < scene.reach_m[1] and _free(scene, x, y):
+            break
+    else:
+        best = Pose2(x_m=0.0, y_m=0.0, yaw_rad=float(rng.uniform(-math.pi, math.pi)))
+    pitch, roll = math.radians(12.0 + rng.uniform(-4, 4)), rng.normal(0, math.radians(0.7))
+    mount = camera_mount(x_m=0.0, y_m=0.0, z_m=float(0.65 + rng.uniform(-0.08, 0.08)), pitch_down_rad=pitch)
+    tilt = np.eye(4)
+    tilt[:2, :2] = [[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]]
+    return best.matrix() @ mount @ tilt
+
+
+def _free(scene: Scene, x_m: float, y_m: float) -> bool:
+    return all(math.hypot(x_m - s.x_m, y_m - s.y_m) > s.radius_m + 0.3 for s in scene.blocked)

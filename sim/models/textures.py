@@ -1,0 +1,123 @@
+"""Pictures that lie on the world's surfaces, drawn here: what a print shows, and how a spill shines."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sim.models.item_shapes import shade
+from sim.models.items import ITEM_COLOURS
+from sim.models.solids import Colour
+
+Texture = npt.NDArray[np.uint8]
+"""(H, W, 3) red, green, blue; its first row is what lies farthest along y."""
+
+PRINT_PX = 128
+"""Sides of a print's picture."""
+SPILL_PX = 128
+SPILL_SIDE_M = 2.0
+"""A spill's gloss repeats after so many metres."""
+
+
+def print_texture(shows: str) -> Texture:
+    """A drawing of one kind of item on white paper with a frame."""
+    sheet = np.full((PRINT_PX, PRINT_PX, 3), (244, 242, 236), dtype=np.uint8)
+    cv2.rectangle(sheet, (3, 3), (PRINT_PX - 4, PRINT_PX - 4), (120, 116, 110), 2)
+    _DRAWINGS[shows](sheet, ITEM_COLOURS[shows])
+    return sheet
+
+
+def spill_texture(colour: Colour, gloss: float, seed: int) -> Texture:
+    """Blotches of a colour with soft lights of `gloss`, 0 to 1; it repeats at its edges."""
+    rng = np.random.default_rng(seed)
+    tone = 1.0 + 0.14 * clouds(rng, 6)[:, :, None]
+    light = np.clip(clouds(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
+    picture = np.array(colour) * tone
+    return np.asarray(np.clip(picture + gloss * light * (255.0 - picture), 0, 255), dtype=np.uint8)
+
+
+def clouds(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:
+    """(SPILL_PX, SPILL_PX) smooth noise of mean 0 and deviation 1 that repeats at its edges."""
+    spots = np.tile(rng.standard_normal((cells, cells)), (3, 3))
+    smooth = cv2.resize(spots, (3 * SPILL_PX, 3 * SPILL_PX), interpolation=cv2.INTER_CUBIC)
+    middle = smooth[SPILL_PX : 2 * SPILL_PX, SPILL_PX : 2 * SPILL_PX]
+    return np.asarray((middle - middle.mean()) / middle.std())
+
+
+def _draw_cup(sheet: Texture, colour: Colour) -> None:
+    cv2.ellipse(sheet, (88, 64), (20, 18), 0, -90, 90, colour, 7)
+    cv2.fillPoly(sheet, [np.array([(32, 34), (88, 34), (82, 100), (38, 100)])], colour)
+    cv2.ellipse(sheet, (60, 34), (28, 8), 0, 0, 360, shade(colour, 0.5), -1)
+    cv2.ellipse(sheet, (60, 100), (22, 6), 0, 0, 360, colour, -1)
+
+
+def _draw_book(sheet: Texture, colour: Colour) -> None:
+    cv2.fillPoly(sheet, [np.array([(26, 78), (74, 42), (108, 66), (60, 104)])], colour)
+    cv2.fillPoly(sheet, [np.array([(60, 104), (108, 66), (108, 76), (60, 114)])], (226, 222, 210))
+    cv2.fillPoly(sheet, [np.array([(26, 78), (60, 104), (60, 114), (26, 88)])], shade(colour, 0.7))
+    cv2.line(sheet, (50, 76), (78, 56), (236, 230, 190), 4)
+
+
+def _draw_bag(sheet: Texture, colour: Colour) -> None:
+    cv2.ellipse(sheet, (64, 50), (22, 24), 0, 180, 360, shade(colour, 0.6), 6)
+    cv2.rectangle(sheet, (28, 50), (100, 106), colour, -1)
+
+
+def _draw_shoe(sheet: Texture, colour: Colour) -> None:
+    cv2.fillPoly(sheet, [np.array([(22, 50), (50, 50), (72, 72), (104, 80), (108, 94), (22, 94)])], colour)
+    cv2.rectangle(sheet, (20, 92), (110, 100), shade(colour, 0.5), -1)
+
+
+def _draw_bottle(sheet: Texture, colour: Colour) -> None:
+    cv2.fillPoly(sheet, [np.array([(56, 14), (72, 14), (72, 38), (84, 54), (84, 112), (44, 112), (44, 54), (56, 38)])], colour)
+    cv2.rectangle(sheet, (44, 68), (84, 94), shade(colour, 1.6), -1)
+    cv2.rectangle(sheet, (55, 12), (73, 20), shade(colour, 0.5), -1)
+
+
+def _draw_cable(sheet: Texture, colour: Colour) -> None:
+    x = np.linspace(18, 110, 60)
+    points = np.column_stack([x, 64 + 30 * np.sin(x / 14)]).astype(np.int32)
+    cv2.polylines(sheet, [points], False, colour, 4, cv2.LINE_AA)
+
+
+def _draw_box(sheet: Texture, colour: Colour) -> None:
+    cv2.fillPoly(sheet, [np.array([(22, 52), (64, 34), (106, 52), (64, 72)])], shade(colour, 1.15))
+    cv2.fillPoly(sheet, [np.array([(22, 52), (64, 72), (64, 112), (22, 90)])], colour)
+    cv2.fillPoly(sheet, [np.array([(64, 72), (106, 52), (106, 90), (64, 112)])], shade(colour, 0.8))
+    cv2.line(sheet, (43, 43), (85, 62), (214, 192, 150), 5)
+
+
+def _draw_keyboard(sheet: Texture, colour: Colour) -> None:
+    cv2.rectangle(sheet, (12, 42), (116, 88), colour, -1)
+    for row in range(4):
+        for column in range(11):
+            left, top = 16 + 9 * column, 46 + 10 * row
+            cv2.rectangle(sheet, (left, top), (left + 6, top + 7), shade(colour, 1.7), -1)
+
+
+def _draw_landmine(sheet: Texture, colour: Colour) -> None:
+    cv2.ellipse(sheet, (64, 76), (46, 22), 0, 0, 360, shade(colour, 0.7), -1)
+    cv2.ellipse(sheet, (64, 66), (46, 22), 0, 0, 360, colour, -1)
+    cv2.ellipse(sheet, (64, 60), (22, 10), 0, 0, 360, shade(colour, 0.6), -1)
+
+
+def _draw_sign(sheet: Texture, colour: Colour) -> None:
+    cv2.fillPoly(sheet, [np.array([(48, 14), (80, 14), (98, 114), (30, 114)])], colour)
+    cv2.fillPoly(sheet, [np.array([(64, 28), (80, 58), (48, 58)])], (30, 30, 30))
+    for y in (72, 86):
+        cv2.line(sheet, (46, y), (82, y), (30, 30, 30), 5)
+
+
+_DRAWINGS = {
+    "cup": _draw_cup,
+    "book": _draw_book,
+    "bag": _draw_bag,
+    "shoe": _draw_shoe,
+    "bottle": _draw_bottle,
+    "cable": _draw_cable,
+    "box": _draw_box,
+    "keyboard": _draw_keyboard,
+    "landmine": _draw_landmine,
+    "wet-floor sign": _draw_sign,
+}

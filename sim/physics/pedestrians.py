@@ -1,0 +1,119 @@
+"""People: some stand, some walk to and fro. They are moved, not pushed, and go by the same clock as the physics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.robot.profile import HUSKY, RobotProfile
+from sim.scenario.schema import Person
+
+BODY_DIAMETER_M = 0.56
+"""Room that somebody takes up on the floor, arms and feet included."""
+POLITE_GAP_M = 0.7
+"""A walker lets this much room between himself and a robot right before him."""
+SIDE_GAP_M = 0.1
+"""Beside him less will do."""
+AHEAD_RAD = math.radians(50)
+"""What counts as right before him, to either side."""
+PATIENCE_S = 3.0
+"""A walker who has waited this long turns round."""
+TURN_RADPS = math.radians(240)
+"""How fast he turns."""
+
+
+class Walker:
+    """One person; `step` moves him."""
+
+    def __init__(self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY) -> None:
+        self._robot = robot
+        self._points = np.array(person.points)
+        self._speed_mps = person.speed_mps if len(self._points) > 1 else 0.0
+        self._yields, self._period_s = person.yields, period_s
+        self._legs_m = np.hypot(*np.diff(self._points, axis=0).T)
+        self._ends_m = np.concatenate([[0.0], np.cumsum(self._legs_m)])
+        self._along_m = float(rng.uniform(0, self._ends_m[-1])) if self.walks else 0.0
+        self._sense = 1 if rng.random() < 0.5 else -1
+        if person.begins_at is not None:
+            self._along_m, self._sense = person.begins_at * float(self._ends_m[-1]), 1
+        self._pauses_s = np.array(person.pauses_s or [0.0] * len(self._points))
+        self._pause_left_s = 0.0
+        self._waited_s = 0.0
+        self.pose = self._place(math.radians(person.yaw_deg))
+        """T_map_person; he faces along x."""
+        if self.walks:
+            self.pose = Pose2(x_m=self.pose.x_m, y_m=self.pose.y_m, yaw_rad=self._heading())
+
+    @property
+    def walks(self) -> bool:
+        """Whether he ever moves."""
+        return self._speed_mps > 0
+
+    def step(self, robot: Pose2) -> None:
+        """Go on by one physics step, or wait for the robot."""
+        if not self.walks:
+            return
+        if self._yields and self._must_wait(robot):
+            self._waited_s += self._period_s
+            if self._waited_s >= PATIENCE_S:
+                self._waited_s, self._sense = 0.0, -self._sense
+            return
+        self._waited_s = 0.0
+        self._pause_left_s -= self._period_s
+        if self._pause_left_s > 0:
+            return
+        before_m = self._along_m
+        self._along_m += self._sense * self._speed_mps * self._period_s
+        low, high = min(before_m, self._along_m), max(before_m, self._along_m)
+        self._pause_left_s = float(self._pauses_s[(low < self._ends_m) & (self._ends_m < high)].max(initial=0.0))
+        if not 0 <= self._along_m <= self._ends_m[-1]:
+            self._along_m = min(max(self._along_m, 0.0), float(self._ends_m[-1]))
+            self._sense = -self._sense
+        self.pose = self._place(self._turned())
+
+    def _must_wait(self, robot: Pose2) -> bool:
+        reach = robot.distance_to(self.pose.x_m, self.pose.y_m)
+        if reach > self._robot.circumscribed_radius_m + BODY_DIAMETER_M / 2 + POLITE_GAP_M:
+            return False
+        x, y = _nearest_of_footprint(self._robot, robot, self.pose.x_m, self.pose.y_m)
+        gap = math.hypot(x - self.pose.x_m, y - self.pose.y_m) - BODY_DIAMETER_M / 2
+        if gap <= 0:
+            bearing = math.atan2(robot.y_m - self.pose.y_m, robot.x_m - self.pose.x_m)
+        else:
+            bearing = math.atan2(y - self.pose.y_m, x - self.pose.x_m)
+        off = abs(wrap_angle(bearing - self._heading()))
+        return (off < AHEAD_RAD and gap < POLITE_GAP_M) or (off < math.pi / 2 and gap < SIDE_GAP_M)
+
+    def _heading(self) -> float:
+        """Of the leg he is on, in the sense he walks it."""
+        (x0, y0), (x1, y1) = self._points[self._leg()], self._points[self._leg() + 1]
+        return math.atan2(self._sense * (y1 - y0), self._sense * (x1 - x0))
+
+    def _turned(self) -> float:
+        most = TURN_RADPS * self._period_s
+        missing = wrap_angle(self._heading() - self.pose.yaw_rad)
+        return wrap_angle(self.pose.yaw_rad + max(-most, min(most, missing)))
+
+    def _leg(self) -> int:
+        return min(int(np.searchsorted(self._ends_m, self._along_m, side="right")) - 1, len(self._legs_m) - 1)
+
+    def _place(self, yaw_rad: float) -> Pose2:
+        if not self.walks:
+            x, y = self._points[0]
+        else:
+            leg = self._leg()
+            share = (self._along_m - self._ends_m[leg]) / self._legs_m[leg]
+            x, y = (1 - share) * self._points[leg] + share * self._points[leg + 1]
+        return Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw_rad)
+
+
+def _nearest_of_footprint(profile: RobotProfile, robot: Pose2, x_m: float, y_m: float) -> tuple[float, float]:
+    """The footprint's point nearest to a point, in the map frame."""
+    cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+    dx, dy = x_m - robot.x_m, y_m - robot.y_m
+    half_x, half_y = profile.length_m / 2, profile.width_m / 2
+    along = max(-half_x, min(half_x, cos * dx + sin * dy))
+    across = max(-half_y, min(half_y, -sin * dx + cos * dy))
+    return robot.x_m + cos * along - sin * across, robot.y_m + sin * along + cos * across

@@ -1,0 +1,125 @@
+"""Counts when, how long and how far the footprint is over areas that it must stay off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from sim.models.solids import Polygon
+from sim.referee.clearance import Outlines, distance_m
+
+TOUCH_M = 0.005
+"""Nearer than this to a thing that was shoved away is on it: the engine lets nothing overlap."""
+Parts = Sequence[Polygon]
+"""Outlines in the map frame of the parts of one thing."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Intrusion:
+    """One time that the footprint came over an area, until it left it."""
+
+    t_s: float
+    """When it began."""
+    what: str
+    """Name of the area."""
+    duration_s: float = 0.0
+    """How long it lasted."""
+    gap_by_odometry_m: float = math.inf
+    """How near the footprint was meanwhile for who believes the odometry; 0 = over it by that, too."""
+
+
+class Areas:
+    """Some named areas, and what happened on them."""
+
+    def __init__(self, named: Sequence[tuple[str, Parts]]) -> None:
+        self._outlines = Outlines.of([])
+        self._names: tuple[str, ...] = ()
+        self._parts: tuple[Parts, ...] = ()
+        self._excused = np.zeros(0, dtype=np.bool_)
+        self.intrusions: list[Intrusion] = []
+        """Each time that the footprint came over one of them, in order of time."""
+        self._now: list[Intrusion | None] = []
+        self.seconds = 0.0
+        """How long it was over any."""
+        self.m2s = 0.0
+        """Area of the footprint that was over any, integrated over time."""
+        self.replace(named, body=None)
+
+    @property
+    def polygons(self) -> list[Polygon]:
+        """All of them."""
+        return [polygon for parts in self._parts for polygon in parts]
+
+    def replace(self, named: Sequence[tuple[str, Parts]], *, body: Polygon | None) -> None:
+        """Judge by these from now on. One that comes over the `body` is excused until it has been left once."""
+        before = {
+            _key(parts): (now, excused)
+            for parts, now, excused in zip(self._parts, self._now, self._excused.tolist(), strict=True)
+        }
+        self._names = tuple(name for name, _ in named)
+        self._parts = tuple(parts for _, parts in named)
+        self._outlines = Outlines.of(self._parts)
+        inside = np.zeros(len(named), dtype=np.bool_)
+        if body is not None:
+            inside, _ = self._outlines.near(body, 0.0, 0.0)
+        states = [before.get(_key(parts), (None, bool(over))) for parts, over in zip(self._parts, inside, strict=True)]
+        self._now = [now for now, _ in states]
+        self._excused = np.array([excused for _, excused in states], dtype=np.bool_)
+
+    def judge(self, body: Polygon, believed: Polygon, *, t_s: float, period_s: float, shoved: Mapping[int, Parts]) -> None:
+        """Look at one step: the footprint where it is, and where odometry has it.
+
+        `shoved`: number of a thing that has moved → where it is now; judged there and where it was.
+        """
+        if not self._names:
+            return
+        inside, _ = self._outlines.near(body, 0.0, 0.0)
+        for number, parts in shoved.items():
+            inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
+        self._excused &= inside
+        on: npt.NDArray[np.bool_] = inside & ~self._excused
+        self._now = [now if over else None for now, over in zip(self._now, on.tolist(), strict=True)]
+        if on.any():
+            self.seconds += period_s
+            self.m2s += period_s * self._covered_m2(body, np.flatnonzero(on), shoved)
+            for number in map(int, np.flatnonzero(on)):
+                self._note(number, believed, t_s=t_s, period_s=period_s)
+
+    def log(self) -> list[dict[str, Any]]:
+        """t_s, what, duration_s and gap_by_odometry_m of each intrusion, in order of time."""
+        return [
+            {
+                "t_s": round(intrusion.t_s, 3),
+                "what": intrusion.what,
+                "duration_s": round(intrusion.duration_s, 3),
+                "gap_by_odometry_m": round(intrusion.gap_by_odometry_m, 4),
+            }
+            for intrusion in self.intrusions
+        ]
+
+    def _note(self, number: int, believed: Polygon, *, t_s: float, period_s: float) -> None:
+        intrusion = self._now[number]
+        if intrusion is None:
+            intrusion = self._now[number] = Intrusion(t_s=t_s, what=self._names[number])
+            self.intrusions.append(intrusion)
+        intrusion.duration_s += period_s
+        gap_m = min(distance_m(believed, part) for part in self._parts[number])
+        intrusion.gap_by_odometry_m = min(intrusion.gap_by_odometry_m, gap_m)
+
+    def _covered_m2(self, body: Polygon, numbers: npt.NDArray[np.intp], shoved: Mapping[int, Parts]) -> float:
+        parts = [part for number in numbers for part in (*self._parts[number], *shoved.get(int(number), ()))]
+        return float(shapely.area(shapely.intersection(shapely.Polygon(body), shapely.union_all(_polygons(parts)))))
+
+
+def _polygons(parts: Parts) -> list[shapely.Polygon]:
+    return [shapely.Polygon(part) for part in parts]
+
+
+def _key(parts: Parts) -> bytes:
+    return b"".join(part.tobytes() for part in parts)

@@ -1,0 +1,170 @@
+"""The RealSense D455: one registered RGB-D picture, colour aligned to depth, from where the robot's profile mounts it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pybullet
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Matrix, Pose2
+from navcore.robot.frame import Intrinsics
+from navcore.robot.profile import HUSKY
+from sim.models.ground import FLAT, Ground
+from sim.sensors.egl import egl_works, load_egl, unload_egl
+from sim.sensors.stereo_noise import Depth, Rgb, StereoErrors, spoil_colour, spoil_depth
+
+Renderer = Literal["tiny", "egl"]
+Bodies = npt.NDArray[np.int32]
+
+FIELD_OF_VIEW_DEG = (87.0, 58.0)
+"""Of the depth imagers, across and along."""
+T_BASE_CAMERA: Matrix = HUSKY.camera.T_base_camera
+"""The Husky's mount, optical frame."""
+NEAR_M, FAR_M = 0.1, 30.0
+"""The renderer's clipping planes."""
+TINY_SHIFT_PX = 0.5
+"""TINY samples at a corner of each pixel, EGL in its middle; measured on the edges of a known box."""
+NOTHING = -1
+"""Where no body is seen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """One lamp, so far away that it shines on everything alike, and what comes from all sides."""
+
+    from_m: tuple[float, float, float] = (400.0, 300.0, 1000.0)
+    """Where it is."""
+    ambient: float = 0.75
+    """Share of light from all sides."""
+    diffuse: float = 0.3
+    """Share of the lamp's on what faces it."""
+
+
+DAYLIGHT = Light()
+"""Of every scenario."""
+
+
+def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
+    """The lens at a picture size (columns, rows); the optical axis goes between the middle pixels."""
+    width, height = size
+    across, along = (math.tan(math.radians(angle) / 2) for angle in FIELD_OF_VIEW_DEG)
+    return Intrinsics(
+        width=width,
+        height=height,
+        fx=width / 2 / across,
+        fy=height / 2 / along,
+        cx=(width - 1) / 2,
+        cy=(height - 1) / 2,
+    )
+
+
+def _start_renderer(client: int, wanted: Literal["auto", "tiny", "egl"]) -> int:
+    """The EGL plugin's handle, negative for PyBullet's own TINY; "auto" is EGL where it works and is free."""
+    if wanted == "tiny" or (wanted == "auto" and not egl_works()):
+        return -1
+    if not egl_works():
+        raise BadConfiguration(
+            "renderer is 'egl', which does not work here; take 'auto', or: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+        )
+    plugin = load_egl(client)
+    if plugin < 0 and wanted == "egl":
+        raise BadConfiguration("renderer is 'egl', which another simulator of this process has; take 'auto', or close that one")
+    return plugin
+
+
+class Camera:
+    """Renders what stands in one physics client. Owns the client's renderer."""
+
+    def __init__(
+        self,
+        client: int,
+        *,
+        size: tuple[int, int],
+        renderer: Literal["auto", "tiny", "egl"],
+        errors: StereoErrors,
+        rng: np.random.Generator,
+        mount: Matrix = T_BASE_CAMERA,
+        ground: Ground = FLAT,
+    ) -> None:
+        """Before anything is built in the client: the renderer learns of bodies as they are made."""
+        self.intrinsics = d455_intrinsics(size)
+        self._client, self._errors, self._rng, self._ground = client, errors, rng, ground
+        self.mount = mount
+        """T_base_camera, optical frame."""
+        self._plugin = _start_renderer(client, renderer)
+        self.renderer: Renderer = "tiny" if self._plugin < 0 else "egl"
+        """What draws the pictures."""
+        self._lens = _projection(self.intrinsics, shift_px=TINY_SHIFT_PX if self.renderer == "tiny" else 0.0)
+
+    def picture(self, pose: Pose2) -> tuple[Rgb, Depth]:
+        """(H, W, 3) colours and (H, W) depth in metres, 0 where nothing was measured, from a true pose of the base."""
+        rgb, depth = self.render(pose)
+        return spoil_colour(rgb, self._errors, self._rng), spoil_depth(depth, self.intrinsics.fx, self._errors, self._rng)
+
+    def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
+        """The same without the camera's errors; depth is that of the far plane where nothing is."""
+        rgb, depth, _ = self.shoot(self._placed(pose), flags=pybullet.ER_NO_SEGMENTATION_MASK)
+        return rgb, depth
+
+    def bodies(self, pose: Pose2) -> Bodies:
+        """(H, W) the number of the body in each pixel from a true pose of the base, `NOTHING` where none is."""
+        return self.shoot(self._placed(pose))[2]
+
+    def _placed(self, pose: Pose2) -> Matrix:
+        """T_map_camera."""
+        return self._ground.lifted(pose) @ self.mount
+
+    def shoot(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:
+        """Colours, depth and the (H, W) number of the body in each pixel, `NOTHING` where none is, without errors."""
+        width, height = self.intrinsics.width, self.intrinsics.height
+        *_, rgba, buffer, bodies = pybullet.getCameraImage(
+            width,
+            height,
+            viewMatrix=_view(T_map_camera),
+            projectionMatrix=self._lens,
+            lightDirection=light.from_m,
+            lightAmbientCoeff=light.ambient,
+            lightDiffuseCoeff=light.diffuse,
+            lightSpecularCoeff=0.0,
+            shadow=0,
+            flags=flags,
+            renderer=pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL,
+            physicsClientId=self._client,
+        )
+        rgb = np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
+        share = np.asarray(buffer, dtype=np.float64).reshape(height, width)
+        # The depth buffer is 0 at the near and 1 at the far plane, and hyperbolic between them.
+        depth = (FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * share)).astype(np.float32)
+        return rgb, depth, np.asarray(bodies, dtype=np.int32).reshape(height, width)
+
+    def close(self) -> None:
+        """Let the renderer go; before its client disconnects."""
+        if self._plugin >= 0:
+            unload_egl(self._client, self._plugin)
+            self._plugin = -1
+
+
+def _projection(lens: Intrinsics, *, shift_px: float) -> list[float]:
+    """OpenGL's projection matrix, column by column; the picture is moved by `shift_px` to the left and downwards."""
+    depth = FAR_M - NEAR_M
+    columns = (
+        (2 * lens.fx / lens.width, 0.0, 0.0, 0.0),
+        (0.0, 2 * lens.fy / lens.height, 0.0, 0.0),
+        (2 * shift_px / lens.width, 2 * shift_px / lens.height, -(FAR_M + NEAR_M) / depth, -1.0),
+        (0.0, 0.0, -2 * FAR_M * NEAR_M / depth, 0.0),
+    )
+    return [value for column in columns for value in column]
+
+
+def _view(T_map_camera: Matrix) -> list[float]:
+    """OpenGL's view matrix, column by column: its camera has y up and looks along −z."""
+    rotation = T_map_camera[:3, :3] * (1.0, -1.0, -1.0)
+    view = np.eye(4)
+    view[:3, :3] = rotation.T
+    view[:3, 3] = -rotation.T @ T_map_camera[:3, 3]
+    return [float(value) for value in view.T.ravel()]

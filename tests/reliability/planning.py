@@ -1,0 +1,212 @@
+"""Rows 7 to 11 of the reliability page: goals that cannot be, zones drawn in the way, and somebody who steps in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+
+from app.episode.episode import Episode
+from app.runtime.pilot import COMMAND_PERIOD_S, Pilot
+from navcore.control.motion import Motion, Outcome
+from navcore.errors import BadGeometry
+from navcore.mission.zone import Zone
+from navcore.planning.planner import NoPath, Reason, plan
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.safety.collision_monitor import REACTION_S
+from navcore.safety.gate import StopReason
+from sim.scenario.schema import Mover
+from tests.reliability.drills import OPEN, drill, first_picture, standing_pilot
+from tests.reliability.result import Figure
+
+Corners = tuple[tuple[float, float], ...]
+BUDGET = 200
+"""Of the searches that are to run over it; a whole one over these grids takes some thousand."""
+
+
+def _zone(corners: Corners, name: str = "drawn") -> Zone:
+    return Zone(id=name, name=name, polygon=corners)
+
+
+def _square(x_m: float, y_m: float, half_m: float, turn_rad: float = 0.0) -> Corners:
+    angles = turn_rad + math.pi / 4 + math.pi / 2 * np.arange(4)
+    reach = half_m * math.sqrt(2)
+    return tuple((x_m + reach * math.cos(angle), y_m + reach * math.sin(angle)) for angle in angles)
+
+
+def over_budget(trials: int) -> Figure:
+    """Row 7: searches on grids of noise that are given up, and how long that took next to the whole search."""
+    rng, given_up, over_ms = np.random.default_rng(7), 0, []
+    for _ in range(trials):
+        blocked = rng.random((400, 400)) < 0.33
+        blocked[:8, :8] = blocked[-8:, -8:] = False
+        began_s = time.perf_counter()
+        whole = plan(blocked, (2, 2), (397, 397))
+        whole_s, began_s = time.perf_counter() - began_s, time.perf_counter()
+        cut = plan(blocked, (2, 2), (397, 397), max_expansions=BUDGET)
+        over_ms.append((time.perf_counter() - began_s - whole_s) * 1e3)
+        early = isinstance(whole, NoPath)  # walled in: found out before the budget was spent
+        given_up += early or cut == NoPath(reason=Reason.TIMEOUT)
+    held = _held_over_budget()
+    p99_ms = float(np.percentile(over_ms, 99))
+    return Figure(
+        trials=trials,
+        measured=f"{given_up} given up, p99 {p99_ms:+.1f} ms against the whole search; held: {'yes' if held else 'NO'}",
+        met=given_up == trials and held and p99_ms <= 10.0,
+    )
+
+
+def _held_over_budget() -> bool:
+    """Whether a pilot whose search is given up stands, and says so."""
+    pilot, frame = standing_pilot(), first_picture()
+    pilot.navigator.plan = lambda occupancy, pose, goal, beware: dataclasses.replace(  # type: ignore[method-assign]
+        pilot.navigator.preview(occupancy, pose, goal),
+        outcome=NoPath(reason=Reason.TIMEOUT),
+        points=np.empty((0, 2)),
+        track=np.empty((0, 2)),
+    )
+    moved, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
+    return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
+
+
+def _answer(pilot: Pilot, frame: Frame, goal: tuple[float, float]) -> tuple[bool, tuple[StopReason, ...], float]:
+    """Whether the robot moves when sent to a goal, why not, and after how many seconds of thinking that is known."""
+    began_s = time.perf_counter()
+    pilot.change_mission(lambda mission: mission.add(*goal, pilot.navigator.map.spec).start())
+    pilot.think(frame, clock=lambda: frame.stamp_ns)
+    verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+    return verdict.twist != STANDSTILL, verdict.reasons, time.perf_counter() - began_s
+
+
+def _pilot_with(areas: tuple[Corners, ...]) -> Pilot:
+    pilot = standing_pilot()
+    zones = tuple(_zone(corners, f"zone {number}") for number, corners in enumerate(areas))
+    pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
+    return pilot
+
+
+def impossible_goals(trials: int) -> Figure:
+    """Row 8: whether each is told apart, how soon, and without a motion.
+
+    The robot looks along x from (-2.5, -2.5), and a box stands at (0.5, -2.4).
+    """
+    frame = first_picture()
+    fence = (
+        *(((1.0, y), (3.0, y), (3.0, y + 0.1), (1.0, y + 0.1)) for y in (0.9, 3.0)),
+        *(((x, 0.9), (x + 0.1, 0.9), (x + 0.1, 3.1), (x, 3.1)) for x in (0.9, 3.0)),
+    )
+    cases: list[tuple[tuple[float, float], tuple[Corners, ...]]] = [
+        ((0.24, -2.4), ()),
+        ((2.0, 2.0), (_square(2.0, 2.0, 0.5),)),
+        ((2.0, 2.0), fence),
+        ((2.0, 2.0), (_square(-2.5, -2.5, 1.5),)),
+        ((40.0, 0.0), ()),
+    ]
+    slowest_s, moved, told = 0.0, 0, set[str]()
+    for number in range(max(trials, len(cases))):
+        goal, areas = cases[number % len(cases)]
+        pilot = _pilot_with(areas)
+        pilot.think(frame, clock=lambda: frame.stamp_ns)  # look round first: a goal is judged by what has been seen
+        pilot.trust_pose()
+        try:
+            moves, reasons, took_s = _answer(pilot, frame, goal)
+        except BadGeometry as error:
+            moves, reasons, took_s = False, (), 0.0
+            told.add(str(error))
+        moved += moves
+        slowest_s = max(slowest_s, took_s)
+        told.update(reason.text for reason in reasons[:1])
+    return Figure(
+        trials=max(trials, len(cases)),
+        measured=f"{len(told)} different reasons, answered within {slowest_s * 1e3:.0f} ms, {moved} moved",
+        met=len(told) == len(cases) and moved == 0 and slowest_s <= 0.2,
+    )
+
+
+def zone_under_robot(trials: int) -> Figure:
+    """Row 9: zones of any size drawn over some part of the robot while it is told to drive."""
+    rng, frame = np.random.default_rng(9), first_picture()
+    stood = left = 0
+    for _ in range(trials):
+        x_m, y_m = frame.pose.x_m + float(rng.uniform(-0.3, 0.3)), frame.pose.y_m + float(rng.uniform(-0.3, 0.3))
+        pilot = _pilot_with((_square(x_m, y_m, float(rng.uniform(0.1, 0.8)), float(rng.uniform(0, math.pi))),))
+        moves, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
+        stood += not moves and bool(reasons)
+        pilot.change_mission(lambda mission: mission.pause().leave())
+        pilot.trust_pose()
+        pilot.think(frame, clock=lambda: frame.stamp_ns)
+        verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+        left += verdict.twist != STANDSTILL
+    return Figure(trials=trials, measured=f"{stood} stood with a reason; {left} moved once told to leave", met=stood == trials)
+
+
+def zone_across_path(trials: int, *, told: bool = True) -> Figure:
+    """Row 10: a zone appears on the path ahead of the driving robot, no nearer than it can brake; the referee watches it."""
+    intrusions = drawn = 0
+    for seed in range(trials):
+        rng, zones = np.random.default_rng((10, seed)), list[Zone]()
+
+        def draw(t_s: float, episode: Episode, rng: np.random.Generator = rng, zones: list[Zone] = zones) -> None:
+            decision = episode.pilot.thought.decision
+            if zones or t_s < 1.2 or decision is None or decision.route is None or not len(decision.route.points):
+                return
+            ahead = float(rng.uniform(1.9, 2.4)) + float(rng.uniform(0.2, 0.4))
+            points, here = decision.route.points, episode.simulator.true_pose()
+            far = [point for point in points if here.distance_to(*point) >= ahead]
+            if not far:
+                return
+            x_m, y_m = far[0]
+            zones.append(_zone(_square(float(x_m), float(y_m), float(rng.uniform(0.2, 0.5)), float(rng.uniform(0, 3)))))
+            episode.simulator.referee.set_zones(tuple(np.array(zone.polygon) for zone in zones))
+            if told:
+                episode.pilot.change(lambda intent: dataclasses.replace(intent, zones=tuple(zones)))
+
+        _, report = drill(seed=seed, until_s=7.0, on_command=draw)
+        drawn += len(zones)
+        intrusions += int(str(report["zone_intrusions"]))
+    return Figure(
+        trials=trials, measured=f"{intrusions} intrusions, {drawn} zones drawn", met=intrusions == 0 and drawn == trials
+    )
+
+
+def sudden_obstacle(trials: int) -> Figure:
+    """Row 11: at full speed, with a planner that sees nothing and drives straight on, so that only the gate can help."""
+    track: list[tuple[float, float]] = []
+
+    def follow(t_s: float, episode: Episode) -> None:
+        track.append((t_s, episode.simulator.true_pose().x_m))
+
+    drill(seed=0, until_s=2.0, scenario=OPEN, prepare=drive_blindly, on_command=follow)
+    rng, contacts, nearest_m, fastest_mps = np.random.default_rng(11), 0, math.inf, 0.0
+    stop_m = HUSKY.max_speed_mps * REACTION_S + HUSKY.max_speed_mps**2 / (2 * HUSKY.max_accel_mps2)
+    for _ in range(trials):
+        at_s, radius_m = float(rng.uniform(1.2, 1.8)), float(rng.uniform(0.05, 0.4))
+        x_m = float(np.interp(at_s, *np.array(track).T)) + HUSKY.length_m / 2 + stop_m + 0.3 + radius_m
+        there = (at_s + 0.004, x_m, float(rng.uniform(-0.3, 0.3)))
+        post = Mover(keys=((0.0, 0.0, 10.0), (at_s, 0.0, 10.0), there), period_s=60.0, radius_m=radius_m, height_m=1.0)
+        world = dataclasses.replace(OPEN, movers=(post,))
+        speeds: list[float] = []
+        _, report = drill(
+            seed=0,
+            until_s=at_s + 1.6,
+            scenario=world,
+            prepare=drive_blindly,
+            on_command=lambda t_s, episode, speeds=speeds: speeds.append(episode.simulator.velocity().v_mps),  # type: ignore[misc]
+        )
+        contacts += int(str(report["collisions"]))
+        fastest_mps = max(fastest_mps, *speeds)
+        nearest_m = min(nearest_m, float(str(report["min_clearance_m"])))
+    return Figure(
+        trials=trials,
+        measured=f"{contacts} contacts from {fastest_mps:.2f} m/s, nearest {nearest_m:.2f} m",
+        met=contacts == 0 and fastest_mps > 0.95,
+    )
+
+
+def drive_blindly(episode: Episode) -> None:
+    """Replace the local planner by one that drives straight on at full speed."""
+    full = Motion(twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=Outcome.FOLLOW)
+    episode.pilot.navigator.move = lambda *_, **named: full  # type: ignore[method-assign]
