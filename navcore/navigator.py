@@ -11,49 +11,36 @@ import numpy as np
 from navcore.behaviours.lane_keep_out import Lanes
 from navcore.behaviours.recovery import Means, Recovery, closed_way, trail_with
 from navcore.behaviours.waiting import Patience
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import plan_motion
 from navcore.control.motion import IDLE, Motion, Outcome
 from navcore.control.social import Bodies
 from navcore.control.speed_limits import allowed_speed_mps, slowed, travel_time_s
-from navcore.costmap.costmap import LiveOccupancy, Occupancy, nearest_free
+from navcore.costmap.costmap import Occupancy, nearest_free
+from navcore.costmap.live_costmap import LiveOccupancy
 from navcore.costmap.local_costmap import areas_apart, hard_cells, nearby, rim_of_unseen, stands_in
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.bitplane import Plane
 from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import CloudMap
 from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.order import Order
 from navcore.mission.zone import Zone
 from navcore.perception.ground import Image, ground_heights
+from navcore.perception.labels import Labels, Segmenter
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
-from navcore.perception.segmenter import Labels, Segmenter
 from navcore.planning.escape import nearest_exit
 from navcore.planning.gap_viewpoint import mouth
-from navcore.planning.planner import NoPath, Path, Reason, plan_in
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.planner import plan_in
 from navcore.planning.replanner import Replanner
 from navcore.planning.route import NO_POINTS, Route, lay, no_route
 from navcore.planning.search.open_list import Arena
 from navcore.robot.frame import Frame, check_frame
-from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """What the operator wants at the moment of a tick."""
-
-    goal: tuple[float, float] | None
-    """(x, y) in the map frame to drive to; None to stand and look."""
-    beware: BewareList
-    """What must not be touched."""
-    zones: tuple[Zone, ...]
-    """Where the robot must not be."""
-    goal_yaw_rad: float | None = None
-    """Heading in the map frame to stand in at the goal; None for any."""
-    leave: bool = False
-    """Whether to leave the beware area that the robot stands in, by the shortest way; then there is no goal."""
+from navcore.robot.profile import RobotProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

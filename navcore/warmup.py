@@ -7,23 +7,26 @@ from functools import cache
 
 import numpy as np
 
-from navcore.config import NavigatorConfig
+from navcore.config.mapping import MapRules
+from navcore.config.navigator import NavigatorConfig
 from navcore.control import dynamic_window as dodging
 from navcore.control.manoeuvre import Tight, manoeuvre_along
 from navcore.control.primitives import falco
 from navcore.control.social import NOBODY, free_of
-from navcore.geometry.transform import Pose2
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
-from navcore.mapping.point_map import MapRules
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
+from navcore.mission.order import Order
 from navcore.mission.zone import Zone
-from navcore.navigator import Navigator, Order
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
+from navcore.perception.labels import Finder, Labels, Segmenter
 from navcore.perception.overhang_filter import overhung
-from navcore.perception.segmenter import ColourSegmenter, Finder, Labels, Segmenter
 from navcore.planning.gap_viewpoint import mouth
-from navcore.robot.frame import Frame, Intrinsics
-from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import near_points, time_to_contact
 
 WALL_M = 2.0

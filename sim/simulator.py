@@ -14,9 +14,9 @@ import numpy.typing as npt
 import pybullet
 
 from navcore.errors import BadConfiguration
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, RobotProfile, Twist
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.models.ground import Ground
 from sim.physics.bodies import newest_bodies
 from sim.physics.build import Crowd, build_world

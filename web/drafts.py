@@ -10,7 +10,7 @@ import numpy.typing as npt
 from navcore.mission.mission import Goal
 from navcore.mission.zone import ZoneKind
 from navcore.mission.zone_shapes import Shape
-from navcore.planning.planner import NoPath, Path
+from navcore.planning.path import NoPath, Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

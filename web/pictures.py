@@ -14,7 +14,7 @@ from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import description_of, drawn, yaml_text
 from navcore.grid.grid import OccupancyGrid
 from navcore.mission.beware_list import BewareList
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from web import palette
 from web.snapshots import Cloud, Picture
 

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Literal, Protocol
 
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
-from navcore.perception.segmenter import Finder
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.perception.labels import Finder
+from navcore.robot.profile import RobotProfile
 from web.drafts import Preview, PreviewDraft, SavedMission, ZoneDraft, ZoneHistory
 from web.insight import Insight
 from web.snapshots import Cloud, Picture, State

@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.costmap.costmap import Occupancy
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.cell_mask import Mask
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.mission import Goal, Phase
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
-from navcore.robot.frame import Intrinsics
-from navcore.robot.profile import Twist
 from navcore.safety.gate import StopReason
 
 

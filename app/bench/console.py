@@ -20,13 +20,13 @@ from websockets.sync.connection import Connection
 
 from app.bench.viser_client import SUBPROTOCOL, camera, names_in
 from navcore.costmap.costmap import Occupancy
-from navcore.geometry.transform import Pose2
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.cell_mask import Mask
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Phase
-from navcore.robot.frame import Intrinsics
-from navcore.robot.profile import HUSKY, STANDSTILL, RobotProfile
+from navcore.robot.profile import HUSKY, RobotProfile
 from web.port import Operations
 from web.server import ConsoleServer
 from web.snapshots import Cloud, Picture, State

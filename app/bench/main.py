@@ -13,15 +13,15 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.bench.console import console_table
+from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
-from app.cli.options import BenchPart
 from app.episode.episode import Episode
 from app.runtime.segmentation import measure_segmenter
 from app.runtime.stage_timer import STAGES
 from navcore.mission.beware_list import default_beware_list
 from navcore.warmup import warm_up
-from sim.scenario.schema import load_scenario
+from sim.scenario.load import load_scenario
 
 TICKS = 300
 WHAT = {

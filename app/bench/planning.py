@@ -26,7 +26,8 @@ from app.bench.plain_astar import length_by_astar
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell, inflate
 from navcore.grid.inflation import InflatedGrid
-from navcore.planning.planner import NoPath, Path, plan, plan_in
+from navcore.planning.path import NoPath, Path
+from navcore.planning.planner import plan, plan_in
 from navcore.planning.replanner import Replanner
 from navcore.planning.search.open_list import Arena
 

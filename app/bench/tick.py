@@ -14,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 from rich.table import Table
 
-from navcore.config import NavigatorConfig
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.config.navigator import NavigatorConfig
+from navcore.config.perception import PointRules
+from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
-from navcore.mapping.observation import PointRules
 from navcore.mapping.voxels import looked_at, measured_voxels
 from navcore.mission.beware_list import default_beware_list
-from navcore.navigator import Navigator, Order
-from navcore.perception.segmenter import ColourSegmenter
+from navcore.mission.order import Order
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, STANDSTILL
+from navcore.robot.profile import HUSKY
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 
 SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500

@@ -36,7 +36,7 @@ def examine() -> int:
 
 
 def _renderer() -> tuple[bool, str]:
-    from sim.scenario.schema import load_scenario
+    from sim.scenario.load import load_scenario
     from sim.simulator import Simulator
 
     with Simulator(load_scenario("empty_room"), seed=0) as simulator:

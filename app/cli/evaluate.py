@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 from rich.console import Console as Terminal
 
-from app.cli.options import Ablation, AblationOption, BewareOption, NavigationOption, RandomOption, ZonesOption, beware_list
+from app.cli.options import AblationOption, BewareOption, NavigationOption, RandomOption, ZonesOption, beware_list
+from app.episode.ablation import Ablation
 from app.runtime.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from navcore.errors import BadConfiguration
 
@@ -48,7 +49,7 @@ def evaluate(
     from app.evaluation.barn import SUITES, evaluate_barn
     from app.evaluation.crossings import evaluate_crossings
     from app.runtime.segmentation import compose
-    from navcore.config import load_config
+    from navcore.config.navigator import load_config
     from navcore.robot.profile import load_profile
 
     if suite in (*SUITES, "crossings", "finding") and (random or zones is not None or ablation is not Ablation.NONE):
@@ -74,7 +75,7 @@ def evaluate(
 
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
-    from sim.scenario.schema import load_scenario
+    from sim.scenario.load import load_scenario
 
     task = Task(scenario=load_scenario(suite), random=random, zones=zones, ablation=ablation, max_time_s=max_time)
     parts = [Path(suite).stem, "random" if random else "", "" if ablation is Ablation.NONE else str(ablation)]

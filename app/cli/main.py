@@ -15,12 +15,11 @@ import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from app.bench.parts import BenchPart
 from app.cli.dataset import dataset_cli
 from app.cli.evaluate import compare, evaluate
 from app.cli.options import (
-    Ablation,
     AblationOption,
-    BenchPart,
     BewareOption,
     KeptOption,
     LevelOption,
@@ -38,6 +37,7 @@ from app.cli.segment import segment
 from app.cli.train import train
 from app.cli.users import users_cli
 from app.cli.weights import weights_cli
+from app.episode.ablation import Ablation
 from app.runtime.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from navcore.errors import BewareNavError
 
@@ -144,9 +144,9 @@ def drive(
     from app.evaluation.plots import plot_episode
     from app.runtime.map_persistence import keep, recall
     from app.runtime.segmentation import compose
-    from navcore.config import load_config
+    from navcore.config.navigator import load_config
     from navcore.robot.profile import HUSKY
-    from sim.scenario.schema import load_scenario
+    from sim.scenario.load import load_scenario
 
     goals = tuple(point(text, "--goal") for text in goal or [])
     for folder in [*(file.parent for file in (report, kept) if file is not None), *([plots] if plots else [])]:

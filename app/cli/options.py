@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import tempfile
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from app.episode.ablation import Ablation
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
 
@@ -41,33 +41,9 @@ def beware_list(path: Path | None) -> BewareList:
     return default_beware_list() if path is None else load_beware_list(path)
 
 
-class Ablation(StrEnum):
-    """What is different from the whole system."""
-
-    NONE = "none"
-    NO_SEMANTICS = "no-semantics"
-    """Nothing of the beware list is ever seen: a robot with geometry alone."""
-    NO_ZONES = "no-zones"
-    """The operator's zones are not told to the robot; the referee judges by them all the same."""
-    NO_LOCAL_PLANNER = "no-local-planner"
-    """The path is followed directly, with no look at what stands near it; the gate before the wheels stays."""
-    ORACLE = "oracle"
-    """The simulator's own labels in the place of a segmenter's."""
-
-
 AblationOption = Annotated[
     Ablation, typer.Option("--ablation", help="Leave a part of the navigation out, or give it the simulator's own labels.")
 ]
-
-
-class BenchPart(StrEnum):
-    """What `bench` can measure."""
-
-    DRIVE = "drive"
-    TICK = "tick"
-    SEGMENT = "segment"
-    PLAN = "plan"
-    CONSOLE = "console"
 
 
 def point(text: str, option: str) -> tuple[float, float]:

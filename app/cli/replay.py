@@ -46,7 +46,7 @@ def replay(
     from app.replay.run import replay as run
     from app.runtime.map_persistence import keep
     from app.runtime.segmentation import compose
-    from navcore.config import config_for
+    from navcore.config.navigator import config_for
     from navcore.mission.beware_list import default_beware_list
     from navcore.robot.profile import load_profile
 

@@ -26,7 +26,7 @@ from app.runtime.recorder import Recorder
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.storage import Store
-from navcore.config import NavigatorConfig, load_config
+from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission

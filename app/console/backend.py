@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from app.episode.episode import map_of
 from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
 from app.replay.robot import ReplayRobot, map_around
@@ -15,10 +14,11 @@ from app.replay.run import RESOLUTION_M
 from app.runtime.loop import LiveRobot
 from app.runtime.recorder import Referee
 from app.runtime.simulator_process import SimulatorProcess
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import RobotProfile
-from sim.scenario.schema import load_scenario
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import map_of
 from sim.sensors.faults import Fault
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from navcore.errors import Outdated
 from navcore.mission.beware_list import BewareClass, BewareList
-from navcore.perception.segmenter import Finder
+from navcore.perception.labels import Finder
 
 
 class BewareDesk:

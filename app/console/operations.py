@@ -20,18 +20,19 @@ from app.runtime.recorder import Recorder
 from app.runtime.segmentation import Perception
 from app.runtime.stage_timer import Stopwatch
 from app.storage import Store
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import Outcome
 from navcore.costmap.cell_description import check_standable
 from navcore.errors import Refused
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import Decision
-from navcore.planning.planner import NoPath
-from navcore.robot.profile import STANDSTILL, Command, Robot, RobotProfile, Twist
+from navcore.planning.path import NoPath
+from navcore.robot.driver import Command, Robot
+from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import StopReason, Verdict
 from web.drafts import PathPreview, Preview, PreviewDraft
 from web.port import MissionAction

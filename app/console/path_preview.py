@@ -12,7 +12,7 @@ from navcore.errors import BadGeometry
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import OccupancyGrid
 from navcore.mission.zone import Zone, cells_of
-from navcore.planning.planner import NoPath, Path
+from navcore.planning.path import NoPath, Path
 from web.drafts import PathPreview, Preview
 
 MOST_SUSPECTS = 8

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from app.cli.options import Ablation
-from navcore.config import NavigatorConfig
-from navcore.control.local_planner import path_from
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import IDLE, Motion, Outcome
 from navcore.costmap.costmap import Occupancy
-from navcore.geometry.transform import Pose2
+from navcore.geometry.polyline import path_from
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.navigator import Navigator
-from navcore.perception.segmenter import Finder, Labels, Segmenter
+from navcore.perception.labels import Finder, Labels, Segmenter
 from navcore.planning.route import Route
 from navcore.robot.frame import Frame
-from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
+from navcore.robot.profile import RobotProfile
 from sim.simulator import Simulator
 
 TURN_FROM_RAD = math.radians(60)
@@ -98,3 +98,17 @@ def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorCo
         rules.turn_rate_radps / max(abs(curvature), 1e-6),
     )
     return dataclasses.replace(IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=Outcome.FOLLOW)
+
+
+class Ablation(StrEnum):
+    """What is different from the whole system."""
+
+    NONE = "none"
+    NO_SEMANTICS = "no-semantics"
+    """Nothing of the beware list is ever seen: a robot with geometry alone."""
+    NO_ZONES = "no-zones"
+    """The operator's zones are not told to the robot; the referee judges by them all the same."""
+    NO_LOCAL_PLANNER = "no-local-planner"
+    """The path is followed directly, with no look at what stands near it; the gate before the wheels stays."""
+    ORACLE = "oracle"
+    """The simulator's own labels in the place of a segmenter's."""

@@ -11,18 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from app.cli.options import Ablation
-from app.episode.ablation import ablate, segmenter_for
+from app.episode.ablation import Ablation, ablate, segmenter_for
 from app.episode.informed_baseline import Eyes
 from app.episode.report import report_of
 from app.runtime.fault_injection import Sabotage
 from app.runtime.pilot import COMMAND_PERIOD_S, Intent, Pilot
 from app.runtime.segmentation import Perception, colour_perception
 from app.runtime.stage_timer import Stopwatch
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
@@ -32,7 +30,7 @@ from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Verdict
 from navcore.warmup import warm_up
 from sim.referee.detections import Finds
-from sim.scenario.schema import Scenario
+from sim.scenario.schema import Scenario, map_of
 from sim.sensors.camera import FIELD_OF_VIEW_DEG
 from sim.simulator import Simulator
 
@@ -76,11 +74,6 @@ class Sample:
     """Area that its map has seen by then."""
     explored_m3: float
     """And volume."""
-
-
-def map_of(scenario: Scenario) -> GridSpec:
-    """The map's grid for a world."""
-    return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
 
 
 class Episode:

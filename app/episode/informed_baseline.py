@@ -21,7 +21,7 @@ from navcore.grid.cell_mask import Mask
 from navcore.grid.free_space import FREE
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.inflation import InflatedGrid
-from navcore.planning.planner import NoPath
+from navcore.planning.path import NoPath
 from navcore.planning.replanner import Replanner
 from navcore.planning.route import TAUT_M
 from navcore.planning.string_pulling import pull_taut

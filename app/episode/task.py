@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from app.cli.options import Ablation
-from app.episode.episode import Episode, map_of
+from app.episode.ablation import Ablation
+from app.episode.episode import Episode
 from app.runtime.segmentation import Perception
-from navcore.config import NavigatorConfig, config_for
+from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
 from navcore.robot.profile import RobotProfile
-from sim.scenario.schema import Scenario
+from sim.scenario.schema import Scenario, map_of
 from sim.scenario.variation import vary
 from sim.truth.random_missions import ROOM_M, draw_places, draw_zones
 

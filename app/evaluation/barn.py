@@ -11,7 +11,7 @@ from typing import Any
 from app.episode.episode import Episode
 from app.episode.failure_causes import causes_of
 from app.evaluation.campaign import Campaign, conclude, mean_of
-from navcore.config import NavigatorConfig, config_for
+from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import RobotProfile, load_profile

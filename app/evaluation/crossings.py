@@ -19,7 +19,7 @@ import numpy as np
 
 from app.episode.episode import Episode
 from app.evaluation.campaign import Campaign, conclude
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import HUSKY
 from sim.physics.pedestrians import BODY_DIAMETER_M

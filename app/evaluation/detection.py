@@ -22,16 +22,17 @@ from rich.console import Console as Terminal
 from rich.progress import track
 from rich.table import Table
 
-from navcore.geometry.transform import Pose2
+from navcore.config.mapping import MapRules
+from navcore.config.perception import PointRules
+from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.learning.data.class_names import BEWARE_CLASSES
-from navcore.mapping.observation import PointRules, observe
-from navcore.mapping.point_map import CloudMap, MapRules
+from navcore.mapping.observation import observe
+from navcore.mapping.point_map import CloudMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import rasterise
-from navcore.perception.segmenter import Segmenter
+from navcore.perception.labels import Segmenter
 from navcore.robot.frame import Frame
-from navcore.robot.profile import Twist
 from sim.dataset.camera_effects import photograph
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import PATTERNS, Labels, Studio

@@ -12,13 +12,13 @@ from typing import Any
 
 from rich.console import Console as Terminal
 
-from app.cli.options import Ablation
+from app.episode.ablation import Ablation
 from app.episode.task import Task, episode_of
 from app.evaluation.campaign import Campaign, write_summary
 from app.evaluation.summary import summarise, tables_of
 from app.runtime.segmentation import Perception, colour_perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
-from navcore.config import NavigatorConfig, config_for
+from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import load_profile
 

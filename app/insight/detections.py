@@ -12,7 +12,7 @@ import numpy.typing as npt
 from navcore.errors import NotKnown
 from navcore.mission.beware_list import BewareList
 from navcore.perception.instances import Cells, Recognised, recognised
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from web.insight import Sighting
 from web.pictures import camera_jpg

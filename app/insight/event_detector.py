@@ -13,7 +13,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import Decision
-from navcore.planning.planner import NoPath, Path
+from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
 from navcore.safety.gate import StopReason
 from web.insight import Place

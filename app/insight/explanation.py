@@ -15,8 +15,8 @@ from navcore.grid.grid import Cell
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from navcore.planning.constraint_removal import smallest_lifting
+from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
-from navcore.planning.planner import NoPath, Path
 from navcore.robot.profile import RobotProfile
 from web.insight import Alternative, ExplainedRule, Explanation, Place
 

@@ -22,12 +22,12 @@ from app.insight.time_series import Series
 from app.runtime.loop import Clockwork
 from app.runtime.pilot import Pilot
 from app.runtime.recorder import Recorder
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.collision_checker import candidates
 from navcore.costmap.local_costmap import hard_cells, nearby
 from navcore.errors import NotKnown, Refused
 from navcore.navigator import Decision
-from navcore.planning.planner import Path
+from navcore.planning.path import Path
 from navcore.safety.gate import StopReason, Verdict
 from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting
 from web.pictures import camera_jpg

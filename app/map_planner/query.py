@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from app.map_planner.stored_map import PlanMap
-from navcore.grid.reachable import nearest_reachable
-from navcore.planning.planner import NoPath, Path, Reason, plan
+from navcore.grid.flood_fill import nearest_reachable
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.planner import plan
 from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 
 Point = tuple[float, float]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.formats import moving_ai, nav2_map
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, inflate, inflation_radius

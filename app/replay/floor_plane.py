@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from app.replay.recording import Recording
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, invert, transform_points
-from navcore.robot.frame import Intrinsics
 
 Array = npt.NDArray[np.float64]
 FRAMES = 20

@@ -14,7 +14,7 @@ from app.map_planner.plot import FREE, INFLATED, OCCUPIED, UNKNOWN
 from app.replay.recording import Recording
 from app.replay.reference import Reference, standing
 from app.replay.run import Replayed
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import BoolGrid, GridSpec
 
 BEWARE = (217, 26, 26)

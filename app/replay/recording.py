@@ -21,9 +21,9 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
+from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix
 from navcore.learning.data.images import RgbArray, read_depth, read_rgb
-from navcore.robot.frame import Intrinsics
 
 MAX_FRAMES = 100_000
 MAX_TEXT_BYTES = 1 << 25

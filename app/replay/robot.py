@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.replay.recording import Recording
-from navcore.geometry.transform import Matrix, Pose2, invert, wrap_angle
+from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist, invert, wrap_angle
 from navcore.grid.grid import GridSpec
 from navcore.robot.frame import Frame
-from navcore.robot.profile import STANDSTILL, Twist
 
 POLL_S = 0.01
 

@@ -12,13 +12,14 @@ import numpy as np
 from app.replay.recording import Recording
 from app.replay.reference import Agreement, Reference, agreement, standing
 from app.replay.robot import base_beneath, frames_of, map_around
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import Matrix
 from navcore.mission.beware_list import BewareList
-from navcore.navigator import Decision, Navigator, Order
-from navcore.perception.segmenter import Segmenter
-from navcore.planning.planner import Path
+from navcore.mission.order import Order
+from navcore.navigator import Decision, Navigator
+from navcore.perception.labels import Segmenter
+from navcore.planning.path import Path
 from navcore.robot.profile import RobotProfile
 
 RESOLUTION_M = 0.05

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from navcore.navigator import Navigator
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from sim.sensors.faults import Fault
 
 POLL_S = 0.02

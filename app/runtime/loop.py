@@ -14,9 +14,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from app.runtime.pilot import COMMAND_PERIOD_S, Pilot
+from navcore.geometry.transform import STANDSTILL
 from navcore.navigator import Decision
+from navcore.robot.driver import Robot
 from navcore.robot.frame import Frame
-from navcore.robot.profile import STANDSTILL, Robot
 from navcore.safety.gate import Verdict
 
 FRAME_WAIT_S = 0.2

@@ -15,14 +15,16 @@ from navcore.behaviours.assisted_teleop import keeps_out
 from navcore.control.motion import Motion, Outcome
 from navcore.costmap.cell_description import occupant
 from navcore.errors import BadConfiguration, BadFrame
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
+from navcore.mission.order import Order
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision, Navigator, Order
-from navcore.planning.planner import NoPath, Path, Reason
+from navcore.navigator import Decision, Navigator
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
-from navcore.robot.profile import STANDSTILL, Command, RobotProfile, Twist
+from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import Nearby
 from navcore.safety.gate import BLOCKED_NS, COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, pushes_in_vain, ranked
 from navcore.safety.sensor_monitor import Doubt, Senses

@@ -17,7 +17,7 @@ from navcore.geometry.transform import Pose2
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import Decision
-from navcore.planning.planner import Path
+from navcore.planning.path import Path
 from navcore.planning.route import Route, read_only
 from navcore.safety.gate import Verdict
 from web.snapshots import Cloud, Picture

@@ -10,13 +10,15 @@ from pathlib import Path
 
 from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.errors import BadConfiguration
+from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet.inference.engine import THREADS
 from navcore.perception.esanet.inference.network_file import SHIPPED, NetworkFile, nearest_size, open_network
 from navcore.perception.esanet.inference.selection import Trial, open_inference, tried
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
 from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import aliases_for
-from navcore.perception.segmenter import ColourSegmenter, JointSegmenter, Segmenter
+from navcore.perception.fused_segmenter import JointSegmenter
+from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
 CAMERA = Size(height=240, width=424)

@@ -21,11 +21,12 @@ import numpy as np
 
 from app.runtime.message_queue import Outbox
 from navcore.errors import BewareNavError
-from navcore.geometry.transform import Pose2
-from navcore.robot.frame import Frame, Intrinsics
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import COMMAND_LIFE_NS
-from sim.scenario.schema import load_scenario
+from sim.scenario.load import load_scenario
 from sim.simulator import Simulator
 
 START_S = 60.0

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from navcore.costmap.costmap import Occupancy, box_around
 from navcore.costmap.local_costmap import areas_apart
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import Zone
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import REACTION_S, braking_s
 
 LATE_S = 0.35

@@ -14,8 +14,8 @@ from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
 from navcore.behaviours.waiting import HERE_M, STEP_S
+from navcore.config.people import PeopleRules
 from navcore.control.motion import Motion, Outcome
-from navcore.control.social import PeopleRules
 from navcore.geometry.transform import Pose2
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.perception.people.track import Track

@@ -14,11 +14,11 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.behaviours import RecoveryRules
 from navcore.control.motion import Motion, Outcome
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.robot.profile import RobotProfile
-from navcore.toml_config import between
 
 Points = npt.NDArray[np.float64]
 
@@ -38,22 +38,6 @@ class Means(IntEnum):
     """Take the way for closed, and have another planned."""
     GIVE_UP = 5
     """Nothing has helped: say so, and stand until the path can be followed after all."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecoveryRules:
-    """How patiently each means is tried."""
-
-    wait_s: float = between(0.0, 60.0, default=2.0)
-    """How long the robot waits before it does anything else."""
-    back_m: float = between(0.1, 5.0, default=1.0)
-    """How far it backs off."""
-    left_m: float = between(0.5, 20.0, default=2.5)
-    """Farther than this from where it was boxed in the robot has come away."""
-    manoeuvre_s: float = between(1.0, 120.0, default=20.0)
-    """A manoeuvre that takes longer has failed."""
-    tries: int = between(1, 20, default=3)
-    """So often at one place the robot may back off a little or begin to manoeuvre, before that counts as boxed in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

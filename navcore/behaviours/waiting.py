@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from navcore.config.people import PeopleRules
 from navcore.control.motion import Motion, Outcome
-from navcore.control.social import PeopleRules
 from navcore.geometry.transform import Pose2
 
 HERE_M = 1.0

@@ -8,14 +8,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.control import LocalRules
+from navcore.config.people import PeopleRules
 from navcore.control.footprint_distance import clearances
 from navcore.control.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see
-from navcore.control.motion import LocalRules
 from navcore.control.primitives.library import Primitives, all_arcs, likeliest
-from navcore.control.social import MANNERS, NOBODY, Bodies, PeopleRules
+from navcore.control.social import MANNERS, NOBODY, Bodies
 from navcore.costmap.local_costmap import outside
-from navcore.geometry.transform import Pose2
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.profile import RobotProfile
 
 Points = npt.NDArray[np.float64]
 

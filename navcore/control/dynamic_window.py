@@ -17,7 +17,8 @@ import numpy.typing as npt
 from navcore.control.collision_checker import Surroundings, coming
 from navcore.control.motion import Motion, Outcome
 from navcore.geometry.polyline import metres_along, points_at
-from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
+from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.robot.profile import RobotProfile
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,18 +13,20 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.control import LocalRules
+from navcore.config.people import PeopleRules
 from navcore.control.collision_checker import Surroundings, coming
 from navcore.control.dynamic_window import dodge, is_met
 from navcore.control.manoeuvre import Manoeuvre, steer
-from navcore.control.motion import ARRIVED, BOXED_IN, LocalRules, Motion, Outcome
+from navcore.control.motion import ARRIVED, BOXED_IN, Motion, Outcome
 from navcore.control.path_follower import follow
 from navcore.control.primitives.arcs import arcs
 from navcore.control.primitives.library import all_arcs
-from navcore.control.social import MANNERS, NOBODY, Bodies, PeopleRules, allowed_mps, free_of
+from navcore.control.social import MANNERS, NOBODY, Bodies, allowed_mps, free_of
 from navcore.costmap.local_costmap import outside, stands_in
-from navcore.geometry.polyline import metres_along
-from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
+from navcore.geometry.polyline import metres_along, path_from
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
+from navcore.robot.profile import RobotProfile
 
 Points = npt.NDArray[np.float64]
 
@@ -247,9 +249,3 @@ def _bearing(path_base: Points, lookahead_m: float) -> float:
     along = metres_along(path_base)
     carrot = path_base[min(int(np.searchsorted(along, lookahead_m)), len(path_base) - 1)]
     return math.atan2(carrot[1], carrot[0])
-
-
-def path_from(path_map: Points, pose: Pose2) -> Points:
-    """(N, 2) the path from its point nearest to the robot on, in the base frame."""
-    nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
-    return pose.from_parent(path_map[nearest:])

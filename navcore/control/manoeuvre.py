@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from navcore.control.state_lattice import CELL_M, FORWARD, REACH_M, STEP_M, TURNING, Ends, cells, cheapest
 from navcore.geometry.polyline import metres_along, points_at
-from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.geometry.transform import Pose2, Twist, wrap_angle
+from navcore.robot.profile import RobotProfile
 
 Points = npt.NDArray[np.float64]
 

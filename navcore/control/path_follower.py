@@ -12,7 +12,7 @@ from navcore.control.motion import Motion, Outcome
 from navcore.control.primitives.arcs import ALONG_M, along
 from navcore.control.primitives.library import Primitives
 from navcore.control.social import free_of, place_to_wait
-from navcore.robot.profile import Twist
+from navcore.geometry.transform import Twist
 
 Points = npt.NDArray[np.float64]
 

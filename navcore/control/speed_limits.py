@@ -13,10 +13,11 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.control.motion import LocalRules, Motion
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.config.control import LocalRules
+from navcore.control.motion import Motion
+from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.robot.profile import RobotProfile
 
 LAG_S = 0.25
 """Between a picture and the wheels that obey what was decided on it."""

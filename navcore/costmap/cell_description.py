@@ -6,8 +6,8 @@ import numpy as np
 
 from navcore.errors import BlockedGoal
 from navcore.geometry.transform import Pose2
+from navcore.grid.flood_fill import nearest_reachable
 from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
-from navcore.grid.reachable import nearest_reachable
 
 
 def occupant(grid: OccupancyGrid, cell: Cell) -> str:

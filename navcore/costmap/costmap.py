@@ -15,13 +15,8 @@ import numpy.typing as npt
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import PAD, Plane
 from navcore.grid.cell_mask import Mask
-from navcore.grid.free_space import FREE, FreeSpace
-from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflation_radius
-from navcore.grid.inflation import InflatedGrid
-from navcore.mapping.layers import Changes
-from navcore.mapping.point_map import CloudMap
-from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone
+from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid
+from navcore.mission.beware_list import NOTHING
 
 Part = Callable[[Mask], BoolGrid]
 
@@ -113,108 +108,6 @@ class Occupancy:
             margins_m=dict(self._margins_m),
             zones=part(self._zones),
             wide_zones=tuple((margin_m, part(mask)) for margin_m, mask in self._wide_zones),
-        )
-
-
-class LiveOccupancy:
-    """Follows a map, and keeps the space that is free for the robot's centre: the union of all layers, each inflated by the
-    robot's half width, the safety margin and the layer's own margin."""
-
-    def __init__(self, cloud: CloudMap, *, vehicle_width_m: float, safety_margin_m: float) -> None:
-        self._cloud = cloud
-        self._width_m, self._margin_m = vehicle_width_m, safety_margin_m
-        self._inflated = InflatedGrid(cloud.spec.rows, cloud.spec.cols)
-        self._order: tuple[BewareList, tuple[Zone, ...]] | None = None
-        self._groups: dict[int, list[Plane]] = {}
-        self._radius_of: dict[int, int] = {}
-        self._layers: dict[int, Mask] = {}
-        self._now: Occupancy | None = None
-
-    @property
-    def space(self) -> FreeSpace:
-        """Where the robot's centre may be; live, for the planner of paths."""
-        return self._inflated.space
-
-    def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Occupancy:
-        """The map as it is now under a beware list and zones; the same object as long as nothing has changed."""
-        self._cloud.use(beware)
-        changes = self._cloud.layers.take_changes()
-        if changes is None or self._order != (beware, zones) or self._now is None:
-            self._order = (beware, zones)
-            self._make_anew(beware, zones)
-        elif len(changes.cells):
-            self._apply(changes)
-        else:
-            return self._now
-        self._now = self._snapshot(beware)
-        return self._now
-
-    def _make_anew(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
-        drawn, wide = self._cloud.layers.drawn(zones)
-        self._zones, self._wide = Mask.of(drawn), tuple((margin_m, Mask.of(mask)) for margin_m, mask in wide)
-        margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
-        self._radius_of = {class_id: self._radius(margin_m) for class_id, margin_m in margins.items()}
-        self._layers = {class_id: self._copied(class_id) for class_id in margins}
-        self._regroup()
-        unions = {}
-        for radius, planes in self._groups.items():
-            unions[radius] = np.zeros_like(self.space.tripwire)
-            for plane in planes:
-                unions[radius] |= plane
-        self._inflated.replace(unions)
-
-    def _regroup(self) -> None:
-        """The live planes that are inflated by the same radius."""
-        self._groups = {self._radius(0.0): [self._zones.plane]}
-        for margin_m, mask in self._wide:
-            self._groups.setdefault(self._radius(margin_m), []).append(mask.plane)
-        for class_id, radius in self._radius_of.items():
-            plane = self._cloud.layers.plane(class_id)
-            self._groups.setdefault(radius, [])
-            if plane is not None:
-                self._groups[radius].append(plane)
-
-    def _apply(self, changes: Changes) -> None:
-        self._regroup()
-        for class_id in np.unique(changes.class_ids):
-            if int(class_id) in self._radius_of:
-                self._layers[int(class_id)] = self._copied(int(class_id))
-        radius_of = np.full(256, -1, dtype=np.int64)
-        for class_id, radius in self._radius_of.items():
-            radius_of[class_id] = radius
-        radii = radius_of[changes.class_ids]
-        for radius in np.unique(radii[radii >= 0]):
-            rows, cols = np.divmod(np.unique(changes.cells[radii == radius]), self._cloud.spec.cols)
-            occupied = np.zeros(len(rows), dtype=np.bool_)
-            for plane in self._groups[int(radius)]:
-                occupied |= _held(plane, rows, cols)
-            cells = np.column_stack([rows, cols])
-            self._inflated.set_cells(int(radius), cells[occupied], True)
-            self._inflated.set_cells(int(radius), cells[~occupied], False)
-
-    def _snapshot(self, beware: BewareList) -> Occupancy:
-        spec, version = self._cloud.spec, 0 if self._now is None else self._now.version + 1
-        return Occupancy(
-            spec=spec,
-            layers=dict(self._layers),
-            margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
-            zones=self._zones,
-            wide_zones=self._wide,
-            free=Mask.copied(self.space.across[FREE], spec.rows, spec.cols),
-            version=version,
-        )
-
-    def _copied(self, class_id: int) -> Mask:
-        plane, spec = self._cloud.layers.plane(class_id), self._cloud.spec
-        if plane is None:
-            return Mask(np.zeros_like(self._inflated.space.tripwire), spec.rows, spec.cols)
-        return Mask.copied(plane, spec.rows, spec.cols)
-
-    def _radius(self, margin_m: float) -> int:
-        return inflation_radius(
-            vehicle_width_m=self._width_m,
-            safety_margin_m=self._margin_m + margin_m,
-            resolution_m=self._cloud.spec.resolution_m,
         )
 
 

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
+from navcore.geometry.transform import Pose2
 
 Floats = npt.NDArray[np.float64]
 Points = npt.NDArray[np.float64]
@@ -53,3 +54,9 @@ def _points_at(line: Points, metres: Floats, stations: Floats) -> Points:
                 slope = (line[at + 1, axis] - line[at, axis]) / (metres[at + 1] - metres[at])
                 points[index, axis] = slope * (stations[index] - metres[at]) + line[at, axis]
     return points
+
+
+def path_from(path_map: Points, pose: Pose2) -> Points:
+    """(N, 2) the path from its point nearest to the robot on, in the base frame."""
+    nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
+    return pose.from_parent(path_map[nearest:])

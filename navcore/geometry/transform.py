@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    pass
 
 Matrix = npt.NDArray[np.float64]
 
@@ -87,3 +91,16 @@ def invert(T_parent_child: Matrix) -> Matrix:
     inverse[:3, :3] = T_parent_child[:3, :3].T
     inverse[:3, 3] = -T_parent_child[:3, :3].T @ T_parent_child[:3, 3]
     return inverse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twist:
+    """Planar velocity of a differential drive."""
+
+    v_mps: float
+    """Forward speed."""
+    w_radps: float
+    """Yaw rate, counter-clockwise."""
+
+
+STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)

@@ -6,47 +6,21 @@ every side (`PAD`), so that no scan needs a bounds check and a plane and its tra
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
-from numba.extending import intrinsic as numba_intrinsic
 
+from navcore.compiled import compiled, instruction
 from navcore.grid.grid import BoolGrid, Cell
 
 Plane = npt.NDArray[np.uint64]
 
-Function = TypeVar("Function", bound=Callable[..., object])
 
 PAD = 64
 ZERO, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
-
-
-def compiled(function: Function) -> Function:
-    """Compile, keep the result on disk, let other threads run meanwhile."""
-    return cast(Function, numba.njit(cache=True, nogil=True)(function))
-
-
-def lean(function: Function) -> Function:
-    """The same for functions that make no arrays: they need not count references, which would take most of their time."""
-    return cast(Function, numba.njit(cache=True, nogil=True, _nrt=False)(function))  # type: ignore[call-overload]
-
-
-def inlined(function: Function) -> Function:
-    """The same for steps of an inner loop: compiled into their callers, since an array costs seven arguments to hand on."""
-    return cast(
-        Function,
-        numba.njit(cache=True, nogil=True, _nrt=False, forceinline=True)(function),  # type: ignore[call-overload]
-    )
-
-
-def instruction(function: Callable[..., Any]) -> Any:
-    """Make a function that writes machine-independent code callable from compiled ones."""
-    return numba_intrinsic(function)
 
 
 @instruction
@@ -216,3 +190,21 @@ def _exchange(block: Plane, upper: int, lower: int, shift: int, mask: int) -> No
     swapped = ((block[up] >> np.uint64(shift)) ^ block[low]) & np.uint64(mask)
     block[low] ^= swapped
     block[up] ^= swapped << np.uint64(shift)
+
+
+Planes = npt.NDArray[np.uint64]
+
+
+@compiled
+def complement(plane: Plane, rows: int, cols: int) -> None:
+    """Exchange free and blocked cells of a plane; the padding becomes 0."""
+    whole = cols >> 6
+    for line in range(PAD, PAD + rows):
+        for word in range(1, whole + 1):
+            plane[line, word] = ~plane[line, word]
+        if cols & 63:
+            plane[line, whole + 1] = ~plane[line, whole + 1] & ((ONE << np.uint64(cols & 63)) - ONE)
+
+
+LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
+"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25 cells."""

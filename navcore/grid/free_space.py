@@ -21,16 +21,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled, inlined, lean
 from navcore.grid.bitplane import (
     ALL,
+    LONGEST_SIDE,
+    MOST_CELLS,
     ONE,
     PAD,
     Plane,
+    Planes,
     blocks,
-    compiled,
+    complement,
     highest,
-    inlined,
-    lean,
     lowest,
     mirrored,
     pack,
@@ -39,13 +41,9 @@ from navcore.grid.bitplane import (
 )
 from navcore.grid.grid import BoolGrid, Cell
 
-Planes = npt.NDArray[np.uint64]
-
 FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
 """So many freed cells are noted one by one."""
-LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
-"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25 cells."""
 PATIENCE = np.uint64(16)
 """How often a line is asked about before it pays to look along all of it."""
 MANY = 64
@@ -133,17 +131,6 @@ def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
     """One bit of a plane: 1 or 0."""
     bit: np.uint64 = planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
     return bit
-
-
-@compiled
-def complement(plane: Plane, rows: int, cols: int) -> None:
-    """Exchange free and blocked cells of a plane; the padding becomes 0."""
-    whole = cols >> 6
-    for line in range(PAD, PAD + rows):
-        for word in range(1, whole + 1):
-            plane[line, word] = ~plane[line, word]
-        if cols & 63:
-            plane[line, whole + 1] = ~plane[line, whole + 1] & ((ONE << np.uint64(cols & 63)) - ONE)
 
 
 @compiled

@@ -8,8 +8,9 @@ from collections.abc import Container, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ALL, ONE, PAD, Plane, compiled, highest, inlined, joined_left, lean, lowest, pack
-from navcore.grid.free_space import FREE, MANY, FreeSpace, Planes, complement, refresh, write_word
+from navcore.compiled import compiled, inlined, lean
+from navcore.grid.bitplane import ALL, ONE, PAD, Plane, Planes, complement, highest, joined_left, lowest, pack
+from navcore.grid.free_space import FREE, MANY, FreeSpace, refresh, write_word
 from navcore.grid.grid import BoolGrid
 
 Ints = npt.NDArray[np.int64]

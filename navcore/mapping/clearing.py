@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.mapping.point_table import Cells, Records
 from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING

@@ -13,12 +13,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.mapping.clearing import pixel_of
 from navcore.mapping.point_table import Cells, Records
 from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
 PRIOR = -1.0

@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.grid.bitplane import Plane, empty_plane, unpack
+from navcore.grid.bitplane import Plane, Planes, empty_plane, unpack
 from navcore.grid.cell_mask import Mask
-from navcore.grid.free_space import Planes
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.confidence import CERTAIN
 from navcore.mapping.point_table import PointTable, refresh_planes

@@ -15,15 +15,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.mapping import BODY_M, MapRules
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, invert, wrap_angle
+from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import Mask, window
-from navcore.grid.free_space import MOST_CELLS
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
 from navcore.mapping.clearing import find_outdated
 from navcore.mapping.confidence import first_look, weigh
@@ -35,32 +35,12 @@ from navcore.mapping.visibility import Explored
 from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.mission.zone import Zone
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
-from navcore.toml_config import between
 
 Indices = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
-
-BODY_M = 0.15
-"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapRules:
-    """How poses are told apart, when a point is given up, and how much may be kept."""
-
-    pose_spacing_m: float = between(0.01, 5.0, default=0.25)
-    """A new pose ID begins after this distance …"""
-    pose_spacing_deg: float = between(1.0, 180.0, default=10.0)
-    """… or after this turn."""
-    clearing_m: float = between(0.02, 1.0, default=0.10)
-    """How far behind a point the camera must see, at no distance, before the point is taken for gone …"""
-    clearing_per_m2: float = between(0.0, 0.2, default=0.012)
-    """… and how much more per squared metre of distance, since stereo depth scatters with its square."""
-    budget_mb: float = between(0.01, 16_384.0, default=256.0)
-    """Memory of the points. Beyond it the oldest are thinned to one a cell and class: detail goes, obstacles stay."""
 
 
 class CloudMap:

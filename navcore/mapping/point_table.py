@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, compiled
-from navcore.grid.free_space import Planes
+from navcore.compiled import compiled
+from navcore.grid.bitplane import ONE, PAD, Planes
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 Cells = npt.NDArray[np.int32]

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, Plane, compiled
+from navcore.compiled import compiled
+from navcore.grid.bitplane import ONE, PAD, Plane
 from navcore.grid.grid import GridSpec
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.robot.frame import Frame

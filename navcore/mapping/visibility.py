@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, Plane, compiled, empty_plane
+from navcore.compiled import compiled
+from navcore.config.perception import PointRules
+from navcore.grid.bitplane import ONE, PAD, Plane, empty_plane
 from navcore.grid.cell_mask import Mask, window
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mapping.observation import PointRules
 from navcore.mapping.raycast import BLOCK, look
 from navcore.mapping.voxels import BIN_M
 from navcore.robot.frame import Frame

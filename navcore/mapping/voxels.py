@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, compiled, inlined, lowest
+from navcore.compiled import compiled, inlined
+from navcore.grid.bitplane import ONE, lowest
 from navcore.grid.grid import GridSpec
 from navcore.perception.ground import Image
 from navcore.robot.frame import Frame

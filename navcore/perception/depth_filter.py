@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.robot.frame import Frame
 

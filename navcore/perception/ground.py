@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled, inlined
+from navcore.compiled import compiled, inlined
 from navcore.robot.frame import Frame
 
 CELL_M = 0.2

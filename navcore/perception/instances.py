@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.perception.segmenter import Labels
+from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
 RANGE_M = 5.0

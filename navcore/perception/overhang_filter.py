@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.mission.beware_list import BewareList
 from navcore.perception.depth_filter import MIN_PIXELS, Heights, Mask, depth_error_m
 from navcore.robot.frame import Frame

@@ -10,9 +10,9 @@ import numpy.typing as npt
 import shapely
 
 from navcore.errors import BadGeometry
+from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, transform_points
 from navcore.grid.grid import BoolGrid
-from navcore.robot.frame import Intrinsics
 
 FLOOR_M = 0.04
 """What is lower is floor, as far as telling things apart by their depth is concerned."""

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.geometry.polyline import metres_along
-from navcore.grid.bitplane import Plane, compiled
+from navcore.grid.bitplane import Plane
 from navcore.grid.cell_mask import window
 from navcore.grid.grid import GridSpec
 

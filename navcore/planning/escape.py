@@ -10,15 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config import NavigatorConfig
+from navcore.compiled import compiled
+from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Occupancy, box_around, nearest_free
 from navcore.costmap.local_costmap import areas_apart, hard_cells
 from navcore.geometry.transform import Pose2
-from navcore.grid.bitplane import Plane, compiled
+from navcore.grid.bitplane import Plane
 from navcore.grid.cell_mask import Mask
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, inflate
 from navcore.mission.zone import Zone
-from navcore.planning.planner import SQRT2, NoPath, Path, Reason
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.planner import SQRT2
 from navcore.robot.profile import RobotProfile
 
 Ints = npt.NDArray[np.int64]

@@ -14,13 +14,12 @@ from collections.abc import Collection
 
 import numpy as np
 
+from navcore.config.mapping import BODY_M
 from navcore.costmap.costmap import Occupancy
-from navcore.grid.bitplane import Plane, cells_of, contains, plane_of
+from navcore.grid.bitplane import Plane, cells_of, complement, contains, plane_of
 from navcore.grid.flood_fill import crossings, flood
-from navcore.grid.free_space import complement
 from navcore.grid.grid import Cell, inflation_radius
 from navcore.grid.inflation import inflated
-from navcore.mapping.point_map import BODY_M
 from navcore.mission.beware_list import NOTHING
 
 Area = tuple[Cell, Plane]

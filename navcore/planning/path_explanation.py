@@ -19,7 +19,8 @@ import numpy.typing as npt
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflation_radius
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone, rasterise
-from navcore.planning.planner import NoPath, Path, plan
+from navcore.planning.path import NoPath, Path
+from navcore.planning.planner import plan
 
 TOUCH_CELLS = math.sqrt(2.0) + 1e-3
 """The path keeps clear of a rule where the next cell, or the next one diagonally, is closed by it."""

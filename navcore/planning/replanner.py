@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, Plane, compiled, lean
-from navcore.grid.free_space import FreeSpace, Planes
+from navcore.compiled import compiled, lean
+from navcore.grid.bitplane import ONE, PAD, Plane, Planes
+from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import Cell
-from navcore.planning.planner import ENDLESS, REASONS, SQRT2, NoPath, Path, Reason
+from navcore.planning.path import REASONS, NoPath, Path, Reason
+from navcore.planning.planner import ENDLESS, SQRT2
 from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
 from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena, Memory, octile
 from navcore.planning.search.path_reconstruction import is_clear, lay

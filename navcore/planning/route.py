@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import Points
 from navcore.geometry.polyline import evenly
 from navcore.grid.bitplane import Plane
 from navcore.grid.grid import GridSpec
 from navcore.planning.elastic_band import eased
-from navcore.planning.planner import NoPath, Path, Reason
+from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.string_pulling import pull_taut
 from navcore.planning.waypoints import choose_waypoints
 from navcore.robot.profile import RobotProfile

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, Plane, compiled
+from navcore.compiled import compiled
+from navcore.grid.bitplane import ONE, PAD, Plane
 
 Ints = npt.NDArray[np.int64]
 

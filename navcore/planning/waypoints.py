@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid.grid import GridSpec
-from navcore.planning.planner import Path
+from navcore.planning.path import Path
 
 DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
 """Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""

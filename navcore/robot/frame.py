@@ -9,29 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadFrame
-from navcore.geometry.transform import Matrix, Pose2
-from navcore.robot.profile import Twist
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import Matrix, Pose2, Twist
 
 BLIND_SHARE = 0.98
 """A picture with more than this share of its depth missing is no measurement (lens covered, laser off)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intrinsics:
-    """Pinhole camera, pixels; column j and row i as in the paper's equations 1 to 3."""
-
-    width: int
-    """Columns."""
-    height: int
-    """Rows."""
-    fx: float
-    """Focal length along the columns, px."""
-    fy: float
-    """Focal length along the rows, px."""
-    cx: float
-    """Column of the optical axis, px."""
-    cy: float
-    """Row of the optical axis, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

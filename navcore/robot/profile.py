@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,30 +15,7 @@ from navcore.geometry.transform import Matrix, camera_mount
 from navcore.toml_config import between, from_table, read_toml
 
 if TYPE_CHECKING:
-    from navcore.robot.frame import Frame
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Twist:
-    """Planar velocity of a differential drive."""
-
-    v_mps: float
-    """Forward speed."""
-    w_radps: float
-    """Yaw rate, counter-clockwise."""
-
-
-STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """A twist that expires: the gate never sends one older than its life."""
-
-    twist: Twist
-    """What the local planner asks for."""
-    stamp_ns: int
-    """When it was decided, on the robot's monotonic clock."""
+    pass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,19 +88,3 @@ def load_profile(name_or_path: str | Path) -> RobotProfile:
 
 
 HUSKY = load_profile("husky")
-
-
-class Robot(Protocol):
-    """What a robot back end offers: newest senses, and a wheel command it forgets by itself after 0.25 s."""
-
-    def now_ns(self) -> int:
-        """The robot's monotonic clock."""
-
-    def newest_frame(self) -> Frame | None:
-        """The last picture taken, or None before the first."""
-
-    def send(self, twist: Twist) -> None:
-        """Ask the wheels for a velocity; holds for at most the driver's time-out."""
-
-    def close(self) -> None:
-        """Stop the wheels and let the robot go."""

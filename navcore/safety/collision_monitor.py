@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.transform import Pose2, invert
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
+from navcore.geometry.transform import Pose2, Twist, invert
 from navcore.perception.ground import FARTHEST_M, Image, ground_heights
 from navcore.robot.frame import Frame
-from navcore.robot.profile import RobotProfile, Twist
+from navcore.robot.profile import RobotProfile
 
 NearPoints = npt.NDArray[np.float32]
 

@@ -9,7 +9,9 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from navcore.robot.profile import STANDSTILL, Command, RobotProfile, Twist
+from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.robot.driver import Command
+from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import CREEP_MPS, HORIZON_S, NO_POINTS, NearPoints, allowed_share, time_to_contact
 from navcore.safety.sensor_monitor import Doubt, Senses
 

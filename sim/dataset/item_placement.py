@@ -18,7 +18,7 @@ from sim.models.person import USUAL, Look, person_solids
 from sim.models.solids import Solid, cylinder, facing, quaternion
 
 if TYPE_CHECKING:
-    from sim.dataset.room_generator import Plan
+    from sim.dataset.scene import Plan
 
 SHARES = {
     "book": 0.6,

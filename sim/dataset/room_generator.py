@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from navcore.geometry.transform import Pose2
 from sim.dataset import palette
 from sim.dataset.item_placement import Things
-from sim.dataset.scene import BACKGROUND, Patch, Piece, Scene, Sheet, Spot
+from sim.dataset.scene import BACKGROUND, Patch, Piece, Plan, Scene, Spot
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.solids import Colour, Solid, box
 from sim.sensors.camera import DAYLIGHT, Light
@@ -23,27 +22,6 @@ LIKE_SIMULATOR = 0.3
 """Share of worlds that are coloured, lit and taken exactly as scenarios are."""
 WALLS_M = 2.6
 FARTHEST_M = 30.0
-
-
-@dataclass(slots=True, kw_only=True)
-class Plan:
-    """What is put together, step by step."""
-
-    rng: Rng
-    half_m: tuple[float, float]
-    walled: bool
-    outdoor: bool
-    plain: bool
-    pieces: list[Piece] = field(default_factory=list)
-    patches: list[Patch] = field(default_factory=list)
-    sheets: list[Sheet] = field(default_factory=list)
-    targets: list[Spot] = field(default_factory=list)
-    blocked: list[Spot] = field(default_factory=list)
-
-    def free(self, x_m: float, y_m: float, radius_m: float) -> bool:
-        """Whether a round thing fits in there, inside the room and off all others."""
-        inside = abs(x_m) + radius_m < self.half_m[0] and abs(y_m) + radius_m < self.half_m[1]
-        return inside and all(math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked)
 
 
 def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:

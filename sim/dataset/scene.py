@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 from navcore.geometry.transform import Pose2
+from sim.dataset.room_generator import Rng
 from sim.models.solids import Colour, Solid
 from sim.sensors.camera import DAYLIGHT, Light
 
@@ -84,3 +86,24 @@ class Scene:
     """What is seen where nothing is; None for the renderer's own."""
     like_simulator: bool = False
     """Whether it is coloured, lit and taken exactly as scenarios are."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Plan:
+    """What is put together, step by step."""
+
+    rng: Rng
+    half_m: tuple[float, float]
+    walled: bool
+    outdoor: bool
+    plain: bool
+    pieces: list[Piece] = field(default_factory=list)
+    patches: list[Patch] = field(default_factory=list)
+    sheets: list[Sheet] = field(default_factory=list)
+    targets: list[Spot] = field(default_factory=list)
+    blocked: list[Spot] = field(default_factory=list)
+
+    def free(self, x_m: float, y_m: float, radius_m: float) -> bool:
+        """Whether a round thing fits in there, inside the room and off all others."""
+        inside = abs(x_m) + radius_m < self.half_m[0] and abs(y_m) + radius_m < self.half_m[1]
+        return inside and all(math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked)

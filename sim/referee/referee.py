@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.robot.profile import HUSKY, RobotProfile, Twist
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.models.solids import Polygon, cylinder, placed
 from sim.physics.movers import Moving
 from sim.physics.pedestrians import BODY_DIAMETER_M

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.robot.profile import Twist
+from navcore.geometry.transform import Pose2, Twist, wrap_angle
 
 TICKS_PER_M = 78_000
 """Of a Husky's encoder, along the ground."""

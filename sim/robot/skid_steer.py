@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pybullet
 
-from navcore.geometry.transform import Pose2
-from navcore.robot.profile import STANDSTILL, RobotProfile, Twist
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.robot.profile import RobotProfile
 from sim.models.ground import FLAT, Ground
 from sim.robot.tyres import Tyres, grip
 

@@ -7,22 +7,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
-from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
-from navcore.toml_config import between, from_table, read_toml
+from navcore.grid.grid import GridSpec
+from navcore.toml_config import between
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.models.solids import Colour, Pattern, Solid, facing, quaternion
 from sim.scenario.scenery import FARTHEST_M, Room, Scatter
-from sim.scenario.validation import check_scenario
 from sim.sensors.faults import Fault
-
-WORLDS = Path(__file__).parent / "worlds"
-"""Where the built-in worlds lie."""
 
 Indoors = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
 Outdoors = Literal["house", "tree", "conifer", "bush", "rock"]
@@ -250,23 +245,6 @@ class Scenario:
         return Pose2(x_m=x, y_m=y, yaw_rad=yaw)
 
 
-def scenario_names() -> tuple[str, ...]:
-    """The built-in worlds, sorted."""
-    return tuple(sorted(path.stem for path in WORLDS.glob("*.toml")))
-
-
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A built-in world by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
-    path = _path_of(name_or_path)
-    scenario = from_table(Scenario, read_toml(path), path.name)
-    check_scenario(scenario, path.name)
-    return scenario
-
-
-def _path_of(name_or_path: str | Path) -> Path:
-    if isinstance(name_or_path, Path) or name_or_path.endswith(".toml"):
-        return Path(name_or_path)
-    if name_or_path not in scenario_names():
-        known = ", ".join(scenario_names())
-        raise BadConfiguration(f"no world is called {name_or_path!r}; give a .toml file or one of: {known}")
-    return WORLDS / f"{name_or_path}.toml"
+def map_of(scenario: Scenario) -> GridSpec:
+    """The map's grid for a world."""
+    return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pybullet
 
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2
-from navcore.robot.frame import Intrinsics
 from navcore.robot.profile import HUSKY
 from sim.models.ground import FLAT, Ground
 from sim.sensors.egl import egl_works, load_egl, unload_egl

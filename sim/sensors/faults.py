@@ -16,9 +16,8 @@ from typing import Any, Literal
 import numpy as np
 
 from navcore.errors import BadConfiguration
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.robot.frame import Frame
-from navcore.robot.profile import Twist
 from navcore.toml_config import between
 
 Sensor = Literal["camera", "depth", "rgb", "odometry", "gyro", "wheels", "stamps", "planner", "segmentation"]

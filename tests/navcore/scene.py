@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.transform import Matrix, Pose2, camera_mount
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist, camera_mount
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
-from navcore.robot.frame import Frame, Intrinsics
-from navcore.robot.profile import STANDSTILL, Twist
+from navcore.robot.frame import Frame
 
 Colour = tuple[int, int, int]
 Span = tuple[float, float]

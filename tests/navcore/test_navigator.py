@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from navcore.behaviours.lane_keep_out import Lanes
-from navcore.config import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import Outcome
 from navcore.costmap.costmap import nearest_free
 from navcore.errors import BadFrame
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.cell_mask import Mask
 from navcore.grid.grid import GridSpec
+from navcore.mission.order import Order
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision, Navigator, Order
-from navcore.perception.segmenter import ColourSegmenter
-from navcore.planning.planner import NoPath, Path, Reason
-from navcore.robot.profile import HUSKY, STANDSTILL
+from navcore.navigator import Decision, Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import RED_LIST, Box, Paint, picture
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)

@@ -19,9 +19,8 @@ from app.runtime.loop import Loop
 from app.runtime.recorder import Recorder
 from app.runtime.segmentation import colour_perception
 from app.storage import Store
-from navcore.config import NavigatorConfig
-from navcore.geometry.transform import Pose2
-from navcore.robot.profile import STANDSTILL, Twist
+from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.warmup import warm_up
 from sim.sensors.faults import Fault
 from tests.reliability.drills import Bench, first_picture, standing_pilot

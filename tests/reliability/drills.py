@@ -11,21 +11,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from app.episode.episode import Episode, map_of
+from app.episode.episode import Episode
 from app.runtime.fault_injection import Sabotage
 from app.runtime.loop import Loop
 from app.runtime.pilot import Intent, Pilot
-from navcore.config import NavigatorConfig
-from navcore.geometry.transform import Pose2
+from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
 from navcore.navigator import Navigator
-from navcore.perception.segmenter import ColourSegmenter
+from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, Verdict
 from navcore.warmup import warm_up
-from sim.scenario.schema import MapExtent, Scenario, load_scenario
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import MapExtent, Scenario, map_of
 from sim.sensors.faults import Fault
 from sim.simulator import Simulator
 

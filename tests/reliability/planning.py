@@ -12,10 +12,12 @@ from app.episode.episode import Episode
 from app.runtime.pilot import COMMAND_PERIOD_S, Pilot
 from navcore.control.motion import Motion, Outcome
 from navcore.errors import BadGeometry
+from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.zone import Zone
-from navcore.planning.planner import NoPath, Reason, plan
+from navcore.planning.path import NoPath, Reason
+from navcore.planning.planner import plan
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import REACTION_S
 from navcore.safety.gate import StopReason
 from sim.scenario.schema import Mover

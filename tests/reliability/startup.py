@@ -16,7 +16,7 @@ from typing import Any
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import as_toml, default_beware_list, load_beware_list
 from navcore.robot.profile import ROBOTS, load_profile
-from sim.scenario.schema import load_scenario
+from sim.scenario.load import load_scenario
 from tests.reliability.result import Figure
 
 Table = dict[str, Any]

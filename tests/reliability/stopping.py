@@ -11,9 +11,9 @@ from itertools import product
 import numpy as np
 
 from app.runtime.pilot import COMMAND_PERIOD_S
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, Twist
+from navcore.robot.profile import HUSKY
 from navcore.safety.sensor_monitor import Senses
 from sim.scenario.schema import MapExtent, Scenario
 from sim.sensors.faults import Fault

@@ -15,7 +15,8 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from navcore.errors import Refused
-from navcore.robot.profile import HUSKY, STANDSTILL, Twist
+from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import braking_s
 from sim.sensors.faults import Fault
 from tests.reliability.console_rig import BenchConsole, bench_console, patiently

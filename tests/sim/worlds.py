@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from navcore.robot.profile import Twist
+from navcore.geometry.transform import Twist
 from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Mover, Person, Scenario
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import STEPS_PER_S, Simulator

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 
 from app.console.application import ConsoleOptions, console
-from sim.scenario.schema import WORLDS
+from sim.scenario.load import WORLDS
 from tests.system.conftest import BY_COLOUR, state_when
 
 FAULTS = """

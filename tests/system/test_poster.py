@@ -15,7 +15,7 @@ from app.episode.episode import Episode
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.mission.beware_list import default_beware_list
-from sim.scenario.schema import load_scenario
+from sim.scenario.load import load_scenario
 
 ROOM = """
 name = "poster"

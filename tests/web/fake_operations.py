@@ -19,22 +19,23 @@ from app.console.path_preview import compared, place_on, standing_at, under
 from app.console.saved_missions import MissionShelf
 from app.console.zone_editor import ZoneBook
 from app.insight.explanation import Case
-from navcore.control.motion import LocalRules
+from navcore.config.control import LocalRules
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.cell_description import check_standable
 from navcore.costmap.costmap import Occupancy
 from navcore.errors import BadConfiguration, NotKnown, Refused
-from navcore.geometry.transform import Pose2, camera_mount
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist, camera_mount
 from navcore.grid.cell_mask import Mask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone, rasterise
-from navcore.perception.segmenter import ColourSegmenter
-from navcore.planning.planner import NoPath, Path, plan
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.planning.path import NoPath, Path
+from navcore.planning.planner import plan
 from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
-from navcore.robot.frame import Intrinsics
-from navcore.robot.profile import HUSKY, STANDSTILL, RobotProfile, Twist
+from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
 from web.drafts import PathPreview, Preview, PreviewDraft

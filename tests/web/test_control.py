@@ -14,8 +14,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
+from navcore.geometry.transform import Twist
 from navcore.mission.mission import Phase
-from navcore.robot.profile import Twist
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
 from web.access import Access

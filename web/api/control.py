@@ -16,7 +16,7 @@ from fastapi import APIRouter, WebSocket
 from pydantic import Field, TypeAdapter, ValidationError
 
 from navcore.errors import BewareNavError
-from navcore.robot.profile import Twist
+from navcore.geometry.transform import Twist
 from web.access.audit import Auditor
 from web.access.control import Control
 from web.access.roles import CurrentVisitor, Role, Visitor

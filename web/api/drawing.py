@@ -15,7 +15,7 @@ from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import description_of, drawn, read, yaml_text
 from navcore.mapping.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
-from navcore.planning.planner import NoPath
+from navcore.planning.path import NoPath
 from web.api.answers import track, zones_of
 from web.drafts import PathPreview, Preview, ZoneDraft
 from web.pictures import bewared

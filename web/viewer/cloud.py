@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.mission.beware_list import NOTHING
 from web.pictures import class_colours
 from web.snapshots import Cloud

@@ -15,7 +15,7 @@ from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.model import STRIDE
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size, check_size
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
-from navcore.perception.segmenter import Finder, Labels
+from navcore.perception.labels import Finder, Labels
 from navcore.robot.frame import Frame
 
 OFFICIAL_SIZE = Size(height=480, width=640)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import compiled
+from navcore.compiled import compiled
 from navcore.perception.ground import Image, flat
 from navcore.robot.frame import Frame
 

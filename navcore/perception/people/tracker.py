@@ -13,10 +13,11 @@ import numpy.typing as npt
 
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareList
+from navcore.perception.colour_segmenter import PERSON_SURE
 from navcore.perception.ground import Image
+from navcore.perception.labels import Labels
 from navcore.perception.people.detector import CELL_M, Cells, Cluster, Ground, cells_within, looks_at
 from navcore.perception.people.track import Followed, Track
-from navcore.perception.segmenter import PERSON_SURE, Labels
 from navcore.robot.frame import Frame
 
 GATE_M = 0.45

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.grid.bitplane import ALL, ONE, highest, inlined, lean, lowest, mirrored, ones
-from navcore.grid.free_space import PATIENCE, SQUARE, VAIN_AHEAD, VAIN_BACK, Planes, bit_of, look_along
+from navcore.compiled import inlined, lean
+from navcore.grid.bitplane import ALL, ONE, Planes, highest, lowest, mirrored, ones
+from navcore.grid.free_space import PATIENCE, SQUARE, VAIN_AHEAD, VAIN_BACK, bit_of, look_along
 
 OWNER = 0
 TRIED = np.uint64(6)

@@ -16,8 +16,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ONE, PAD, compiled, highest, inlined, lean, lowest
-from navcore.grid.free_space import AHEAD, BACK, FREE, PATIENCE, SQUARE, VAIN_AHEAD, FreeSpace, Planes, bit_of, look_along
+from navcore.compiled import compiled, inlined, lean
+from navcore.grid.bitplane import ONE, PAD, Planes, highest, lowest
+from navcore.grid.free_space import AHEAD, BACK, FREE, PATIENCE, SQUARE, VAIN_AHEAD, FreeSpace, bit_of, look_along
 from navcore.grid.grid import Cell
 from navcore.planning.search.diagonals import passable, settle, survey
 from navcore.planning.search.open_list import (

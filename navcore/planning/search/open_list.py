@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import ALL, inlined, lean, lowest
+from navcore.compiled import inlined, lean
+from navcore.grid.bitplane import ALL, lowest
 from navcore.grid.free_space import FreeSpace
 
 Memory = npt.NDArray[np.int64]

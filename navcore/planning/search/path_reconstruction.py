@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.grid.bitplane import PAD, compiled, inlined, lean
-from navcore.grid.free_space import FREE, SQUARE, Planes, bit_of
+from navcore.compiled import compiled, inlined, lean
+from navcore.grid.bitplane import PAD, Planes
+from navcore.grid.free_space import FREE, SQUARE, bit_of
 
 
 @compiled

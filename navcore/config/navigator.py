@@ -1,0 +1,71 @@
+"""Everything that can be set about the navigation, with the values a new installation starts with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from navcore.config.behaviours import RecoveryRules
+from navcore.config.control import LocalRules
+from navcore.config.mapping import MapRules
+from navcore.config.people import PeopleRules
+from navcore.config.perception import PointRules
+from navcore.robot.profile import HUSKY, RobotProfile
+from navcore.toml_config import between, from_table, read_toml
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigatorConfig:
+    """Read from a TOML file by `load_config`; unknown keys and values out of range are refused by name."""
+
+    safety_margin_m: float = between(0.0, 1.0, default=0.15)
+    """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
+    max_vertex_angle_deg: float = between(135.1, 179.9, default=170.0)
+    """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper. A path turns by
+    45° at least: below 135° bends would be left out, and the lines between waypoints cross what the path goes round."""
+    start_relief_m: float = between(0.0, 2.0, default=0.6)
+    """A robot that stands inside the inflation plans from the nearest free cell within this distance."""
+    plan_budget: int = between(1_000, 1_000_000_000, default=2_000_000)
+    """Work after which a search is given up ("time budget exceeded"), in straight walks and diagonal steps; a large maze has
+    some ten thousand, so that this is some seconds. A count and not a clock, so that the same run takes the same turn."""
+    start_clear_m: float = between(0.0, 5.0, default=1.2)
+    """Within this distance of where it is put down the robot has room; the camera cannot look there."""
+    points: PointRules = field(default_factory=PointRules)
+    """Which measurements count."""
+    map: MapRules = field(default_factory=MapRules)
+    """When points are replaced and cleared."""
+    local: LocalRules = field(default_factory=LocalRules)
+    """How the local planner moves."""
+    recovery: RecoveryRules = field(default_factory=RecoveryRules)
+    """What it tries when it is boxed in."""
+    people: PeopleRules = field(default_factory=PeopleRules)
+    """How it behaves beside people."""
+
+
+def load_config(path: Path, robot: RobotProfile = HUSKY) -> NavigatorConfig:
+    """The configuration that a robot starts with, but for what a file says otherwise; raises `BadConfiguration`."""
+    return from_table(NavigatorConfig, read_toml(path), path.name, config_for(robot))
+
+
+def config_for(robot: RobotProfile) -> NavigatorConfig:
+    """The configuration that a robot starts with: the defaults, which were found with the Husky, fitted to body and limits.
+
+    The margin is the same share of the room that a turn in place needs beyond half the width; speeds and decelerations are the
+    same shares of the platform's limits.
+    """
+    usual, rules = NavigatorConfig(), LocalRules()
+    room = _turning_room_m(robot) / _turning_room_m(HUSKY)
+    return replace(
+        usual,
+        safety_margin_m=min(usual.safety_margin_m * room, 1.0),
+        local=replace(
+            rules,
+            padding_m=min(rules.padding_m * room, 0.5),
+            braking_mps2=min(rules.braking_mps2 * (robot.max_accel_mps2 / HUSKY.max_accel_mps2), 5.0),
+            turn_rate_radps=min(rules.turn_rate_radps * (robot.max_yaw_rate_radps / HUSKY.max_yaw_rate_radps), 2.0),
+        ),
+    )
+
+
+def _turning_room_m(robot: RobotProfile) -> float:
+    return robot.circumscribed_radius_m - robot.width_m / 2

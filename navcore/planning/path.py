@@ -1,0 +1,54 @@
+"""A planned grid path, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.planning.search.jump_point_search import GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE
+
+
+class Reason(StrEnum):
+    """Why there is no path."""
+
+    START_BLOCKED = "start blocked"
+    """The robot's own cell is blocked."""
+    GOAL_BLOCKED = "goal blocked"
+    """The goal's cell lies in an obstacle or a zone, or closer to one than the robot's body allows."""
+    OUTSIDE = "outside the map"
+    """Start or goal is no cell of the grid."""
+    UNREACHABLE = "unreachable"
+    """Every way to the goal is closed."""
+    TIMEOUT = "time budget exceeded"
+    """The search was given up."""
+
+
+REASONS = {
+    UNREACHABLE: Reason.UNREACHABLE,
+    TIMEOUT: Reason.TIMEOUT,
+    OUTSIDE: Reason.OUTSIDE,
+    START_BLOCKED: Reason.START_BLOCKED,
+    GOAL_BLOCKED: Reason.GOAL_BLOCKED,
+}
+"""By how a search ended without a path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Path:
+    """A shortest path."""
+
+    cells: npt.NDArray[np.int64]
+    """(N, 2) every cell (row, col) from start to goal."""
+    length: float
+    """In cells: straight steps + √2 · diagonal steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoPath:
+    """There is no path, and why."""
+
+    reason: Reason
+    """What stands in the way."""

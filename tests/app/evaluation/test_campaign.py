@@ -1,0 +1,100 @@
+"""A campaign survives what happens to it: what is driven is kept, and a killed one leaves nobody behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.episode.ablation import pursue
+from app.evaluation.campaign import Campaign
+from navcore.config.navigator import NavigatorConfig
+from navcore.control.motion import Outcome
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
+from navcore.planning.path import NoPath, Reason
+from navcore.planning.route import Route
+from navcore.robot.profile import HUSKY
+
+
+def drive(key: int) -> dict[str, Any]:
+    return {"key": key, "success": key != 1}
+
+
+def dawdle(key: int) -> dict[str, Any]:
+    Path(os.environ["CAMPAIGN_PIDS"], str(os.getpid())).touch()
+    time.sleep(120 if key else 0)
+    return drive(key)
+
+
+def campaign(rules: object = "rules", run: Any = drive) -> Campaign:
+    return Campaign(key="key", rules=rules, holds="another campaign", drive=run, drive_alone=run)
+
+
+def test_what_is_kept_is_not_driven_again_and_other_rules_are_refused(tmp_path: Path) -> None:
+    driven: list[int] = []
+
+    def note(key: int) -> dict[str, Any]:
+        driven.append(key)
+        return drive(key)
+
+    assert [report["key"] for report in campaign(run=note).run([0, 1], workers=1, out=tmp_path)] == [0, 1]
+    again = campaign(run=note).run([2, 1, 0], workers=1, out=tmp_path)
+    assert [report["key"] for report in again] == [2, 1, 0] and driven == [0, 1, 2]
+    with pytest.raises(BadConfiguration, match="another campaign"):
+        campaign(rules="others").run([0], workers=1, out=tmp_path)
+
+
+def test_a_killed_campaign_has_kept_what_was_driven_and_its_workers_end(tmp_path: Path) -> None:
+    pids = tmp_path / "pids"
+    pids.mkdir()
+    text = f"from tests.app.test_campaign import *; campaign(run=dawdle).run([0, 1, 2], workers=2, out=Path({str(tmp_path)!r}))"
+    main = f"if __name__ == '__main__':\n    {text}\n"
+    (tmp_path / "run.py").write_text(main)
+    environment = {**os.environ, "CAMPAIGN_PIDS": str(pids), "PYTHONPATH": str(Path(__file__).parents[3])}
+    with subprocess.Popen([sys.executable, str(tmp_path / "run.py")], env=environment, stderr=subprocess.DEVNULL) as parent:
+        assert within_s(300, lambda: len(list(pids.iterdir())) == 2 and (tmp_path / "episodes.jsonl").read_text())
+        parent.send_signal(signal.SIGKILL)
+    assert within_s(60, lambda: not any(alive(int(path.name)) for path in pids.iterdir()))
+    assert json.loads((tmp_path / "episodes.jsonl").read_text())["key"] == 0
+
+
+def within_s(patience_s: float, holds: Any) -> bool:
+    until = time.monotonic() + patience_s
+    while time.monotonic() < until:
+        if holds():
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def alive(pid: int) -> bool:
+    """A zombie, which nobody has waited for, is dead."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def route(*points: tuple[float, float]) -> Route:
+    line = np.array(points, dtype=np.float64)
+    return Route(outcome=NoPath(reason=Reason.UNREACHABLE), points=line, waypoints=line, track=line)
+
+
+def test_a_path_is_pursued_ahead_turned_to_behind_and_ended_at_its_goal() -> None:
+    here, config = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), NavigatorConfig()
+    straight = pursue(route(*((0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
+    assert straight.outcome is Outcome.FOLLOW and straight.twist.v_mps > 0.5 and abs(straight.twist.w_radps) < 1e-9
+    left = pursue(route(*((0.05 * i, 0.03 * i) for i in range(100))), here, HUSKY, config)
+    assert left.twist.w_radps > 0.1
+    behind = pursue(route(*((-0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
+    assert behind.outcome is Outcome.TURN and behind.twist.v_mps == 0.0
+    assert pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome is Outcome.ARRIVED

@@ -1,0 +1,224 @@
+"""Campaigns: what they drive, sum up, draw and compare, and what each ablation takes away."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.episode.ablation import Ablation, Oracle, SeesNothing
+from app.episode.failure_causes import causes_of, count_causes
+from app.episode.task import Task, episode_of
+from app.evaluation.confidence import bootstrap, wilson
+from app.evaluation.scenario import evaluate_scenario
+from app.evaluation.summary import compare, summarise
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.robot.profile import HUSKY
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Furniture, Person
+from tests.sim.worlds import open_floor
+
+ROOM = load_scenario("empty_room")
+
+
+def task(**changes: Any) -> Task:
+    return Task(**{"scenario": ROOM, "max_time_s": 120.0, **changes})
+
+
+def driven(about: Task, *, seed: int = 0, beware: BewareList | None = None) -> dict[str, Any]:
+    episode = episode_of(about, seed, robot=HUSKY, beware=beware or default_beware_list(), perception=None)
+    try:
+        return episode.run()
+    finally:
+        episode.close()
+
+
+def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(tmp_path: Path, capsys: Any) -> None:
+    beware = default_beware_list()
+    first = evaluate_scenario(task(random=True), seeds=range(1), workers=1, out=tmp_path, beware=beware)
+    kept = (tmp_path / "episodes.jsonl").read_text()
+    (tmp_path / "episodes.jsonl").write_text(kept + '{"scenario": "empty_ro')  # as a kill would leave it
+    both = evaluate_scenario(task(random=True), seeds=range(2), workers=1, out=tmp_path, beware=beware)
+    assert (first["episodes"], both["episodes"], both["seeds"]) == (1, 2, [0, 1])
+    assert (tmp_path / "episodes.jsonl").read_text().startswith(kept)
+    assert json.loads((tmp_path / "summary.json").read_text()) == json.loads(json.dumps(both))
+    words = capsys.readouterr().out
+    assert all(word in words for word in ("success", "95 % interval", "SPL", "red floor"))
+    drawn = {f"{name}.{suffix}" for name in ("top_view", "progress", "frames") for suffix in ("png", "svg")}
+    assert {path.name for path in (tmp_path / "figures" / "seed-0000").iterdir()} == drawn
+    assert {path.name for path in (tmp_path / "figures").glob("*.*")} == {
+        *("drives.png", "drives.svg", "progress.png", "progress.svg")
+    }
+    assert compare_text([tmp_path, tmp_path]).count("empty_room") == 2
+    with pytest.raises(BadConfiguration, match="ablation"):
+        evaluate_scenario(task(), seeds=range(1), workers=1, out=tmp_path, beware=beware)
+
+
+def compare_text(folders: list[Path]) -> str:
+    table = compare(folders)
+    return "\n".join(str(cell) for column in table.columns for cell in column.cells)
+
+
+def test_without_semantics_the_robot_drives_over_the_red_floor_and_misses_it() -> None:
+    report = driven(task(ablation=Ablation.NO_SEMANTICS))
+    assert report["intruded"] == {"red floor": 1} and report["beware_intrusion_m2s"] > 0
+    assert report["items"]["red floor"] == {"there": 1, "seen": 1, "missed": 1, "false": 0}
+    assert (report["success"], report["causes"]) == (False, ["over red floor"])
+    assert report["segmenter"] == "no-semantics"
+
+
+def test_with_the_simulators_labels_it_keeps_off_and_misses_nothing() -> None:
+    nothing_by_colour = BewareList(
+        classes=tuple(dataclasses.replace(entry, colour=None) for entry in default_beware_list().classes)
+    )
+    report = driven(task(ablation=Ablation.ORACLE), beware=nothing_by_colour)
+    assert report["success"] and report["causes"] == []
+    assert report["items"]["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
+
+
+def test_zones_bind_the_robot_unless_they_are_left_out_and_the_referee_judges_by_them_all_the_same() -> None:
+    open_space = dataclasses.replace(open_floor(start=(-5.0, 0.0, 0.0)), goals=((5.0, 0.0),))
+    told = driven(task(scenario=open_space, zones=1))
+    assert len(told["zones"]) == 1 and told["zone_intrusions"] == 0 and told["success"]
+    untold = driven(task(scenario=open_space, zones=1, ablation=Ablation.NO_ZONES))
+    assert untold["zones"] == told["zones"] and untold["zone_intrusions"] == 1 and untold["zone_intrusion_m2s"] > 0.1
+    assert untold["causes"] == ["over a zone"]
+
+
+def test_without_the_local_planner_the_robot_follows_the_path_and_hits_nothing_in_the_open() -> None:
+    open_space = dataclasses.replace(open_floor(), goals=((3.0, 1.0), (0.0, 0.0)))
+    report = driven(task(scenario=open_space, ablation=Ablation.NO_LOCAL_PLANNER))
+    assert report["success"] and report["goals_reached"] == 2
+    assert report["spl"] > 0.8
+
+
+def test_a_crash_names_what_was_hit() -> None:
+    """The person comes from behind, where no camera looks: the referee says who did what."""
+    behind = Person(points=((-3.0, 0.0), (8.0, 0.0)), speed_mps=1.5, yields=False, begins_at=0.0)
+    world = dataclasses.replace(open_floor(people=(behind,)), goals=((6.0, 0.0),))
+    report = driven(task(scenario=world))
+    assert {contact["what"] for contact in report["contacts"]} == {"person"}
+    if report["collisions"]:
+        assert report["causes"][0] == "drove into person"
+    else:
+        assert report["struck_while_standing"] > 0
+
+
+@pytest.mark.parametrize(
+    ("about", "words"),
+    [
+        ({"random": True, "goals": ((1.0, 1.0),)}, "--goal"),
+        ({"ablation": Ablation.NO_ZONES}, "--zones"),
+        ({"scenario": open_floor(furniture=(Furniture(kind="box", at=(3.0, 3.0)),))}, "no goals of its own"),
+    ],
+)
+def test_tasks_that_make_no_sense_are_refused_by_option(about: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadConfiguration, match=words):
+        task(**about)
+
+
+def made_up(seed: int, **changes: Any) -> dict[str, Any]:
+    report: dict[str, Any] = {
+        "scenario": "w",
+        "robot": "husky",
+        "segmenter": "colour",
+        "ablation": "none",
+        "seed": seed,
+        "success": True,
+        "goals": [[0.0, 0.0]],
+        "goals_reached": 1,
+        "collisions": 0,
+        "struck_while_standing": 0,
+        "beware_intrusions": 0,
+        "zone_intrusions": 0,
+        "spl": 0.9,
+        "shortest_m": 9.0,
+        "ideal_m": 12.0,
+        "distance_m": 10.0,
+        "sim_time_s": 20.0,
+        "wall_time_s": 10.0,
+        "contacts": [],
+        "beware_intrusion_m2s": 0.0,
+        "zone_intrusion_m2s": 0.0,
+        "explored_share": 0.5,
+        "min_clearance_m": 0.2,
+        "series": {"explored_m3": [1.0]},
+        "tick_ms": {"p99": 5.0},
+        "intruded": {},
+        "intrusions": [],
+        "ended": "all goals",
+        "goal_errors_m": {"1": 0.1},
+        "goal_errors_by_odometry_m": {"1": 0.1},
+        "stops": [],
+        "items": {"cup": {"there": 1, "seen": 1, "missed": 0, "false": 0}},
+        **changes,
+    }
+    return {**report, "causes": causes_of(report)}
+
+
+def over_zone(gap_by_odometry_m: float) -> dict[str, Any]:
+    return {"t_s": 1.0, "what": "zone 1", "duration_s": 0.5, "gap_by_odometry_m": gap_by_odometry_m}
+
+
+def test_failures_are_sorted_by_their_gravest_cause() -> None:
+    hit = {"t_s": 1.0, "what": "chair", "collided": True}
+    held = {"t_s": 12.0, "duration_s": 8.0, "reason": "boxed_in"}
+    reports = [
+        made_up(0),
+        made_up(1, collisions=1, contacts=[hit], intruded={"cup": 1}),
+        made_up(2, goals_reached=0, ended="time", stops=[held]),
+        made_up(3, goals_reached=0, ended="time"),
+        made_up(4, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.4}),
+        made_up(5, collisions=1, contacts=[hit]),
+        made_up(7, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.1}),
+        made_up(8, zone_intrusions=1, intrusions=[over_zone(0.02)]),
+        made_up(9, zone_intrusions=2, intrusions=[over_zone(0.02), over_zone(0.0)]),
+        made_up(6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1),
+    ]
+    assert reports[1]["causes"] == ["drove into chair", "over cup"] and reports[-1]["causes"] == []
+    assert count_causes(reports) == {
+        "drove into chair": [1, 5],
+        "goal not reached: boxed_in": [2],
+        "goal not reached: out of time": [3],
+        "goal missed: it stopped beside it": [4],
+        "goal missed: odometry had drifted": [7],
+        "over a zone: odometry had drifted": [8],
+        "over a zone": [9],
+    }
+
+
+def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
+    summary = summarise([made_up(seed, success=seed > 0, spl=0.8 + 0.02 * seed) for seed in range(10)])
+    assert summary["success_rate"] == 0.9 and summary["spl"] == pytest.approx(0.89)
+    assert summary["success_rate_ci95"] == pytest.approx([0.596, 0.982], abs=1e-3)  # Wilson's, from the literature
+    low, high = summary["spl_ci95"]
+    assert 0.84 < low < 0.89 < high < 0.94
+    assert summary["ideal_spl"] == 0.75
+    assert summary["items"]["cup"] == {"there": 10, "seen": 10, "missed": 0, "false": 0}
+
+
+def test_intervals_are_honest_at_the_ends_and_the_same_every_time() -> None:
+    assert wilson(0, 100) == pytest.approx((0.0, 0.037), abs=1e-3)
+    assert wilson(100, 100) == pytest.approx((0.963, 1.0), abs=1e-3)
+    assert bootstrap([1.0]) is None
+    assert bootstrap([1.0, 2.0, 4.0]) == bootstrap([1.0, 2.0, 4.0])
+    with pytest.raises(ValueError, match="3 successes of 2"):
+        wilson(3, 2)
+
+
+def test_folders_of_other_suites_are_not_compared(tmp_path: Path) -> None:
+    with pytest.raises(BadConfiguration, match=r"no summary\.json"):
+        compare([tmp_path])
+    (tmp_path / "summary.json").write_text('{"suite": "barn"}')
+    with pytest.raises(BadConfiguration, match="another suite"):
+        compare([tmp_path])
+
+
+def test_blind_and_omniscient_segmenters_say_what_they_find() -> None:
+    entry = default_beware_list().classes[0]
+    assert SeesNothing().finds(entry) == "nothing"
+    assert Oracle.finds(None, entry) == "network"  # type: ignore[arg-type]

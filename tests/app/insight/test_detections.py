@@ -1,0 +1,200 @@
+"""What is recognised is one thing for each place; what an operator corrects becomes a data set that training takes."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.insight.detections import Sighted, packed
+from app.insight.labelling import LabellingFolder, region_in
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Pose2, camera_mount
+from navcore.learning.data.card import CARD_NAME
+from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.writer import write_text
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.perception.labels import Labels
+from navcore.robot.frame import Frame
+
+BEWARE = BewareList(
+    classes=(BewareClass(name="cup", class_id=3), BewareClass(name="toy", class_id=40), BewareClass(name="person", class_id=11))
+)
+LENS = Intrinsics(width=160, height=120, fx=100.0, fy=100.0, cx=80.0, cy=60.0)
+MOUNT = camera_mount(x_m=0.0, y_m=0.0, z_m=0.8, pitch_down_rad=0.6)
+CUP, PERSON = 3, 11
+
+
+def picture(x_m: float = 0.0, yaw_rad: float = 0.0) -> Frame:
+    """The camera over an even floor; the depth of each pixel is that of the floor."""
+    rays = np.stack(np.meshgrid((np.arange(160) - 80) / 100, (np.arange(120) - 60) / 100), axis=-1)
+    down = MOUNT[2, 0] * rays[..., 0] + MOUNT[2, 1] * rays[..., 1] + MOUNT[2, 2]
+    depth = np.where(down < -0.05, -MOUNT[2, 3] / np.minimum(down, -0.05), 0.0)
+    rgb = np.full((120, 160, 3), 90, dtype=np.uint8)
+    rgb[..., 2] = np.arange(160, dtype=np.uint8)
+    pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=yaw_rad)
+    return Frame(
+        stamp_ns=1, rgb=rgb, depth_m=depth.astype(np.float32), intrinsics=LENS, T_base_camera=MOUNT, pose=pose, twist=STANDSTILL
+    )
+
+
+def labels(frame: Frame, x_m: float, y_m: float, *, class_id: int = CUP, sure: float = 0.9) -> Labels:
+    """Everything within 12 cm of a place of the floor is of a class."""
+    rows, cols = np.indices(frame.depth_m.shape)
+    rays = np.stack([(cols - 80) / 100, (rows - 60) / 100, np.ones(rows.shape)], axis=-1) * frame.depth_m[..., None]
+    xy = rays @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
+    near = (np.hypot(xy[..., 0] - x_m, xy[..., 1] - y_m) < 0.12) & (frame.depth_m > 0)
+    ids = np.where(near, np.uint8(class_id), np.uint8(0))
+    return Labels(class_ids=ids, confidence=np.full(ids.shape, sure, dtype=np.float32))
+
+
+def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() -> None:
+    sighted, new = Sighted(), []
+    for step, (x_m, yaw) in enumerate([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1), (0.4, 0.0)]):
+        frame = picture(x_m, yaw)
+        new += sighted.look(float(step), frame, labels(frame, 1.5, 0.2), BEWARE)
+    assert [(one.class_name, one.looks) for one in new] == [("cup", 1)]
+    only = sighted.all()[0]
+    assert only.looks == 4 and math.dist(only.place, (1.5, 0.2)) < 0.05 and only.last_s == 3.0
+    frame = picture()
+    assert len(sighted.look(9.0, frame, labels(frame, 1.2, -0.5), BEWARE)) == 1
+    assert [one.id for one in sighted.all()] == [2, 1]
+    assert sighted.crop(1).startswith(b"\xff\xd8")
+    with pytest.raises(NotKnown):
+        sighted.crop(99)
+
+
+def test_people_and_what_is_not_sure_enough_are_no_sightings() -> None:
+    sighted, frame = Sighted(), picture()
+    assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
+    assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
+
+
+def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_restart(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    mask = seen.class_ids == CUP
+    names = {entry.class_id: entry.name for entry in BEWARE.classes}
+    folder = LabellingFolder(tmp_path / "labelling")
+    folder.add(packed(frame, seen, BEWARE, mask), names=names, said=None)
+    folder.add(packed(frame, seen, BEWARE, mask), names=names, said="toy")
+    # A crash leaves a picture half written, and the lists behind the card.
+    (tmp_path / "labelling" / "train" / "label" / "half.npy").write_bytes(b"\x93NUMPY")
+    again = LabellingFolder(tmp_path / "labelling")
+    again.add(packed(frame, seen, BEWARE, mask), names=names, said="cup")
+    stored = load_dataset(tmp_path / "labelling")
+    assert again.state().pictures == stored.count("train") == 3
+    said = []
+    for index in range(3):
+        sample = stored.read("train", index)
+        assert (sample.rgb == frame.rgb).all() and abs(sample.depth.max() / 1000 - frame.depth_m.max()) < 0.01
+        value = int(np.unique(sample.labels[mask])[0])
+        said.append(stored.card.class_names[value - 1])
+        rim = sample.labels[~mask]
+        assert (rim == 0).any() and (rim == stored.card.class_names.index("background") + 1).any()
+    assert sorted(said) == ["background", "cup", "toy"]
+
+
+def test_a_capital_letter_makes_no_other_class_of_a_name(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    mask = seen.class_ids == CUP
+    folder = LabellingFolder(tmp_path)
+    folder.add(packed(frame, seen, BEWARE, mask), names={CUP: "Cup"}, said="CUP")
+    stored = load_dataset(tmp_path)
+    (value,) = np.unique(stored.read("train", 0).labels[mask])
+    assert stored.card.class_names[value - 1] == "cup"
+
+
+def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    mask = seen.class_ids == CUP
+    view = packed(frame, seen, BEWARE, mask)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
+    for most in range(8):  # texts that are written before the disk is full
+        count = itertools.count()
+
+        def filling(path: Path, text: str, count: Iterator[int] = count, most: int = most) -> None:
+            if next(count) >= most:
+                raise StorageFailed("the disk is full")
+            write_text(path, text)
+
+        with monkeypatch.context() as full:
+            full.setattr("app.insight.labelling.write_text", filling)
+            with contextlib.suppress(StorageFailed):
+                LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="shoe")
+        LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="bag")
+    stored = load_dataset(tmp_path)
+    said = [np.unique(stored.read("train", index).labels[mask]).item() for index in range(stored.count("train"))]
+    names = [stored.card.class_names[value - 1] for value in said]
+    assert (names.count("cup"), names.count("bag")) == (1, 8)
+    assert set(names) <= {"cup", "bag", "shoe"}
+
+
+def test_a_folder_whose_pictures_were_all_lost_takes_new_ones(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
+    for label in tmp_path.glob("train/label/*.npy"):
+        label.unlink()
+    again = LabellingFolder(tmp_path)
+    again.add(view, names={CUP: "cup"}, said="shoe")
+    assert again.state().pictures == load_dataset(tmp_path).count("train") == 1
+
+
+def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+    folder = LabellingFolder(tmp_path, max_pictures=1)
+    folder.add(view, names={CUP: "cup"}, said="cup")
+    with pytest.raises(Refused, match="is full"):
+        folder.add(view, names={CUP: "cup"}, said="cup")
+    assert folder.state().pictures == 1
+
+
+def test_what_stands_out_in_a_box_is_found_and_a_bad_box_is_refused() -> None:
+    rgb = np.full((120, 160, 3), 60, dtype=np.uint8)
+    rgb[40:70, 50:90] = (230, 200, 30)
+    found = region_in(rgb, (40, 30, 100, 80))
+    truth = np.zeros((120, 160), dtype=np.bool_)
+    truth[40:70, 50:90] = True
+    assert (found & truth).sum() / (found | truth).sum() > 0.9
+    for box in ((0, 0, 161, 50), (50, 50, 50, 80), (10, 10, 13, 60), (-1, 0, 20, 20)):
+        with pytest.raises(BadConfiguration, match="box"):
+            region_in(rgb, box)
+
+
+def test_a_disk_that_refuses_the_lists_finds_every_picture_in_them_once_when_it_takes_them_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    for said in ("cup", "toy", None):
+        view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+        LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said=said)
+    again = LabellingFolder(tmp_path)
+
+    def full(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    with monkeypatch.context() as refusing:
+        refusing.setattr("app.insight.labelling.write_text", full)
+        for _ in range(5):
+            with pytest.raises(StorageFailed):
+                again.state()
+    assert again.state().pictures == 3
+    assert len((tmp_path / "train_rgb.txt").read_text().splitlines()) == 3
+    (tmp_path / CARD_NAME).write_text("{ no card")
+    with pytest.raises(StorageFailed, match="cannot be read"):
+        LabellingFolder(tmp_path).state()

@@ -1,0 +1,152 @@
+"""The log of decisions: what it keeps, and what is said of the differences between one look and the next."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.insight.event_detector import Chronicle
+from app.insight.event_log import Journal
+from app.runtime.pilot import Intent
+from navcore.control.motion import IDLE
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import STANDSTILL, Pose2
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.mission import Mission
+from navcore.mission.zone import Zone, rasterise
+from navcore.navigator import Decision
+from navcore.perception.labels import Labels
+from navcore.planning.path import Path
+from navcore.planning.planner import plan
+from navcore.planning.route import Route
+from navcore.robot.frame import Frame
+from navcore.safety.gate import Cause, StopReason
+from web.insight import Kind
+
+SPEC = GridSpec.centred(size_m=(8.0, 6.0), resolution_m=0.1)
+BEWARE = BewareList(classes=(BewareClass(name="cup", class_id=3),))
+ZONE = Zone(id="z", name="Wet floor", polygon=((0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)))
+HERE = (-3.0, 0.0)
+GOAL = (3.0, 0.0)
+
+
+def box(left: float, right: float, low: float, high: float) -> BoolGrid:
+    return rasterise(((left, low), (right, low), (right, high), (left, high)), SPEC)
+
+
+def intent(*, zones: tuple[Zone, ...] = (), beware: BewareList = BEWARE, driving: bool = True) -> Intent:
+    mission = Mission().add(*GOAL, SPEC)
+    return Intent(mission=mission.start() if driving else mission, beware=beware, zones=zones)
+
+
+def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone, ...] = ()) -> Decision:
+    """What a tick makes of a map."""
+    nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    drawn = np.logical_or.reduce([nothing, *(rasterise(zone.polygon, SPEC) for zone in zones)])
+    grid = OccupancyGrid(spec=SPEC, geometric=walls, beware={3: nothing if cups is None else cups}, zones=drawn)
+    blocked = inflate_layers(grid, vehicle_width_m=0.4, safety_margin_m=0.1)
+    outcome = plan(blocked, SPEC.cell(*HERE), SPEC.cell(*GOAL))
+    points = np.vstack([SPEC.centres(outcome.cells[:-1]), GOAL]) if isinstance(outcome, Path) else np.empty((0, 2))
+    lens = Intrinsics(width=4, height=3, fx=2.0, fy=2.0, cx=2.0, cy=1.5)
+    frame = Frame(
+        stamp_ns=1,
+        rgb=np.zeros((3, 4, 3), dtype=np.uint8),
+        depth_m=np.ones((3, 4), dtype=np.float32),
+        intrinsics=lens,
+        T_base_camera=np.eye(4),
+        pose=Pose2(x_m=HERE[0], y_m=HERE[1], yaw_rad=0.0),
+        twist=STANDSTILL,
+    )
+    return Decision(
+        frame=frame,
+        labels=Labels(class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)),
+        occupancy=Occupancy.of(grid, blocked, version=1),
+        route=Route(outcome=outcome, points=points, waypoints=points, track=points),
+        motion=IDLE,
+    )
+
+
+EMPTY = box(-4.0, -3.95, -3.0, -2.95)
+
+
+def written(journal: Journal) -> list[tuple[str, str]]:
+    return [(entry.kind, entry.text) for entry in journal.page(kinds=(), since=0, limit=1000).entries]
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        (decision(box(-0.5, 0.5, -1.0, 1.0)), "An obstacle closes the path"),
+        (decision(EMPTY, cups=box(-0.5, 0.5, -1.0, 1.0)), "“cup” closes the path"),
+        (decision(EMPTY, zones=(ZONE,)), "A zone closes the path"),
+        (decision(box(-0.5, 0.5, -3.0, 3.0)), "There is no path"),
+    ],
+)
+def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(after: Decision, said: str) -> None:
+    journal, will = Journal(), intent()
+    chronicle = Chronicle(journal, will)
+    chronicle.look(0.0, will, decision(EMPTY), HERE)
+    chronicle.look(5.0, will, after, HERE)
+    assert [kind for kind, _ in written(journal)] == ["replanned", "replanned"]
+    assert "Planned a path of 6.0 m" in written(journal)[0][1] and said in written(journal)[1][1]
+    place = journal.page(kinds=(), since=1, limit=9).entries[0].place
+    assert place is not None and -3.1 < place[0] < 1.0
+
+
+def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
+    journal, will = Journal(), intent()
+    chronicle = Chronicle(journal, will)
+    wall = box(-0.5, 0.5, -1.0, 1.0)
+    for second in range(4):
+        chronicle.look(2.0 * second, will, decision(wall), HERE)
+    assert len(written(journal)) == 1
+    chronicle.look(20.0, will, decision(EMPTY), HERE)
+    assert "A shorter way has opened" in written(journal)[-1][1]
+
+
+def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
+    journal = Journal()
+    before = intent(driving=False)
+    chronicle = Chronicle(journal, before)
+    edits: list[Intent] = [dataclasses.replace(before, zones=(ZONE,))]
+    edits.append(dataclasses.replace(edits[-1], zones=(dataclasses.replace(ZONE, enabled=False),)))
+    edits.append(dataclasses.replace(edits[-1], zones=()))
+    edits.append(dataclasses.replace(edits[-1], beware=BEWARE.edited("cup", enabled=False)))
+    edits.append(dataclasses.replace(edits[-1], mission=before.mission.start()))
+    edits.append(dataclasses.replace(edits[-1], mission=before.mission.start().arrive()))
+    for second, edit in enumerate(edits):
+        chronicle.look(float(second), edit, None, HERE)
+    assert [kind for kind, _ in written(journal)] == ["zone", "zone", "zone", "beware", "mission", "goal", "mission"]
+    said = [text for _, text in written(journal)]
+    assert said[0].endswith("was drawn.") and said[1].endswith("was switched off.") and said[2].endswith("was deleted.")
+    assert "need not be kept away from" in said[3] and "Goal 1 at (3.0, 0.0) is reached." in said
+
+
+def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
+    journal = Journal()
+    chronicle = Chronicle(journal, intent())
+    yielding = (StopReason(cause=Cause.YIELDING, text="Somebody is in the way."),)
+    for tenth in range(10):
+        chronicle.hear(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
+    chronicle.look(3.0, intent(), None, HERE)
+    assert [kind for kind, _ in written(journal)] == ["stopped", "released"]
+    assert "yielding lasted 0.9 s" in written(journal)[1][1]
+
+
+@given(st.lists(st.sampled_from(["zone", "goal", "seen"]), max_size=40), st.integers(0, 50), st.integers(1, 20))
+def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(kinds: list[Kind], since: int, limit: int) -> None:
+    journal = Journal(most=25)
+    for number, kind in enumerate(kinds):
+        journal.note(float(number), kind, f"{number}")
+    kept = [(number + 1, kind) for number, kind in enumerate(kinds)][-25:]
+    asked: tuple[Kind, ...] = ("zone",)
+    page = journal.page(kinds=asked, since=since, limit=limit)
+    wanted = [number for number, kind in kept if kind == "zone" and number > since][-limit:]
+    assert [entry.id for entry in page.entries] == wanted
+    assert page.newest == len(kinds) and page.oldest == (kept[0][0] if kept else 0)

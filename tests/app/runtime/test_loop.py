@@ -1,0 +1,261 @@
+"""The console's threads on a bench: whatever hangs or breaks above it, the command thread goes on and sends zero."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.runtime.loop import Loop
+from app.runtime.pilot import Intent, Pilot
+from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.mission import Mission
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.labels import Labels
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
+from navcore.safety import gate as safety
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
+from navcore.warmup import warm_up
+from tests.navcore.scene import Box, picture
+
+SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
+FRAME_S = 0.05
+
+
+class HangingSegmenter(ColourSegmenter):
+    """Labels by colour, until it is told to hang or to break."""
+
+    def __init__(self) -> None:
+        self.go_on = threading.Event()
+        self.go_on.set()
+        self.broken = False
+
+    def segment(self, frame: Frame, beware: Any) -> Labels:
+        """As the colour rules say."""
+        self.go_on.wait(20.0)
+        if self.broken:
+            raise RuntimeError("the network is gone")
+        return super().segment(frame, beware)
+
+
+@dataclass
+class Bench:
+    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall, with a little noise."""
+
+    sent: list[tuple[int, Twist]] = field(default_factory=list)
+    wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
+    covered: bool = False
+    stuck: bool = False
+    jumped_m: float = 0.0
+    held: bool = False
+    noise: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    newest: Frame | None = None
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+    def newest_frame(self) -> Frame | None:
+        return self.newest
+
+    def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
+        time.sleep(timeout_s if self.covered else FRAME_S)
+        if self.covered:
+            return None
+        rgb, depth_m = self.wall.rgb, self.wall.depth_m
+        if self.stuck and self.newest is not None:
+            rgb, depth_m = self.newest.rgb, self.newest.depth_m
+        else:
+            rgb = rgb + self.noise.integers(0, 4, rgb.shape, dtype=np.uint8)
+            depth_m = depth_m * self.noise.uniform(0.999, 1.001, depth_m.shape).astype(np.float32)
+        self.newest = dataclasses.replace(
+            self.wall,
+            stamp_ns=self.now_ns(),
+            rgb=rgb,
+            depth_m=depth_m,
+            pose=Pose2(x_m=self.jumped_m, y_m=0.0, yaw_rad=0.0),
+            twist=self.sent[-1][1] if self.sent and not self.held else STANDSTILL,
+        )
+        return self.newest
+
+    def send(self, twist: Twist) -> None:
+        self.sent.append((self.now_ns(), twist))
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass
+class Rig:
+    robot: Bench
+    pilot: Pilot
+    segmenter: HangingSegmenter
+    verdicts: list[Verdict]
+
+    def reasons(self) -> set[Cause]:
+        return {reason.cause for reason in self.verdicts[-1].reasons}
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    """A loop that drives towards a goal ahead."""
+    warm_up()
+    segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[Verdict]()
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
+    mission = Mission().add(2.5, 0.0, SPEC).start()
+    pilot = Pilot(navigator=navigator, profile=HUSKY, intent=Intent(mission=mission, beware=default_beware_list()))
+    loop = Loop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
+    loop.start()
+    yield Rig(robot=robot, pilot=pilot, segmenter=segmenter, verdicts=verdicts)
+    segmenter.go_on.set()
+    loop.stop()
+    assert robot.sent[-1][1] == STANDSTILL
+
+
+def until(holds: Any, patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not holds():
+        assert time.monotonic() < deadline, "it never came about"
+        time.sleep(0.01)
+
+
+def moving(rig: Rig) -> bool:
+    return bool(rig.robot.sent) and rig.robot.sent[-1][1].v_mps > 0.1
+
+
+def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_on_afterwards(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.segmenter.go_on.clear()
+    until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
+    assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
+    command = rig.pilot.thought.command
+    assert command is not None and command.twist.v_mps > 0
+    # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause between the two.
+    expired_ns = command.stamp_ns + COMMAND_LIFE_NS + 20_000_000
+
+    def late() -> list[Twist]:
+        return [twist for stamp_ns, twist in rig.robot.sent if stamp_ns > expired_ns]
+
+    until(lambda: len(late()) > 10)
+    assert all(twist == STANDSTILL for twist in late())
+    rig.segmenter.go_on.set()
+    until(lambda: moving(rig))
+
+
+def test_without_its_expiry_the_old_command_would_be_sent_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control of the test above: it is the gate's expiry that stops the robot."""
+    monkeypatch.setattr(safety, "COMMAND_LIFE_NS", 10**15)
+    monkeypatch.setattr(safety, "FRAME_LIFE_NS", 10**15)
+    until(lambda: moving(rig))
+    rig.segmenter.go_on.clear()
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 15)
+    assert rig.robot.sent[-1][1] != STANDSTILL
+
+
+def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:
+    for _ in range(20):
+        until(lambda: moving(rig))
+        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+        count = len(rig.robot.sent)
+        until(lambda since=count: len(rig.robot.sent) > since + 2)
+        assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+
+
+def test_a_tick_that_breaks_is_told_and_tried_again(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.segmenter.broken = True
+    until(lambda: Cause.PLANNER_FAILED in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    assert any("the network is gone" in reason.text for reason in rig.verdicts[-1].reasons)
+    rig.segmenter.broken = False
+    until(lambda: moving(rig))
+
+
+def test_a_camera_that_falls_silent_stops_the_robot_and_is_named(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.covered = True
+    until(lambda: Cause.STALE_FRAME in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    rig.robot.covered = False
+    until(lambda: moving(rig))
+
+
+def test_the_stop_outlives_everything_but_its_reset(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+    until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
+    rig.segmenter.go_on.clear()
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.verdicts[-1].reasons[0].cause is Cause.EMERGENCY_STOP
+    rig.segmenter.go_on.set()
+    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+    until(lambda: moving(rig))
+
+
+def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    good = rig.robot.wall
+    rig.robot.wall = dataclasses.replace(good, depth_m=good.depth_m * float("nan"))
+    until(lambda: Cause.BAD_FRAME in rig.reasons())
+    version = rig.pilot.navigator.map.version
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.verdicts[-1].reasons[0].cause is Cause.BAD_FRAME
+    assert rig.pilot.navigator.map.version == version
+    rig.robot.wall = good
+    until(lambda: moving(rig))
+
+
+def test_a_camera_that_repeats_its_picture_with_fresh_stamps_stops_the_robot_and_is_named(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.stuck = True
+    until(lambda: Cause.STUCK_CAMERA in rig.reasons())
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    rig.robot.stuck = False
+    until(lambda: moving(rig))
+
+
+def test_wheels_that_do_not_turn_are_not_pushed_on_until_the_operator_says_so(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.held = True
+    until(lambda: Cause.WHEELS_BLOCKED in rig.reasons())
+    rig.robot.held = False
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    rig.pilot.change_mission(Mission.pause)
+    until(lambda: Cause.WHEELS_BLOCKED not in rig.reasons())
+    rig.pilot.change_mission(Mission.resume)
+    until(lambda: moving(rig))
+
+
+def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.robot.jumped_m = 1.0
+    until(lambda: Cause.POSE_JUMP in rig.reasons())
+    version = rig.pilot.navigator.map.version
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 30)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert rig.pilot.navigator.map.version == version
+    rig.robot.jumped_m = 0.0
+    until(lambda: moving(rig))
+    rig.robot.jumped_m = 0.5
+    until(lambda: Cause.POSE_JUMP in rig.reasons())
+    rig.pilot.trust_pose()
+    until(lambda: moving(rig))

@@ -1,0 +1,461 @@
+"""The loop and the pilot that joins it to the operator: from a picture to what is sent to the wheels."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from app.runtime.pilot import Intent, Pilot
+from navcore.config.navigator import NavigatorConfig
+from navcore.control.motion import Motion, Outcome
+from navcore.costmap.costmap import Occupancy, nearest_free
+from navcore.errors import BadConfiguration, BadFrame, Refused
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.grid.cell_mask import Mask
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.order import Order
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.robot.driver import Command
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
+from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
+
+SECOND = 1_000_000_000
+OPEN = picture(stamp_ns=SECOND)
+NAN = dataclasses.replace(OPEN, depth_m=np.full_like(OPEN.depth_m, math.nan))
+ACROSS = Zone(id="z", name="across", polygon=((1.5, -7.9), (2.0, -7.9), (2.0, 7.9), (1.5, 7.9)))
+
+
+def navigator() -> Navigator:
+    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+
+
+def pilot(*goals: tuple[float, float]) -> Pilot:
+    mission = Mission()
+    for x, y in goals:
+        mission = mission.add(x, y, SPEC)
+    intent = Intent(mission=mission.start() if goals else mission, beware=RED_LIST)
+    return Pilot(navigator=navigator(), profile=HUSKY, intent=intent)
+
+
+def think(driver: Pilot, frame: Frame = OPEN) -> None:
+    driver.trust_pose()  # each picture of these tests stands for itself, whatever came before it
+    driver.think(frame, clock=lambda: frame.stamp_ns)
+
+
+def command(driver: Pilot, after_s: float = 0.0) -> Verdict:
+    newest = driver.thought.decision.frame if driver.thought.decision else None
+    return driver.command(lambda: SECOND + round(after_s * SECOND), 0.05, newest=newest)
+
+
+def causes(verdict: Verdict) -> list[Cause]:
+    return [reason.cause for reason in verdict.reasons]
+
+
+def test_a_driving_mission_moves_the_robot_towards_its_goal() -> None:
+    """Control of every standstill below."""
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    verdict = command(driver)
+    assert verdict.twist.v_mps > 0
+    assert verdict.reasons == ()
+    assert driver.sent == verdict.twist
+
+
+def test_before_the_first_picture_nothing_is_sent_and_the_reason_is_named() -> None:
+    verdict = command(pilot((3.0, 0.0)))
+    assert verdict.twist == STANDSTILL
+    assert causes(verdict) == [Cause.STALE_FRAME]
+
+
+def test_cancel_means_zero_at_the_next_command() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+    driver.change_mission(Mission.cancel)
+    assert command(driver).twist == STANDSTILL
+    think(driver)
+    assert command(driver).twist == STANDSTILL
+
+
+def test_a_cancel_during_the_tick_means_zero_although_the_tick_ends_later() -> None:
+    driver = pilot((3.0, 0.0))
+
+    def cancel_then_date() -> int:
+        driver.change_mission(Mission.cancel)
+        return SECOND
+
+    driver.think(OPEN, clock=cancel_then_date)
+    assert command(driver).twist == STANDSTILL
+
+
+def test_a_velocity_decided_for_a_cancelled_goal_is_not_sent_under_the_next() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    driver.change_mission(lambda mission: mission.cancel().add(-3.0, 0.0, SPEC).start())
+    assert command(driver, 0.1).twist == STANDSTILL
+
+
+def test_a_velocity_decided_before_a_zone_was_drawn_is_not_sent_after() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    here = dataclasses.replace(ACROSS, polygon=((0.55, -1.0), (1.5, -1.0), (1.5, 1.0), (0.55, 1.0)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(here,)))
+    assert command(driver, 0.1).twist == STANDSTILL
+
+
+def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    driver.change_mission(Mission.pause)
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.PAUSED])
+    driver.change_mission(Mission.resume)
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+    driver.change(lambda intent: dataclasses.replace(intent, stopped_by="ann"))
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.EMERGENCY_STOP])
+
+
+def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, 0.25).twist != STANDSTILL
+    assert (command(driver, 0.26).twist, causes(command(driver, 0.26))) == (STANDSTILL, [Cause.STALE_COMMAND])
+    assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
+
+
+def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, -0.05).reasons == ()
+    driver.command(lambda: 2 * SECOND, 0.05, newest=OPEN)
+    assert Cause.STALE_COMMAND in causes(command(driver, -0.2))
+
+
+def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -> None:
+    driver = pilot((0.05, 0.0), (3.0, 0.0))
+    think(driver)
+    assert [goal.id for goal in driver.intent.mission.reached] == [1]
+    assert driver.intent.mission.goal is not None
+    think(driver)
+    assert command(driver).twist.v_mps > 0
+    think(driver, picture(pose=Pose2(x_m=3.0, y_m=0.05, yaw_rad=0.0), stamp_ns=SECOND))
+    assert [goal.id for goal in driver.intent.mission.reached] == [1, 2]
+    assert driver.intent.mission.phase is Phase.IDLE
+    assert command(driver).twist == STANDSTILL
+
+
+def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = pilot((3.0, 0.0))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    monkeypatch.setattr(driver.navigator, "move", lambda *rest, **named: Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED))
+    think(driver)
+    before = len(driver.intent.mission.reached)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=()))
+    think(driver)  # control: with a path the same word ends the mission
+    assert (before, len(driver.intent.mission.reached)) == (0, 1)
+
+
+def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
+    driver = pilot((0.05, 0.0))
+    think(driver, dataclasses.replace(OPEN, twist=Twist(v_mps=0.5, w_radps=0.0)))
+    assert driver.intent.mission.reached == ()
+    assert driver.intent.mission.phase is Phase.DRIVING
+
+
+def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
+    driver = pilot()
+    wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
+    think(driver, wall)
+    before = driver.navigator.map.points
+    with pytest.raises(BadConfiguration, match="pose ID 5 is not on the map, which has 1"):
+        driver.correct_poses({0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)})
+    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    # A picture from elsewhere, so that the old pose's points are not replaced.
+    think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
+    after = driver.navigator.map.points
+    moved = after.pose_ids == 0
+    assert moved.sum() == len(before.points_map) > 0
+    np.testing.assert_allclose(
+        np.sort(after.points_map[moved, 1]), np.sort(before.points_map[:, 1] + np.float32(0.5)), atol=1e-5
+    )
+
+
+def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:
+    driver = pilot((0.05, 0.0), (3.0, 0.0))
+
+    def remove_then_date() -> int:
+        driver.change_mission(lambda mission: mission.remove(1))
+        return SECOND
+
+    driver.think(OPEN, clock=remove_then_date)
+    assert driver.intent.mission.reached == ()
+    assert [goal.id for goal in driver.intent.mission.queue] == [2]
+
+
+def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_reason() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
+    assert command(driver).twist != STANDSTILL
+    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.explored.seen.bools
+    driver.trust_pose()
+    assert driver.think(NAN, clock=lambda: SECOND) is None
+    after = driver.navigator.map.points
+    np.testing.assert_array_equal(before.points_map, after.points_map)
+    np.testing.assert_array_equal(seen, driver.navigator.map.explored.seen.bools)
+    assert driver.navigator.map.version == version
+    verdict = command(driver)
+    assert verdict.twist == STANDSTILL
+    assert Cause.BAD_FRAME in causes(verdict)
+    assert "non-finite" in verdict.reasons[0].text
+    think(driver, picture(stamp_ns=SECOND))
+    assert driver.navigator.map.version > version
+    assert command(driver).reasons == ()
+
+
+def test_an_edit_that_is_refused_changes_nothing() -> None:
+    driver = pilot()
+    before = driver.intent
+    with pytest.raises(Refused):
+        driver.change_mission(Mission.start)
+    assert driver.intent is before
+
+
+def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
+    driver = pilot((5.0, 0.0))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    think(driver)
+    assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.NO_PATH])
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(dataclasses.replace(ACROSS, enabled=False),)))
+    think(driver)
+    assert command(driver).twist != STANDSTILL
+
+
+def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
+    driver = pilot((3.0, 0.0))
+    around = dataclasses.replace(ACROSS, polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(around,)))
+    think(driver)
+    assert command(driver).twist == STANDSTILL
+    assert causes(command(driver))
+
+
+RED_PATCH = Paint(x=(1.6, 2.4), y=(-0.5, 0.5))
+
+
+def order(
+    goal: tuple[float, float] | None = (4.0, 0.0),
+    *,
+    enabled: bool = True,
+    zones: tuple[Zone, ...] = (),
+    leave: bool = False,
+) -> Order:
+    return Order(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave)
+
+
+def test_the_path_leads_around_a_red_floor_and_across_it_once_the_class_is_off() -> None:
+    loop = navigator()
+    around = loop.tick(picture(RED_PATCH), order()).route
+    across = loop.tick(picture(RED_PATCH), order(enabled=False)).route
+    assert around is not None
+    assert across is not None
+    assert isinstance(around.outcome, Path)
+    assert isinstance(across.outcome, Path)
+    assert across.outcome.length == 40.0
+    assert around.outcome.length > 42.0
+    assert np.abs(around.points[:, 1]).max() > 0.8
+
+
+def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
+    loop = navigator()
+    with pytest.raises(BadFrame):
+        loop.tick(NAN, order())
+    assert loop.map.version == 0
+    assert not loop.map.explored.seen.bools.any()
+
+
+def test_without_a_goal_the_robot_looks_and_stands() -> None:
+    decision = navigator().tick(picture(Box(x=(2, 3), y=(-1, 1), z=(0, 1))), order(None))
+    assert decision.route is None
+    assert decision.motion.outcome is Outcome.IDLE
+    assert decision.occupancy.grid.geometric.any()
+
+
+def test_a_goal_in_a_zone_is_blocked_and_the_path_ends_exactly_at_a_free_one() -> None:
+    loop = navigator()
+    blocked = loop.tick(OPEN, order((1.75, 0.0), zones=(ACROSS,))).route
+    assert blocked is not None
+    assert blocked.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+    free = loop.tick(OPEN, order((1.234, 0.567))).route
+    assert free is not None
+    assert free.points[-1].tolist() == free.waypoints[-1].tolist() == [1.234, 0.567]
+
+
+def test_planning_a_preview_changes_neither_map_nor_route() -> None:
+    loop = navigator()
+    decision = loop.tick(OPEN, order())
+    everything = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    walled = Occupancy.of(decision.occupancy.grid, everything, version=-1)
+    assert loop.preview(walled, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
+    again = loop.tick(OPEN, order())
+    assert again.route is decision.route
+    assert again.occupancy is decision.occupancy
+
+
+def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> None:
+    blocked = np.zeros((20, 20), dtype=np.bool_)
+    blocked[5:12, 5:12] = True
+    assert nearest_free(Mask.of(~blocked), (3, 3), 0.0) == (3, 3)
+    assert nearest_free(Mask.of(~blocked), (8, 6), 2.0) == (8, 4)
+    assert nearest_free(Mask.of(~blocked), (8, 8), 3.9) is None
+    assert nearest_free(Mask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
+    assert nearest_free(Mask.of(~blocked), (-1, 30), 4.0) == (-1, 30)
+
+
+BY_HAND = Twist(v_mps=0.3, w_radps=0.0)
+
+
+def pushed(driver: Pilot, twist: Twist = BY_HAND) -> Pilot:
+    """A hand on the robot, at the moment of the picture."""
+    hand = Command(twist=twist, stamp_ns=SECOND)
+    driver.change(lambda intent: dataclasses.replace(intent, by_hand=hand))
+    return driver
+
+
+def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None:
+    driver = pilot()
+    think(driver)
+    assert command(pushed(driver)).twist.v_mps == pytest.approx(HUSKY.max_accel_mps2 * 0.05)
+    assert command(driver, after_s=0.2).twist.v_mps == BY_HAND.v_mps
+    late = command(driver, after_s=0.26)
+    assert late.twist == STANDSTILL and late.reasons == ()
+
+
+def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control of the test above."""
+    monkeypatch.setattr("app.runtime.pilot.HAND_LIFE_NS", 10**15)
+    monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", 10**15)
+    driver = pilot()
+    think(driver)
+    assert command(pushed(driver), after_s=0.4).twist.v_mps > 0
+
+
+def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
+    stopped = pushed(pilot())
+    think(stopped)
+    stopped.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
+    assert causes(command(stopped)) == [Cause.EMERGENCY_STOP] and stopped.sent == STANDSTILL
+    wall = pilot()
+    think(wall, picture(Box(x=(0.53, 1.0), y=(-2, 2), z=(0, 1)), stamp_ns=SECOND))
+    assert causes(command(pushed(wall))) == [Cause.CONTACT_IMMINENT] and wall.sent == STANDSTILL
+    driving = pilot((3.0, 0.0))
+    think(driving)
+    command(pushed(driving, Twist(v_mps=-0.3, w_radps=0.0)))
+    assert driving.sent.v_mps > 0
+
+
+def spoilt(frame: Frame, what: str) -> Frame:
+    if what == "covered":
+        return dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m))
+    if what == "unmounted":
+        return dataclasses.replace(frame, T_base_camera=np.full((4, 4), -math.inf))
+    return dataclasses.replace(frame, depth_m=frame.depth_m[:3])
+
+
+@pytest.mark.parametrize("what", ["covered", "unmounted", "cut"])
+def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(what: str) -> None:
+    corner = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))
+    driver = pushed(pilot())
+    assert driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps > 0
+    near = driver._near
+    verdict = driver.command(lambda: SECOND + 1, 0.05, newest=spoilt(picture(stamp_ns=SECOND + 1), what))
+    assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
+    assert driver._near is near and len(near.points)
+    assert driver.command(lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)).twist.v_mps > 0
+
+
+def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
+    near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
+    driver = pilot()
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(near,)))
+    think(driver)
+    assert causes(command(pushed(driver))) == [Cause.BEWARE_AHEAD] and driver.sent == STANDSTILL
+    assert command(pushed(driver, Twist(v_mps=-0.2, w_radps=0.0))).twist.v_mps < 0
+
+
+def test_a_command_that_expires_while_the_gate_looks_is_not_sent() -> None:
+    driver = pilot((3.0, 0.0))
+    think(driver)
+    assert command(driver, 0.1).twist != STANDSTILL
+    times = iter([SECOND + COMMAND_LIFE_NS - 1, SECOND + COMMAND_LIFE_NS + 1])  # on entering, and after a slow look
+    verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
+    assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
+
+
+def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_jumped() -> None:
+    driver = pilot((3.0, 0.0))
+    wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
+    driver.command(lambda: SECOND, 0.05, newest=wall)
+    before = len(driver._near.points)
+    driver.trust_pose()
+    assert len(driver._near.points) == before > 0
+    away = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
+    driver.command(lambda: 2 * SECOND, 0.05, newest=wall)
+    driver.command(lambda: 2 * SECOND, 0.05, newest=picture(stamp_ns=SECOND + 100_000_000, pose=away))
+    assert driver.pose_in_doubt
+    driver.trust_pose()
+    assert len(driver._near.points) == 0 and not driver.pose_in_doubt
+
+
+NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
+
+
+@pytest.mark.parametrize("thought_before", [False, True])
+def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(thought_before: bool) -> None:
+    driver = pilot()
+    if thought_before:
+        think(driver)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
+    driver.note_failure(OPEN, RuntimeError("no weights"))
+    ahead = pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN)
+    assert ahead.twist == STANDSTILL and Cause.BEWARE_AHEAD in causes(ahead)
+    back = pushed(driver, Twist(v_mps=-0.2, w_radps=0.0)).command(lambda: SECOND, 0.05, newest=OPEN)
+    assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
+
+
+def test_a_speed_limit_holds_for_a_hand_too() -> None:
+    limit = dataclasses.replace(NEAR, polygon=((-2.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-2.0, 2.0)))
+    limit = dataclasses.replace(limit, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.1)
+    for zones, fastest in (((limit,), 0.1), ((), 0.5)):
+        driver = pushed(pilot(), Twist(v_mps=0.5, w_radps=0.2))
+        driver.change(lambda intent, zones=zones: dataclasses.replace(intent, zones=zones))  # type: ignore[misc]
+        think(driver)
+        for _ in range(10):
+            sent = command(driver).twist
+        assert sent.v_mps == pytest.approx(fastest) and sent.w_radps == pytest.approx(0.4 * fastest)
+
+
+@pytest.mark.parametrize("accepted", [True, False])
+def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(accepted: bool) -> None:
+    driver = pilot((3.0, 0.0))
+    driver.think(OPEN, clock=lambda: SECOND)
+    there = Pose2(x_m=-5.0, y_m=-5.0, yaw_rad=0.0)
+    for late_ns in (100_000_000, 200_000_000):
+        elsewhere = picture(Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there)
+        driver.think(elsewhere, clock=lambda: SECOND)
+    assert driver.pose_in_doubt
+    if accepted:
+        driver.trust_pose()
+    else:
+        driver._mapped = driver._watched = type(driver._mapped)()  # the control: believed, and nobody has put it down there
+    driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
+    trodden = driver.navigator.map.explored.known(SPEC)
+    row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
+    assert trodden[row, col] == accepted

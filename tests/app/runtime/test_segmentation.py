@@ -1,0 +1,130 @@
+"""Which segmenter drives, and that it is said when it is not the one it should be."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from pathlib import Path
+
+import pytest
+import torch
+
+from app.runtime.segmentation import CAMERA, colour_perception, compose, measure_segmenter
+from app.runtime.segmenter_choice import SegmenterChoice
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import default_beware_list
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.esanet import build
+from navcore.perception.esanet.inference.network_file import open_network
+from navcore.perception.esanet.inference.selection import Trial, open_inference
+from navcore.perception.esanet.network.preprocess import DepthStatistics
+from navcore.perception.esanet.weights.weights_file import WeightsCard, save
+from navcore.perception.fused_segmenter import JointSegmenter
+from navcore.perception.labels import Finder
+from tests.navcore.scene import picture
+
+NAMES = ("background", "books", "cup", "red floor")
+DEPTH = DepthStatistics(mean=2000.0, std=1000.0, units_per_m=1000.0)
+
+
+def weights(folder: Path, seed: int = 0) -> Path:
+    torch.manual_seed(seed)
+    path = folder / f"w{seed}.safetensors"
+    card = WeightsCard(variant="r18-nbt1d", num_classes=4, width=1 / 8, class_names=NAMES, depth=DEPTH, source_sha256="0" * 64)
+    save(build("r18-nbt1d", 4, width=1 / 8).eval(), card, path)
+    return path
+
+
+def damaged(folder: Path) -> Path:
+    path = weights(folder)
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    return path
+
+
+def test_without_shipped_weights_the_colour_rules_drive_and_say_so(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        perception = compose(SegmenterChoice(), shipped=tmp_path / "none.safetensors")
+    assert isinstance(perception.segmenter, ColourSegmenter)
+    assert perception.warning is not None
+    assert "no trained weights" in perception.warning
+    assert perception.warning in caplog.text
+
+
+def test_damaged_weights_are_never_driven_with(tmp_path: Path) -> None:
+    broken = damaged(tmp_path)
+    perception = compose(SegmenterChoice(), shipped=broken)
+    assert isinstance(perception.segmenter, ColourSegmenter)
+    assert "damaged" in (perception.warning or "")
+    with pytest.raises(BadConfiguration, match="damaged"):
+        compose(SegmenterChoice(weights=broken))
+
+
+def test_a_network_asked_for_by_name_is_refused_when_it_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(BadConfiguration, match=r"none\.safetensors: no such file"):
+        compose(SegmenterChoice(kind="network"), shipped=tmp_path / "none.safetensors")
+    with pytest.raises(BadConfiguration, match="no weights; leave one"):
+        compose(SegmenterChoice(kind="colour", weights=weights(tmp_path)))
+
+
+def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_alias(tmp_path: Path) -> None:
+    perception = compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1))
+    assert isinstance(perception.segmenter, JointSegmenter)
+    assert perception.warning is None
+    assert "torch f32" in perception.title
+    beware = default_beware_list()
+    found = {entry.name: perception.segmenter.finds(entry) for entry in beware.classes}
+    assert (found["red floor"], found["book"], found["cup"]) == (Finder.BOTH, Finder.NETWORK, Finder.NETWORK)
+    assert found["person"] is Finder.NOTHING
+    labels = perception.segmenter.segment(picture(), beware)
+    assert labels.class_ids.shape == labels.confidence.shape == picture().depth_m.shape
+
+
+def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(tmp_path: Path) -> None:
+    first = compose(SegmenterChoice(weights=weights(tmp_path, 1), engine="torch", threads=1))
+    other = compose(SegmenterChoice(weights=weights(tmp_path, 2), engine="torch", threads=1))
+    assert len({first.identity, other.identity, colour_perception().identity}) == 3
+    assert compose(first.choice).identity == first.identity
+    assert compose(colour_perception().choice).identity == colour_perception().identity
+
+
+def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    what, trials = measure_segmenter(weights(tmp_path), trial_s=0.0, threads=1)
+    assert what.startswith("r18-nbt1d × 0.125, 4 classes, 416 × 256")
+    assert trials[-1].name == "torch f32"
+    assert all(0 < trial.p50_ms <= trial.p99_ms for trial in trials if trial.failure is None)
+    monkeypatch.setattr("app.runtime.segmentation.SHIPPED", tmp_path / "none.safetensors")
+    monkeypatch.setattr("app.runtime.segmentation.tried", lambda file, **how: iter(()))
+    assert "RANDOM" in measure_segmenter()[0]
+    with pytest.raises(BadConfiguration):
+        measure_segmenter(tmp_path / "none.safetensors")
+    assert (CAMERA.height, CAMERA.width) == (240, 424)
+
+
+def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_smaller_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
+    assert "416 × 256" in compose(choice).title
+    monkeypatch.setattr("app.runtime.segmentation.SLOW_MS", 0.0)
+    small = compose(choice)
+    assert "320 × 192" in small.title
+    assert "320 × 192" in small.identity
+    assert "too slow" in caplog.text
+    assert compose(small.choice).identity == small.identity
+    labels = small.segmenter.segment(picture(), default_beware_list())
+    assert labels.class_ids.shape == picture().depth_m.shape
+    # Where the world waits, or who names an engine, gets the whole size, however slow: for figures that others get, too.
+    assert "416 × 256" in compose(dataclasses.replace(choice, live=False)).title
+    assert "416 × 256" in compose(dataclasses.replace(choice, engine="torch")).title
+
+
+def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = open_network(weights(tmp_path), camera=CAMERA)
+    engine, _ = open_inference(file, "torch", threads=1)
+    trials = tuple(Trial(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0)))
+    monkeypatch.setattr("app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials))
+    assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title

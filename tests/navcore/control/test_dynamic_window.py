@@ -1,0 +1,126 @@
+"""Among those who look out for nobody the robot gets out of the way, and onto nothing else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from navcore.config.control import LocalRules
+from navcore.config.people import PeopleRules
+from navcore.control.local_planner import plan_motion
+from navcore.control.motion import IDLE, Outcome
+from navcore.control.social import Bodies
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY, RobotProfile, load_profile
+
+JACKAL = load_profile("jackal")
+HEEDLESS = PeopleRules(heedless=True)
+NONE: npt.NDArray[np.float64] = np.empty((0, 2))
+RADIUS_M, STEP_S = 0.5, 0.1
+
+
+def gap_m(pose: Pose2, x_m: float, y_m: float, profile: RobotProfile) -> float:
+    """From the robot's outline to a point."""
+    at = pose.from_parent(np.array([x_m, y_m]))
+    return math.hypot(max(abs(at[0]) - profile.length_m / 2, 0.0), max(abs(at[1]) - profile.width_m / 2, 0.0))
+
+
+def limited(asked: Twist, now: Twist, profile: RobotProfile) -> Twist:
+    """As the platform follows it within one step."""
+    dv, dw = profile.max_accel_mps2 * STEP_S, profile.max_yaw_accel_radps2 * STEP_S
+    return Twist(
+        v_mps=now.v_mps + float(np.clip(asked.v_mps - now.v_mps, -dv, dv)),
+        w_radps=now.w_radps + float(np.clip(asked.w_radps - now.w_radps, -dw, dw)),
+    )
+
+
+def driven_on(pose: Pose2, twist: Twist) -> Pose2:
+    turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=twist.w_radps * STEP_S / 2)
+    return pose @ turn @ Pose2(x_m=twist.v_mps * STEP_S, y_m=0.0, yaw_rad=0.0) @ turn
+
+
+def meeting(
+    walker: tuple[float, float, float, float],
+    *,
+    goal_m: float = 12.0,
+    profile: RobotProfile = JACKAL,
+    walls: npt.NDArray[np.float64] = NONE,
+    drives: bool = True,
+) -> tuple[float, float, Pose2]:
+    """The least gap to a walker (x, y, vx, vy, known from the start), the least to any wall, and the last pose."""
+    pose, twist, motion = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), STANDSTILL, IDLE
+    path = np.column_stack([np.linspace(0.0, goal_m, 121), np.zeros(121)])
+    near_walker, near_wall = math.inf, math.inf
+    x, y, vx, vy = walker
+    for step in range(80):
+        person = Track(
+            id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=RADIUS_M, age_s=2.0, last_seen_ns=0,
+            pace_mps=math.hypot(vx, vy), course_rad=math.atan2(vy, vx),
+        )  # fmt: skip
+        if drives:
+            motion = plan_motion(
+                geometric=pose.from_parent(walls), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
+                profile=profile, rules=LocalRules(), cell_m=0.05, people=Bodies.of((person,), pose, HEEDLESS),
+                manners=HEEDLESS, now=twist,
+            )  # fmt: skip
+            twist = limited(motion.twist, twist, profile)
+            pose = driven_on(pose, twist)
+        x, y = x + STEP_S * vx, y + STEP_S * vy
+        near_walker = min(near_walker, gap_m(pose, x, y, profile) - RADIUS_M)
+        near_wall = min([near_wall, *(gap_m(pose, wall_x, wall_y, profile) for wall_x, wall_y in walls.tolist())])
+        assert step < 79 or motion.outcome is not Outcome.BOXED_IN
+    return near_walker, near_wall, pose
+
+
+def encounters(count: int) -> list[tuple[float, float, float, float]]:
+    """Who would walk over a robot that stands, or over one that drives straight on: from anywhere, at 0.6 to 1.5 m/s."""
+    rng, found = np.random.default_rng(0), []
+    for index in range(count):
+        bearing, pace = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 1.5)
+        after_s = rng.uniform(2.0, 3.0)
+        aim_x = 0.0 if index % 2 else JACKAL.max_speed_mps * (after_s - 0.25)
+        vx, vy = pace * math.cos(bearing), pace * math.sin(bearing)
+        found.append((aim_x - after_s * vx, -after_s * vy, vx, vy))
+    return found
+
+
+@pytest.mark.parametrize("walker", encounters(30))
+def test_nobody_who_is_seen_in_time_meets_the_robot_and_it_gets_on(walker: tuple[float, float, float, float]) -> None:
+    near_walker, _, pose = meeting(walker)
+    assert near_walker > 0.05
+    assert pose.x_m > 8.0
+
+
+def test_half_of_them_would_have_walked_over_a_robot_that_stands() -> None:
+    met = [meeting(walker, drives=False)[0] <= 0.0 for walker in encounters(30)]
+    assert sum(met) >= 15
+
+
+@pytest.mark.parametrize("pace", [0.6, 0.9])
+def test_the_husky_gets_out_of_the_way_of_somebody_who_walks_towards_it(pace: float) -> None:
+    assert meeting((3.0, 0.0, -pace, 0.0), profile=HUSKY)[0] > 0.05
+
+
+def test_it_drives_onto_no_wall_to_get_out_of_the_way() -> None:
+    x = np.arange(-4.0, 14.0, 0.05)
+    corridor = np.vstack([np.column_stack([x, np.full_like(x, side)]) for side in (-0.6, 0.6)])
+    _, near_wall, _ = meeting((5.0, 0.0, -0.6, 0.0), walls=corridor)
+    assert near_wall > 0.0
+
+
+def test_who_yields_as_ever_stands_before_the_same_walker() -> None:
+    pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    person = Track(id=1, x_m=1.6, y_m=0.0, vx_mps=-1.0, vy_mps=0.0, radius_m=0.3, age_s=2.0, last_seen_ns=0, pace_mps=1.0)
+    path = np.column_stack([np.linspace(0.0, 5.0, 51), np.zeros(51)])
+    outcomes = {}
+    for manners in (PeopleRules(), HEEDLESS):
+        motion = plan_motion(
+            geometric=NONE, ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=IDLE, profile=JACKAL,
+            rules=LocalRules(), cell_m=0.05, people=Bodies.of((person,), pose, manners), manners=manners,
+        )  # fmt: skip
+        outcomes[manners.heedless] = (motion.outcome, motion.twist == STANDSTILL)
+    assert outcomes == {False: (Outcome.YIELD, True), True: (Outcome.DODGE, False)}

@@ -1,0 +1,437 @@
+"""The local planner never drives the true, oriented footprint onto a cell, and does what the path asks where there is room."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.config.control import LocalRules
+from navcore.control.collision_checker import Surroundings, candidates
+from navcore.control.local_planner import Points, plan_motion
+from navcore.control.motion import IDLE, Motion, Outcome
+from navcore.control.social import MANNERS, NOBODY, Bodies
+from navcore.costmap.local_costmap import hard_cells, nearby, outside
+from navcore.geometry.polyline import path_from
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.robot.profile import HUSKY
+from tests.navcore.laws import law
+
+SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
+RULES, FALCO = LocalRules(), LocalRules(primitives="falco")
+BOTH = pytest.mark.parametrize("rules", [RULES, FALCO], ids=["arcs", "falco"])
+NONE: Points = np.empty((0, 2))
+AHEAD: Points = np.column_stack([np.linspace(0, 3, 31), np.zeros(31)])
+ORIGIN = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+HOLD_S = 0.25
+TURNING = Motion(twist=STANDSTILL, outcome=Outcome.TURN)
+
+
+def decide(
+    *,
+    geometric: Points = NONE,
+    ruled: Points = NONE,
+    unseen: Points = NONE,
+    path: Points = AHEAD,
+    previous: Motion = IDLE,
+    rules: LocalRules = RULES,
+    people: Bodies = NOBODY,
+    goal_yaw_rad: float | None = None,
+    insists: bool = False,
+    pose: Pose2 = ORIGIN,
+) -> Motion:
+    """A decision, by default at the map's origin, where the base frame is the map frame."""
+    return plan_motion(
+        geometric=geometric,
+        ruled=ruled,
+        unseen=unseen,
+        path_map=path,
+        pose=pose,
+        previous=previous,
+        profile=HUSKY,
+        rules=rules,
+        cell_m=0.1,
+        people=people,
+        goal_yaw_rad=goal_yaw_rad,
+        insists=insists,
+    )
+
+
+def stands(motion: Motion, outcome: Outcome) -> bool:
+    return motion.twist == STANDSTILL and motion.outcome is outcome
+
+
+def simulated(twist: Twist, start: Pose2) -> list[Pose2]:
+    """Where the robot comes by when the twist is held until it expires and the wheels then brake along the same arc."""
+    step_s, pose, poses = 0.005, start, [start]
+    share, elapsed = 1.0, 0.0
+    fade = max(abs(twist.v_mps) / HUSKY.max_accel_mps2, abs(twist.w_radps) / HUSKY.max_yaw_accel_radps2, 1e-9)
+    while share > 0:
+        turn = twist.w_radps * share * step_s
+        pose = pose @ Pose2(x_m=0, y_m=0, yaw_rad=turn / 2)
+        pose = pose @ Pose2(x_m=twist.v_mps * share * step_s, y_m=0, yaw_rad=0) @ Pose2(x_m=0, y_m=0, yaw_rad=turn / 2)
+        poses.append(pose)
+        elapsed += step_s
+        if elapsed > HOLD_S:
+            share -= step_s / fade
+    return poses
+
+
+def footprints(poses: list[Pose2]) -> npt.NDArray[np.object_]:
+    """The oriented body at each pose, less a tenth of a millimetre of rounding."""
+    corners = HUSKY.footprint(-1e-4)
+    turned = [
+        corners @ np.array([[math.cos(p.yaw_rad), math.sin(p.yaw_rad)], [-math.sin(p.yaw_rad), math.cos(p.yaw_rad)]])
+        + [p.x_m, p.y_m]
+        for p in poses
+    ]
+    return np.asarray(shapely.polygons(np.array(turned)))
+
+
+def squares(mask: BoolGrid) -> npt.NDArray[np.object_]:
+    """The marked cells as squares of the map frame."""
+    x, y = SPEC.centres(np.argwhere(mask)).T
+    return np.asarray(shapely.box(x - 0.05, y - 0.05, x + 0.05, y + 0.05))
+
+
+def newly_touched(twist: Twist, pose: Pose2, mask: BoolGrid) -> int:
+    """Cells outside the footprint now, that the motion drives onto."""
+    cells = squares(mask)
+    bodies = footprints(simulated(twist, pose))
+    shapely.prepare(bodies)
+    hits = shapely.intersects(bodies[:, None], cells[None, :])
+    return int((hits[1:].any(axis=0) & ~hits[0]).sum())
+
+
+def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
+    """A robot somewhere among cells that do not touch it (a few may), tight or wide, with a path anywhere."""
+    rng = np.random.default_rng(seed)
+    pose = Pose2(x_m=rng.uniform(-0.3, 0.3), y_m=rng.uniform(-0.3, 0.3), yaw_rad=rng.uniform(-math.pi, math.pi))
+    mask = rng.random((SPEC.rows, SPEC.cols)) < rng.choice([0.005, 0.02, 0.05, 0.15, 0.4])
+    x, y = SPEC.centres(np.argwhere(np.ones_like(mask))).T
+    room = rng.choice([0.001, 0.02, 0.06, 0.12, 0.25])
+    body = shapely.buffer(footprints([pose])[0], room)
+    shapely.prepare(body)
+    touching = shapely.intersects(body, shapely.box(x - 0.05, y - 0.05, x + 0.05, y + 0.05)).reshape(mask.shape)
+    mask &= ~touching
+    if rng.random() < 0.15:
+        mask |= touching & (rng.random(mask.shape) < 0.02)
+    ruled = mask & (rng.random(mask.shape) < 0.5)
+    bearing, length = rng.uniform(-math.pi, math.pi), rng.uniform(0.3, 3.0)
+    if rng.random() < 0.6:
+        bearing *= 0.2
+    along = np.linspace(0, length, 30)
+    path = np.column_stack([along * math.cos(bearing), along * math.sin(bearing) + rng.uniform(-0.3, 0.3) * along**2])
+    return pose, mask & ~ruled, ruled, path, TURNING if rng.random() < 0.3 else IDLE
+
+
+def decision_in(seed: int, rules: LocalRules = RULES) -> tuple[Motion, Pose2, BoolGrid]:
+    pose, geometric, ruled, path, previous = world(seed)
+    grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
+    motion = decide(
+        geometric=nearby(geometric, grid, pose, 2.6),
+        ruled=nearby(ruled, grid, pose, 2.6),
+        path=path,
+        previous=previous,
+        rules=rules,
+    )
+    return motion, pose, geometric | ruled
+
+
+@pytest.mark.parametrize(("batch", "rules"), [*((batch, RULES) for batch in range(6)), (0, FALCO)])
+def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int, rules: LocalRules) -> None:
+    touched = {}
+    for seed in range(200 * batch, 200 * (batch + 1)):
+        motion, pose, mask = decision_in(seed, rules)
+        count = newly_touched(motion.twist, pose, mask)
+        if count:
+            touched[seed] = (count, motion.outcome.name, motion.twist)
+    assert not touched
+
+
+@BOTH
+def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules: LocalRules) -> None:
+    driven = 0
+    for seed in range(120):
+        motion, pose, _ = decision_in(seed, rules)
+        if motion.outcome is not Outcome.FOLLOW:
+            assert motion.arc is None
+            continue
+        _, geometric, ruled, _, _ = world(seed)
+        grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
+        near = [nearby(mask, grid, pose, 2.6) for mask in (geometric, ruled)]
+        points, free = candidates(geometric=near[0], ruled=near[1], profile=HUSKY, rules=rules, cell_m=0.1, among=motion.among)
+        assert motion.arc is not None and free[motion.arc] > 0
+        if motion.among is None:
+            # An arc's first point lies so little ahead that its last one tells the side it bends to.
+            assert np.sign(motion.twist.w_radps) == np.sign(points[motion.arc, -1, 1].round(9))
+        else:
+            bend = motion.among.bends_1pm[motion.arc]
+            assert motion.twist.w_radps == pytest.approx(bend * motion.twist.v_mps)
+        driven += 1
+    assert driven > 20
+
+
+def test_falcos_paths_begin_at_the_headings_that_the_body_can_turn_to() -> None:
+    """Where the body fits beside a thing its corners may still not get past it."""
+
+    def headings(*posts: tuple[float, float]) -> list[int]:
+        near = Surroundings(
+            obstacles=np.array(posts), unseen=NONE, reach_m=0.07, profile=HUSKY, rules=FALCO, people=NOBODY, manners=MANNERS
+        )
+        return [10 * (at - 18) for at in np.flatnonzero(near.falco_headings()).tolist()]
+
+    assert headings((5.0, 5.0)) == list(range(-180, 180, 10))
+    assert headings((0.36, 0.55)) == list(range(-80, 11, 10))  # met by turning left, and by the rear after a right turn
+    assert headings((0.36, -0.55)) == list(range(-10, 81, 10))
+    assert headings((0.36, 0.55), (0.36, -0.55)) == [-10, 0, 10]
+
+
+def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:
+    """Control: full speed ahead in the same worlds touches cells, and the planner moves in most of the open ones."""
+    reckless, moving, kinds = 0, 0, set()
+    for seed in range(150):
+        motion, pose, mask = decision_in(seed)
+        reckless += newly_touched(Twist(v_mps=1.0, w_radps=0.0), pose, mask) > 0
+        moving += motion.twist != STANDSTILL
+        kinds.add(motion.outcome)
+    assert reckless > 30
+    assert moving > 50
+    assert kinds >= {Outcome.FOLLOW, Outcome.TURN, Outcome.BACK, Outcome.BOXED_IN}
+
+
+@law(200)
+@given(st.integers(0, 2**32 - 1))
+def test_every_twist_is_finite_and_within_the_platforms_limits(seed: int) -> None:
+    twist = decision_in(seed)[0].twist
+    assert -HUSKY.max_speed_mps <= twist.v_mps <= HUSKY.max_speed_mps
+    assert abs(twist.w_radps) <= HUSKY.max_yaw_rate_radps
+
+
+def test_an_open_path_is_followed_straight_ahead() -> None:
+    motion = decide()
+    assert motion.outcome is Outcome.FOLLOW
+    assert motion.twist.v_mps > 0.7
+    assert motion.twist.w_radps == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_robot_turns_in_place_towards_a_path_that_leads_back(side: float) -> None:
+    motion = decide(path=AHEAD * [-1.0, 1.0] + [0.0, side * 0.3])
+    assert motion.outcome is Outcome.TURN
+    assert motion.twist.v_mps == 0.0
+    assert math.copysign(1.0, motion.twist.w_radps) == side
+
+
+def test_the_robot_does_not_turn_in_place_where_its_corners_would_touch() -> None:
+    walls = np.array([(x, y) for x in np.arange(-2, 2.01, 0.1) for y in (0.5, -0.5)])
+    motion = decide(geometric=walls, path=AHEAD * -1.0)
+    assert motion.outcome is not Outcome.TURN
+    assert decide(geometric=walls * [1.0, 2.0], path=AHEAD * -1.0).outcome is Outcome.TURN
+
+
+def test_the_robot_turns_the_long_way_round_when_the_short_way_is_blocked() -> None:
+    behind_left = math.radians(100)
+    path = AHEAD[:, :1] * [math.cos(behind_left), math.sin(behind_left)]
+    corner = np.array([[0.36, 0.5]])
+    motion = decide(geometric=corner, path=path)
+    assert decide(path=path).twist.w_radps > 0
+    assert motion.outcome is not Outcome.TURN or motion.twist.w_radps < 0
+
+
+def test_turning_goes_on_until_the_path_lies_ahead() -> None:
+    slanted = AHEAD[:, :1] * [math.cos(math.radians(30)), math.sin(math.radians(30))]
+    assert decide(path=slanted).outcome is Outcome.FOLLOW
+    assert decide(path=slanted, previous=TURNING).outcome is Outcome.TURN
+
+
+def ring(reach_x: float, reach_y: float) -> Points:
+    x, y = np.arange(-reach_x, reach_x + 0.01, 0.05), np.arange(-reach_y, reach_y + 0.01, 0.05)
+    return np.vstack([*([[v, s * reach_y] for v in x] for s in (-1, 1)), *([[s * reach_x, v] for v in y] for s in (-1, 1))])
+
+
+@BOTH
+@pytest.mark.parametrize("path", [AHEAD, -AHEAD], ids=["ahead", "behind"])
+def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points, rules: LocalRules) -> None:
+    for walls in (ring(0.57, 0.42), ring(0.62, 0.45)):
+        assert stands(decide(geometric=walls, path=path, rules=rules), Outcome.BOXED_IN)
+        assert stands(decide(ruled=walls, path=path, rules=rules), Outcome.BOXED_IN)
+
+
+@BOTH
+def test_a_zone_is_as_hard_as_a_wall(rules: LocalRules) -> None:
+    differ = 0
+    for seed in range(60):
+        points = np.random.default_rng(seed).uniform(-2.5, 2.5, (6, 2))
+        points = points[outside(points, HUSKY, 0.0)]
+        as_wall, as_zone = decide(geometric=points, rules=rules), decide(ruled=points, rules=rules)
+        assert (as_wall.twist, as_wall.outcome) == (as_zone.twist, as_zone.outcome)
+        differ += as_wall.twist != decide(rules=rules).twist
+    assert differ > 10
+
+
+@pytest.mark.parametrize("y_m", [-0.33, 0.0, 0.2])
+def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: float) -> None:
+    """A class with a margin, seen only from nearby: its cells touch the body and no motion forward is free."""
+    across = np.column_stack([np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)])
+    for motion in (decide(ruled=across), decide(geometric=across)):
+        assert motion.outcome is Outcome.BACK and motion.twist.v_mps < 0
+    behind = np.column_stack([-across[:, 0], across[:, 1]])
+    assert stands(decide(ruled=np.vstack([across, behind])), Outcome.BOXED_IN), "and not onto what it touches behind"
+
+
+def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
+    """Control of the box."""
+    assert decide(geometric=ring(2.0, 2.0)).twist != STANDSTILL
+
+
+def test_a_rule_within_the_body_stops_the_robot_and_geometric_noise_within_it_does_not() -> None:
+    within = np.array([[0.2, 0.1]])
+    assert stands(decide(ruled=within), Outcome.IN_ZONE)
+    assert decide(geometric=within).outcome is Outcome.FOLLOW
+
+
+@BOTH
+def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalRules) -> None:
+    beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
+    assert decide(path=-AHEAD, rules=rules).outcome is Outcome.TURN
+    assert decide(path=-AHEAD, unseen=beside, rules=rules).outcome is not Outcome.TURN
+    wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
+    assert 0.0 < decide(unseen=wall, rules=rules).twist.v_mps < decide(rules=rules).twist.v_mps
+    assert stands(decide(unseen=ring(0.51, 0.36), rules=rules), Outcome.BOXED_IN)
+
+
+@pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])
+def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(distance: float, arrived: bool) -> None:
+    motion = decide(path=np.array([[0.0, 0.0], [distance, 0.0]]))
+    assert stands(motion, Outcome.ARRIVED) == arrived
+
+
+@pytest.mark.parametrize(("behind_m", "nearly_m", "arrived"), [(0.2, 0.25, True), (0.3, 0.25, False), (0.2, 0.0, False)])
+def test_for_the_last_hand_width_the_robot_does_not_manoeuvre(behind_m: float, nearly_m: float, arrived: bool) -> None:
+    x = np.arange(-2.0, 2.0, 0.1)
+    corridor = np.vstack([np.column_stack([x, np.full(len(x), side)]) for side in (-0.55, 0.55)])
+    motion = decide(geometric=corridor, path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
+    assert motion.outcome in ((Outcome.ARRIVED,) if arrived else (Outcome.MANOEUVRE, Outcome.BACK))
+    assert (motion.twist == STANDSTILL) is arrived
+    in_the_open = decide(path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
+    assert in_the_open.outcome is Outcome.TURN
+
+
+def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> None:
+    here = np.array([[0.05, 0.0]])
+    for yaw_rad in (1.5, -1.5):
+        motion = decide(path=here, goal_yaw_rad=yaw_rad)
+        assert motion.outcome is Outcome.ALIGN and motion.twist.v_mps == 0.0 and motion.twist.w_radps * yaw_rad > 0
+    assert stands(decide(path=here, goal_yaw_rad=0.05), Outcome.ARRIVED)
+    assert decide(goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
+
+
+def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_from_anywhere() -> None:
+    aligning = Motion(twist=STANDSTILL, outcome=Outcome.ALIGN)
+    for distance, turns in ((0.2, True), (0.3, False)):
+        motion = decide(path=np.array([[distance, 0.0]]), previous=aligning, goal_yaw_rad=1.5)
+        assert (motion.outcome is Outcome.ALIGN) == turns
+    assert decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
+
+
+def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> None:
+    here = np.array([[0.05, 0.0]])
+    assert stands(decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), Outcome.BOXED_IN)
+    assert stands(decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), Outcome.IN_ZONE)
+
+
+def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
+    speeds = [decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps for x in (2.4, 1.6, 0.8)]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] > speeds[-1]
+
+
+@BOTH
+def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(rules: LocalRules) -> None:
+    walls = [*((x, y) for x in np.arange(-1, 3, 0.1) for y in (-0.8, 0.8)), *((4.6, y) for y in np.arange(-0.8, 4, 0.1))]
+    walls += [*((x, -0.8) for x in np.arange(3, 4.6, 0.1)), *((2.9, y) for y in np.arange(0.8, 4, 0.1))]
+    corner = np.array([[0, 0], [3.3, 0], [3.75, 0.45], [3.75, 3.5]])
+    along = np.linspace(0, 1, 70)
+    path = np.column_stack([np.interp(along, [0, 0.48, 0.57, 1], corner[:, axis]) for axis in (0, 1)])
+    cells, pose, motion = np.array(walls), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE
+    bodies, standing = shapely.box(*(cells - 0.05).T, *(cells + 0.05).T), 0
+    for _ in range(200):
+        motion = plan_motion(
+            geometric=pose.from_parent(cells), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
+            profile=HUSKY, rules=rules, cell_m=0.1, now=motion.twist,
+        )  # fmt: skip
+        if motion.outcome is Outcome.ARRIVED:
+            break
+        standing += motion.twist == STANDSTILL
+        pose = simulated(motion.twist, pose)[20]  # after 0.1 s
+        assert not shapely.intersects(footprints([pose])[0], bodies).any()
+    assert motion.outcome is Outcome.ARRIVED and standing == 0
+
+
+BEHIND = [
+    [(-0.401, -0.453), (-1.011, 0.25), (-1.143, -0.368)],
+    [(0.378, 0.541), (-0.555, -0.453), (-0.726, -0.247)],
+    [(0.245, -0.5), (-0.51, 0.474), (-0.874, -0.233)],
+    [(0.363, 0.421), (-0.812, 0.763), (-0.794, -0.173)],
+]
+
+
+@pytest.mark.parametrize("points", BEHIND)
+def test_backing_off_drives_the_arc_that_was_found_clear(points: list[tuple[float, float]]) -> None:
+    """A wall ahead and posts behind: the way out is an arc backwards, and it must be the one that was checked."""
+    wall = [(0.58, y) for y in np.arange(-0.5, 0.51, 0.1)]
+    obstacles = np.array([*wall, *points])
+    motion = decide(geometric=obstacles)
+    low, high = (obstacles - 0.05).T, (obstacles + 0.05).T
+    cells: npt.NDArray[np.object_] = np.asarray(shapely.box(low[0], low[1], high[0], high[1]))
+    hits = shapely.intersects(footprints(simulated(motion.twist, Pose2(x_m=0, y_m=0, yaw_rad=0)))[:, None], cells[None, :])
+    assert motion.twist.v_mps <= 0
+    assert not hits[0].any()
+    assert not hits.any()
+
+
+@law(60)
+@given(st.integers(0, 2**32 - 1))
+def test_nearby_cells_are_those_around_the_robot_seen_from_it(seed: int) -> None:
+    pose, mask, _, _, _ = world(seed)
+    grid = OccupancyGrid(spec=SPEC, geometric=mask, beware={}, zones=mask)
+    points = nearby(mask, grid, pose, 1.0)
+    back = [(pose @ Pose2(x_m=x, y_m=y, yaw_rad=0)) for x, y in points]
+    cells = {SPEC.cell(p.x_m, p.y_m) for p in back}
+    assert len(cells) == len(points)
+    assert all(mask[cell] for cell in cells)
+    expected = {(int(r), int(c)) for r, c in np.argwhere(mask) if math.dist(SPEC.centre(r, c), (pose.x_m, pose.y_m)) <= 1.0}
+    assert expected <= cells
+
+
+def test_nearby_finds_nothing_off_the_grid() -> None:
+    full = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    grid = OccupancyGrid(spec=SPEC, geometric=full, beware={}, zones=full)
+    for x, y in ((50.0, 0.0), (-50.0, 0.0), (0.0, -50.0)):
+        assert len(nearby(full, grid, Pose2(x_m=x, y_m=y, yaw_rad=0.0), 2.0)) == 0
+
+
+def test_ruled_cells_are_zones_and_beware_classes_grown_by_their_margins() -> None:
+    one, empty = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    one[30, 30] = True
+    grid = OccupancyGrid(spec=SPEC, geometric=empty, beware={1: one}, margins_m={1: 0.2}, zones=empty)
+    geometric, ruled = hard_cells(grid)
+    assert not geometric.any()
+    assert np.flatnonzero(ruled[30]).tolist() == list(range(28, 33))
+    wide = OccupancyGrid(spec=SPEC, geometric=one, beware={}, zones=empty, wide_zones=((0.1, one),))
+    assert hard_cells(wide)[1].sum() == 5
+    np.testing.assert_array_equal(hard_cells(wide)[0], one)
+    assert not empty.any()
+
+
+def test_the_path_is_seen_from_the_robot_from_its_nearest_point_on() -> None:
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
+    seen = path_from(path, Pose2(x_m=1.1, y_m=-0.5, yaw_rad=math.pi / 2))
+    np.testing.assert_allclose(seen, [[0.5, 0.1], [0.5, -0.9], [1.5, -0.9]], atol=1e-12)

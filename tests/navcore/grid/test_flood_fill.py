@@ -1,0 +1,66 @@
+"""Floods on packed bits reach what OpenCV says is connected, and the cells beside are those one straight step away."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.grid.bitplane import Plane, cells_of, contains, empty_plane, pack, plane_of, unpack
+from navcore.grid.flood_fill import beside, flood
+from navcore.grid.grid import BoolGrid
+from tests.navcore.grid.random_grids import grids
+from tests.navcore.laws import law
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def packed(mask: BoolGrid) -> Plane:
+    plane = empty_plane(*mask.shape)
+    pack(mask, plane)
+    return plane
+
+
+@law(100)
+@given(grids(), SEEDS)
+def test_a_flood_reaches_what_is_connected_with_where_it_begins(free: BoolGrid, seed: int) -> None:
+    begin = np.random.default_rng(seed).random(free.shape) < 3 / free.size
+    reached = np.zeros_like(packed(free))
+    flood(packed(free), reached, packed(begin))
+    _, regions = cv2.connectedComponents(free.view(np.uint8), connectivity=4)
+    wanted = np.isin(regions, np.unique(regions[begin & free])) & free
+    np.testing.assert_array_equal(unpack(reached, *free.shape), wanted | begin)
+    # What is added later goes on from there, and from nowhere else.
+    more = np.random.default_rng(seed + 1).random(free.shape) < 3 / free.size
+    flood(packed(free), reached, packed(more))
+    wanted |= np.isin(regions, np.unique(regions[more & free])) & free
+    np.testing.assert_array_equal(unpack(reached, *free.shape), wanted | begin | more)
+
+
+def test_a_long_way_to_and_fro_is_gone_to_its_end() -> None:
+    free = np.ones((65, 200), dtype=np.bool_)
+    free[1::4, :-1] = free[3::4, 1:] = False
+    reached = np.zeros_like(packed(free))
+    flood(packed(free), reached, plane_of((64, 199), like=reached))
+    np.testing.assert_array_equal(unpack(reached, *free.shape), free)
+
+
+@law(60)
+@given(grids())
+def test_beside_are_the_cells_one_straight_step_away(cells: BoolGrid) -> None:
+    framed = np.pad(cells, 1)
+    wanted = framed[:-2, 1:-1] | framed[2:, 1:-1] | framed[1:-1, :-2] | framed[1:-1, 2:]
+    np.testing.assert_array_equal(unpack(beside(packed(cells)), *cells.shape), wanted)
+
+
+@law(60)
+@given(grids())
+def test_the_cells_of_a_plane_are_those_it_was_packed_from(cells: BoolGrid) -> None:
+    plane = packed(cells)
+    np.testing.assert_array_equal(cells_of(plane), np.argwhere(cells))
+    for row, col in np.argwhere(cells)[:5].tolist():
+        assert contains(plane, (row, col))
+        np.testing.assert_array_equal(cells_of(plane_of((row, col), like=plane)), [[row, col]])
+    for row, col in np.argwhere(~cells)[:5].tolist():
+        assert not contains(plane, (row, col))

@@ -1,0 +1,113 @@
+"""Edits of the beware list while driving: the map is the one that the final list would have made from the start."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.config.navigator import NavigatorConfig
+from navcore.costmap.costmap import Occupancy
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import PERSON, BewareClass, BewareList, ColourRule
+from navcore.mission.order import Order
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.fused_segmenter import JointSegmenter
+from navcore.perception.labels import Finder, Labels, Segmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
+from tests.navcore.laws import law
+from tests.navcore.scene import RED_FLOOR, SPEC, Box, Paint, picture
+
+BLUE = BewareClass(name="blue", class_id=7, margin_m=0.1, colour=ColourRule(hue_deg=(200.0, 260.0), max_height_m=0.2))
+GREEN = (30, 160, 60)
+THINGS = (
+    Paint(x=(1.0, 1.8), y=(-0.4, 0.1)),
+    Box(x=(1.5, 1.7), y=(0.2, 0.5), z=(0.0, 0.15), colour=(20, 40, 220)),
+    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.0, 0.1), colour=(220, 20, 20)),  # somebody in red shoes
+    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.1, 1.7), colour=GREEN),
+)
+FRAMES = [picture(*THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k * 100_000_000) for k in range(4)]
+WARM = BewareClass(name="warm", class_id=8, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.2))
+BOOK = BewareClass(name="book", class_id=2, margin_m=0.05)
+CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
+SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
+CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE, CUP, SOMEBODY))
+NAMES = st.sampled_from(["red floor", "blue", "warm", "book", "cup", PERSON])
+EDITS = st.lists(
+    st.tuples(
+        st.integers(0, 3),
+        NAMES,
+        st.fixed_dictionaries(
+            {},
+            optional={
+                "enabled": st.booleans(),
+                "margin_m": st.sampled_from([0.0, 0.2]),
+                "min_confidence": st.sampled_from([0.0, 0.5, 1.0]),
+            },
+        ),
+    ),
+    max_size=6,
+)
+
+
+class Reader:
+    """A network that takes the red paint for a book, more surely from picture to picture, what is blue for a cup and what is
+    green, and the red below it, for somebody."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """By colour."""
+        red, green = frame.rgb[..., 0] > 150, (frame.rgb == GREEN).all(axis=2)
+        right = np.arange(frame.rgb.shape[1]) > np.flatnonzero(green.any(axis=0)).min() - 2
+        said = np.select(
+            [green | (red & right), red & (frame.rgb[..., 1] < 60), frame.rgb[..., 2] > 200],
+            [SOMEBODY.class_id, BOOK.class_id, CUP.class_id],
+        )
+        sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns / 1e8, dtype=np.float32)
+        return Labels(class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure))
+
+    def finds(self, entry: BewareClass) -> Finder:
+        """Books, cups and people."""
+        return Finder.NETWORK if entry in (BOOK, CUP, SOMEBODY) else Finder.NOTHING
+
+
+def seen(lists: list[BewareList], segmenter: Segmenter) -> Occupancy:
+    """What a robot holds that looked at each frame under the list of that moment, in the end."""
+    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
+    for frame, beware in zip(FRAMES, lists, strict=True):
+        decision = navigator.tick(frame, Order(goal=None, beware=beware, zones=()))
+    return decision.occupancy
+
+
+def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]) -> tuple[Occupancy, Occupancy]:
+    """What is held after edits on the way, and under their final list from the start."""
+    lists, beware = [], CLAIMED_TWICE
+    for moment in range(len(FRAMES)):
+        for _, name, changes in (edit for edit in edits if edit[0] == moment):
+            beware = beware.edited(name, **changes)
+        lists.append(beware)
+    return seen(lists, segmenter), seen([beware] * len(FRAMES), segmenter)
+
+
+@law(15)
+@given(EDITS, st.sampled_from([ColourSegmenter(), JointSegmenter(Reader())]))
+def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
+    edits: list[tuple[int, str, dict[str, object]]], segmenter: Segmenter
+) -> None:
+    edited, fresh = claims_of(segmenter, edits)
+    assert edited.grid.beware.keys() == fresh.grid.beware.keys()
+    for class_id, layer in fresh.grid.beware.items():
+        np.testing.assert_array_equal(edited.grid.beware[class_id], layer)
+    np.testing.assert_array_equal(edited.grid.geometric, fresh.grid.geometric)
+    np.testing.assert_array_equal(edited.blocked, fresh.blocked)
+
+
+def test_what_two_claimed_is_there_for_either_that_is_switched_on_later() -> None:
+    off: dict[str, object] = {"enabled": False}
+    for entry in (BOOK, RED_FLOOR, WARM):
+        all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]
+        edited, _ = claims_of(JointSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})])
+        assert edited.grid.beware.keys() == {entry.class_id}
+        assert edited.grid.beware[entry.class_id].any()
+        assert edited.blocked.any()

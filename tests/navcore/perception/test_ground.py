@@ -1,0 +1,188 @@
+"""Heights are measured from the ground: slopes are ground, steps and drops are not, and flat ground is the robot's plane."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from navcore.config.perception import PointRules
+from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.mapping.observation import observe
+from navcore.mission.beware_list import BewareList
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.ground import ground_heights
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
+from navcore.safety.collision_monitor import near_points, time_to_contact
+from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, picture
+
+Floats = npt.NDArray[np.float64]
+Surface = Callable[[Floats, Floats], Floats]
+RULES = PointRules()
+NOTHING = BewareList(classes=())
+FAR_M = 12.0
+
+
+def seen(surface: Surface) -> Frame:
+    """What the camera sees of a surface z(x, y) in the robot's plane: the first place where a ray is below it."""
+    rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
+    optical = np.stack([(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1)
+    rays, eye = optical @ MOUNT[:3, :3].T, MOUNT[:3, 3]
+
+    def above(depth: Floats) -> Floats:
+        at = eye + rays * depth[..., None]
+        return np.asarray(at[..., 2] - surface(at[..., 0], at[..., 1]))
+
+    depths = np.arange(0.1, FAR_M, 0.02)
+    low = np.full(rows.shape, np.nan)
+    for depth in depths[::-1]:
+        low = np.where(above(np.full(rows.shape, depth)) < 0, depth - 0.02, low)
+    high = low + 0.02
+    for _ in range(12):
+        middle = (low + high) / 2
+        below = above(middle) < 0
+        low, high = np.where(below, low, middle), np.where(below, middle, high)
+    return Frame(
+        stamp_ns=0,
+        rgb=np.full((*rows.shape, 3), 128, dtype=np.uint8),
+        depth_m=np.nan_to_num(high, nan=0.0).astype(np.float32),
+        intrinsics=LENS,
+        T_base_camera=MOUNT,
+        pose=ORIGIN,
+        twist=STANDSTILL,
+    )
+
+
+def obstacles(frame: Frame, *, terrain: bool = True) -> Floats:
+    """(N, 2) where the map would have an obstacle or a drop."""
+    labels = ColourSegmenter().segment(frame, NOTHING)
+    ground = ground_heights(frame, RULES.max_slope) if terrain else None
+    return observe(frame, labels, NOTHING, SPEC, RULES, ground).points_map[:, :2].astype(np.float64)
+
+
+def ramp(slope: float, from_m: float = 1.2) -> Surface:
+    return lambda x, y: slope * np.maximum(x - from_m, 0.0)
+
+
+def hills(x: Floats, y: Floats) -> Floats:
+    """Ground that leaves the robot's plane by more than 10 cm within sight."""
+    return np.asarray(0.18 * (1 - np.cos(2 * math.pi * x / 12.0)) + 0.08 * np.sin(2 * math.pi * y / 9.0) * np.minimum(x, 1.0))
+
+
+@pytest.mark.parametrize("surface", [ramp(0.12), ramp(-0.12), hills])
+def test_a_slope_that_the_robot_can_drive_is_ground_and_no_obstacle(surface: Surface) -> None:
+    frame = seen(surface)
+    assert len(obstacles(frame, terrain=False)) > 50  # the control: above or below the robot's plane by too much
+    assert len(obstacles(frame)) == 0
+
+
+@pytest.mark.parametrize("surface", [ramp(0.12), ramp(-0.12), hills])
+def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground(surface: Surface) -> None:
+    def with_box(height_m: float) -> Surface:
+        def lifted(x: Floats, y: Floats) -> Floats:
+            on = (np.abs(x - 2.6) < 0.15) & (np.abs(y) < 0.15)
+            return np.asarray(surface(x, y) + height_m * on)
+
+        return lifted
+
+    found = obstacles(seen(with_box(0.25)))
+    assert len(found) > 5
+    assert np.abs(found - [2.6, 0.0]).max() < 0.25
+    assert len(obstacles(seen(with_box(0.06)))) == 0
+
+
+@pytest.mark.parametrize("lip_m", [1.5, 2.0])
+def test_a_step_up_and_a_step_down_are_no_slopes(lip_m: float) -> None:
+    for step_m in (0.17, -0.17, -0.35):
+        frame = seen(lambda x, y, step_m=step_m: np.where(x > lip_m, step_m, 0.0))  # type: ignore[misc]
+        found = obstacles(frame)
+        assert len(found) > 20
+        assert found[:, 0].min() > lip_m - 0.1
+
+
+def test_a_steep_slope_is_an_obstacle_from_where_it_is_as_high_as_one() -> None:
+    found = obstacles(seen(ramp(0.6, from_m=1.6)))
+    assert len(found) > 20
+    assert 1.6 < found[:, 0].min() < 2.0
+
+
+def test_flat_ground_is_exactly_the_robots_plane_whatever_stands_on_it() -> None:
+    """So that nothing changes indoors, to the last bit."""
+    things = (
+        Box(x=(1.8, 2.6), y=(-0.9, 0.2), z=(0.70, 0.75)),  # a table top, with floor below it
+        Box(x=(2.4, 2.9), y=(0.6, 1.4), z=(0.0, 0.5)),
+        Box(x=(1.2, 1.5), y=(0.1, 0.4), z=(0.0, 0.05)),  # a book
+        Box(x=(3.6, 3.7), y=(-4.0, 4.0), z=(0.0, 2.4)),
+    )
+    frame = picture(*things)
+    assert not ground_heights(frame, RULES.max_slope).any()
+    np.testing.assert_array_equal(obstacles(frame), obstacles(frame, terrain=False))
+    assert not ground_heights(seen(ramp(0.12)), 0.0).any()  # and a slope of 0 asks for just that
+
+
+def test_noise_of_the_depth_makes_no_hills() -> None:
+    frame = picture(Box(x=(3.6, 3.7), y=(-4.0, 4.0), z=(0.0, 2.4)))
+    noise = np.random.default_rng(0).normal(0.0, 0.003, frame.depth_m.shape) * frame.depth_m**2
+    noisy = Frame(
+        stamp_ns=0,
+        rgb=frame.rgb,
+        depth_m=(frame.depth_m + noise).astype(np.float32),
+        intrinsics=LENS,
+        T_base_camera=MOUNT,
+        pose=ORIGIN,
+        twist=STANDSTILL,
+    )
+    assert np.abs(ground_heights(noisy, RULES.max_slope)).max() < 0.02
+
+
+def test_a_depth_picture_of_rubbish_gives_finite_heights() -> None:
+    rng = np.random.default_rng(1)
+    frame = picture()
+    depth = rng.choice(np.array([np.nan, np.inf, -1.0, 0.0, 1e30, 0.3, 4.0], dtype=np.float32), frame.depth_m.shape)
+    rubbish = Frame(
+        stamp_ns=0,
+        rgb=frame.rgb,
+        depth_m=depth,
+        intrinsics=LENS,
+        T_base_camera=MOUNT,
+        pose=ORIGIN,
+        twist=STANDSTILL,
+    )
+    assert np.isfinite(ground_heights(rubbish, RULES.max_slope)).all()
+
+
+def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_seen() -> None:
+    lip_m = 1.4
+    below = seen(lambda x, y: np.where(x > lip_m, -0.5, 0.0))
+    points = near_points(below)
+    assert len(points) > 10
+    assert lip_m - 0.15 < float(np.median(points[:, 0])) < lip_m + 0.05
+    ahead = Twist(v_mps=1.0, w_radps=0.0)
+    assert time_to_contact(points, ahead, HUSKY) == pytest.approx(lip_m - HUSKY.length_m / 2, abs=0.15)
+    assert len(near_points(seen(ramp(-0.12)))) == 0
+    assert math.isinf(time_to_contact(near_points(seen(hills)), ahead, HUSKY))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])
+def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_on_it_is_not(slope: float) -> None:
+    frame = seen(ramp(slope))
+    red = dataclasses.replace(frame, rgb=np.full_like(frame.rgb, (220, 20, 20)))
+    rule = RED_LIST.classes[0]
+    measured = (frame.depth_m > 0) & (frame.depth_m < 4.0)
+    labels = ColourSegmenter().segment(red, RED_LIST).class_ids
+    assert (labels[measured] == rule.class_id).mean() > 0.99
+
+    if slope < 0:
+        return  # below the robot's plane all that is red counts
+
+    def stepped(x: Floats, y: Floats) -> Floats:
+        return ramp(slope)(x, y) + 0.3 * (x > 2.0)
+
+    box = seen(stepped)
+    labels = ColourSegmenter().segment(dataclasses.replace(box, rgb=np.full_like(box.rgb, (220, 20, 20))), RED_LIST).class_ids
+    assert (labels[(box.depth_m > 2.2) & (box.depth_m < 4.0)] == rule.class_id).mean() < 0.05

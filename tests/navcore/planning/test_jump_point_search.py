@@ -1,0 +1,112 @@
+"""The search itself: against an independent solver, over words' borders, in used memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.grid.free_space import VAIN_AHEAD, FreeSpace
+from navcore.grid.grid import BoolGrid
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.planner import plan, plan_in
+from navcore.planning.search.jump_point_search import FOUND, UNREACHABLE, find, search
+from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena
+from tests.navcore.grid.random_grids import free_cell, grids
+from tests.navcore.laws import law
+from tests.navcore.planning.test_planner import assert_is_a_path, optimum
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@law(150)
+@given(grids(), SEEDS)
+def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(blocked: BoolGrid, seed: int) -> None:
+    generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
+    arena = Arena(space, cells=1 << int(generator.integers(1, 8)))
+    before = space.across.copy(), space.along.copy()
+    for _ in range(3):
+        start, goal = (free_cell(generator, blocked) for _ in range(2))
+        if start is None or goal is None:
+            return
+        outcome, best = plan_in(space, arena, start, goal), optimum(blocked, start, goal)
+        if isinstance(outcome, Path):
+            assert outcome.length == pytest.approx(best, rel=1e-12)
+            assert_is_a_path(outcome, blocked, start, goal)
+        else:
+            assert outcome.reason is Reason.UNREACHABLE
+            assert best == np.inf
+    for planes, old in zip((space.across, space.along), before, strict=True):
+        np.testing.assert_array_equal(planes[:VAIN_AHEAD], old[:VAIN_AHEAD], "a search leaves the space as it was")
+
+
+@law(60)
+@given(grids(), SEEDS)
+def test_a_path_does_not_depend_on_what_was_searched_before(blocked: BoolGrid, seed: int) -> None:
+    generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
+    arena = Arena(space, cells=2)
+    start, goal = (free_cell(generator, blocked) for _ in range(2))
+    if start is None or goal is None:
+        return
+    first = find(space, arena, start, goal, 1 << 40)
+    find(space, arena, goal, start, 1 << 40)
+    again, fresh = find(space, arena, start, goal, 1 << 40), plan(blocked, start, goal)
+    np.testing.assert_array_equal(first[1], again[1])
+    assert isinstance(fresh, Path) == (first[0] == FOUND)
+    if isinstance(fresh, Path):
+        np.testing.assert_array_equal(first[1], fresh.cells)
+
+
+@law(60)
+@given(grids(), SEEDS, st.integers(0, 200))
+def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, seed: int, budget: int) -> None:
+    generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
+    start, goal = (free_cell(generator, blocked) for _ in range(2))
+    if start is None or goal is None:
+        return
+    free, bounded = (plan_in(space, Arena(space), start, goal, max_expansions=most) for most in (None, budget))
+    if isinstance(bounded, NoPath):
+        assert bounded == free or bounded.reason is Reason.TIMEOUT
+    else:
+        assert isinstance(free, Path)
+        np.testing.assert_array_equal(free.cells, bounded.cells)
+
+
+@law(60)
+@given(grids(), SEEDS, st.integers(1, 30))
+def test_what_is_known_of_the_length_leaves_the_path_alone(blocked: BoolGrid, seed: int, units: int) -> None:
+    generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
+    start, goal = (free_cell(generator, blocked) for _ in range(2))
+    if start is None or goal is None:
+        return
+    status, cells, diagonal = find(space, Arena(space, cells=4), start, goal, 1 << 40)
+    length, memory = (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT, Arena(space).memory
+    for bound, floor in ((FAR, length), (FAR, length - 1), (length + 1, 0), (length + units * UNIT, length)):
+        known = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor)
+        assert known[0] == status
+        np.testing.assert_array_equal(known[1], cells)
+    none = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, length, 0)
+    assert none[0] == UNREACHABLE, "no path is shorter than the shortest"
+
+
+def turns(path: Path) -> int:
+    steps = np.diff(path.cells, axis=0)
+    return int((np.diff(steps, axis=0) != 0).any(axis=1).sum())
+
+
+def test_of_equally_short_paths_one_with_few_turns_is_taken() -> None:
+    """A robot that has come east past a wall's end goes on east before it turns, if that is no longer."""
+    blocked = np.zeros((12, 40), dtype=np.bool_)
+    blocked[1:5, :10] = True
+    outcome = plan(blocked, (0, 0), (8, 30))
+    assert isinstance(outcome, Path)
+    assert turns(outcome) == 1
+
+
+def test_lengths_in_units_order_as_the_real_ones() -> None:
+    """The nearest misses are fractions that approximate √2: p straight steps against q diagonal ones."""
+    p, q = 1, 1
+    while q < 400_000:
+        assert (p * UNIT < q * ROOT) == (p * p < 2 * q * q)
+        p, q = p + 2 * q, p + q

@@ -1,0 +1,49 @@
+"""Walkers begin where they are told, stand where they are told, and go on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
+from sim.physics.pedestrians import Walker
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Person
+
+AFAR = Pose2(x_m=50.0, y_m=0.0, yaw_rad=0.0)
+PERIOD_S = 0.01
+
+
+def xs(person: Person, seconds: float) -> list[float]:
+    """x once a second."""
+    walker = Walker(person, np.random.default_rng(0), PERIOD_S)
+    seen = [walker.pose.x_m]
+    for step in range(1, round(seconds / PERIOD_S) + 1):
+        walker.step(AFAR)
+        if step % 100 == 0:
+            seen.append(round(walker.pose.x_m, 2))
+    return seen
+
+
+def test_a_walker_begins_where_he_is_told_and_turns_at_the_end() -> None:
+    person = Person(points=((0.0, 0.0), (4.0, 0.0)), speed_mps=1.0, begins_at=0.5)
+    assert xs(person, 4) == pytest.approx([2.0, 3.0, 4.0, 3.0, 2.0], abs=0.03)
+
+
+def test_a_walker_stands_at_his_points_for_as_long_as_he_is_told() -> None:
+    person = Person(points=((0.0, 0.0), (2.0, 0.0), (0.0, 0.0)), speed_mps=1.0, begins_at=0.0, pauses_s=(0.0, 2.0, 100.0))
+    assert xs(person, 8) == pytest.approx([0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0], abs=0.03)
+
+
+def test_pauses_must_be_one_for_each_point(tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(
+        'name = "bad"\nsize_m = [8.0, 8.0]\nstart = [0.0, 0.0, 0.0]\n[map]\nsize_m = [9.0, 9.0]\n'
+        "[[people]]\npoints = [[2.0, 0.0], [2.0, 2.0]]\npauses_s = [1.0]\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(BadConfiguration, match="pauses_s"):
+        load_scenario(path)

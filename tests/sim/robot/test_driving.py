@@ -1,0 +1,111 @@
+"""The simulated Husky drives as it is told, stops when it is not, and its odometry errs a little."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from navcore.geometry.transform import Twist
+from navcore.robot.profile import HUSKY
+from sim.robot.husky import HUSKY_CHASSIS
+from sim.robot.skid_steer import COMMAND_TIMEOUT_NS, Driver
+from sim.scenario.load import load_scenario
+from sim.simulator import PERIOD_S, Simulator
+from tests.sim.worlds import blind, drive, open_floor, turned_by, wait
+
+
+@pytest.mark.parametrize("v_mps", [0.0, 0.5])
+@pytest.mark.parametrize("w_radps", [-1.0, -0.6, -0.3, 0.3, 0.6, 1.0])
+def test_a_commanded_velocity_is_reached(v_mps: float, w_radps: float) -> None:
+    with blind(open_floor()) as simulator:
+        drive(simulator, v_mps, w_radps, 1.0)
+        before, driven_m = simulator.true_pose(), simulator.referee.distance_m
+        drive(simulator, v_mps, w_radps, 1.0)
+        assert turned_by(before.yaw_rad, simulator.true_pose().yaw_rad) == pytest.approx(w_radps, rel=0.1)
+        assert simulator.referee.distance_m - driven_m == pytest.approx(v_mps, rel=0.05, abs=0.01)
+
+
+def test_it_drives_straight_and_does_not_roll_on() -> None:
+    with blind(open_floor()) as simulator:
+        drive(simulator, 1.0, 0.0, 3.0)
+        drive(simulator, 0.0, 0.0, 0.6)
+        stopped = simulator.true_pose()
+        assert abs(stopped.y_m) < 0.02
+        # 3 s at 1 m/s, the ramps up and down taking as much away as they add
+        assert stopped.x_m == pytest.approx(3.0, abs=0.06)
+        wait(simulator, 1.0)
+        assert simulator.true_pose().distance_to(stopped.x_m, stopped.y_m) < 1e-3
+
+
+def test_turning_in_place_stays_in_place() -> None:
+    with blind(open_floor()) as simulator:
+        drive(simulator, 0.0, 1.0, 2 * math.pi)
+        assert simulator.true_pose().distance_to(0.0, 0.0) < 0.02
+
+
+def test_the_driver_forgets_a_command_after_its_timeout() -> None:
+    with blind(open_floor()) as simulator:
+        drive(simulator, 0.5, 0.0, 1.0)
+        wait(simulator, COMMAND_TIMEOUT_NS / 1e9 + 0.5 / HUSKY.max_accel_mps2 + 0.1)
+        assert abs(simulator.velocity().v_mps) < 0.01
+        drive(simulator, 0.5, 0.0, 1.0)  # the control: told again, it goes on
+        assert simulator.velocity().v_mps == pytest.approx(0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("v_mps, w_radps", [(1e9, 0.0), (-1e9, 1e9), (math.nan, math.inf), (math.inf, math.nan)])
+def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: float) -> None:
+    driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
+    before = (0.0, 0.0)
+    for step in range(480):
+        driver.ask(Twist(v_mps=v_mps, w_radps=w_radps), step)
+        before = driver.wheel_speeds(step, 0.0)
+    assert all(math.isfinite(speed) for speed in before)
+    most = HUSKY.max_speed_mps + (2 * HUSKY.max_yaw_rate_radps + 1.5) * 0.5708 / 2
+    assert max(map(abs, before)) * 0.17775 <= most + 1e-9
+
+
+def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
+    driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
+    driver.ask(Twist(v_mps=1.0, w_radps=0.0), 0)
+    speeds = [driver.wheel_speeds(0, 0.0)[0] * 0.17775 for _ in range(100)]
+    rises = [b - a for a, b in pairwise(speeds)]
+    assert max(rises) == pytest.approx(HUSKY.max_accel_mps2 * PERIOD_S)
+    assert speeds[-1] == pytest.approx(1.0)
+
+
+def a_minute_of_driving(seed: int) -> tuple[float, float]:
+    """Odometry's error in place (m) and heading (rad) after loops of 24 m on the open floor."""
+    with blind(open_floor(start=(0.0, -3.0, 0.0)), seed) as simulator:
+        for _ in range(4):
+            drive(simulator, 1.0, 0.0, 4.0)
+            drive(simulator, 0.5, 0.5, math.pi)
+        truth, belief = simulator.true_pose(), simulator.odometry()
+        return truth.distance_to(belief.x_m, belief.y_m), abs(turned_by(truth.yaw_rad, belief.yaw_rad))
+
+
+def test_odometry_drifts_a_little_and_differently_in_each_run() -> None:
+    errors = [a_minute_of_driving(seed) for seed in (0, 1)]
+    for place_m, heading_rad in errors:
+        assert 1e-4 < place_m < 0.12
+        assert 1e-6 < heading_rad < math.radians(0.5)
+    assert errors[0] != errors[1]
+
+
+def track(simulator: Simulator) -> list[object]:
+    """Everything a short drive shows to the navigator."""
+    seen: list[object] = []
+    for _ in range(10):
+        drive(simulator, 0.4, 0.3, 0.1)
+        seen += [simulator.odometry(), simulator.velocity(), simulator.true_pose(), simulator.true_people()]
+    frame = simulator.capture()
+    return [*seen, frame.rgb.tobytes(), frame.depth_m.tobytes()]
+
+
+def test_the_same_seed_gives_the_same_run_bit_for_bit_also_beside_another_simulator() -> None:
+    office = load_scenario("office")
+    with blind(office, 3) as one, blind(office, 3) as same, blind(office, 4) as other:
+        first = track(one)
+        assert track(same) == first
+        assert track(other) != first

@@ -1,0 +1,189 @@
+"""The depth camera: geometry exact, errors like a stereo camera's, the same picture from both renderers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Matrix, Pose2, transform_points
+from navcore.mapping.observation import back_project
+from navcore.robot.frame import check_frame
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Furniture, Marking
+from sim.sensors.camera import T_BASE_CAMERA, Renderer, d455_intrinsics
+from sim.sensors.egl import egl_works
+from sim.sensors.stereo_noise import PERFECT, StereoErrors, spoil_depth
+from sim.simulator import Simulator
+from tests.sim.renderers import need_egl
+from tests.sim.worlds import drive, open_floor, seeing, shifted
+
+BOX = Furniture(kind="box", at=(3.0, 0.5), size_m=(1.0, 1.0, 1.0))
+RED = Marking(name="red", polygon=shifted(2.0, 0.0))
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def test_the_lens_has_the_d455s_field_of_view() -> None:
+    lens = d455_intrinsics((424, 240))
+    assert 2 * math.degrees(math.atan(212 / lens.fx)) == pytest.approx(87)
+    assert 2 * math.degrees(math.atan(120 / lens.fy)) == pytest.approx(58)
+    assert (lens.cx, lens.cy) == (211.5, 119.5)
+
+
+@pytest.mark.parametrize("renderer", ["tiny", "egl"])
+def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> None:
+    if renderer == "egl":
+        need_egl()
+    with Simulator(open_floor(furniture=(BOX,)), seed=0, renderer=renderer, errors=PERFECT) as simulator:
+        assert simulator.renderer == renderer
+        frame = simulator.capture()
+        check_frame(frame)
+        T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera
+        points = transform_points(T_map_camera, back_project(frame.depth_m, frame.intrinsics))
+    face = points[(np.abs(points[:, 0] - 2.5) < 0.1) & (points[:, 2] > 0.1)]
+    floor = points[(points[:, 2] < 0.1) & (points[:, 0] < 2.3)]
+    assert len(face) > 1000 and len(floor) > 10000
+    assert np.abs(face[:, 0] - 2.5).max() < 0.005
+    assert np.abs(floor[:, 2]).max() < 0.002
+    # Its edges, to within a pixel: 2.5 m away a pixel is 11 mm wide.
+    assert face[:, 1].min() == pytest.approx(0.0, abs=0.02) and face[:, 1].max() == pytest.approx(1.0, abs=0.02)
+    assert face[:, 2].max() == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_robot_does_not_see_itself() -> None:
+    with seeing(open_floor()) as simulator:
+        frame = simulator.capture()
+        drive(simulator, 0.5, 0.5, 1.0)  # nor its turning wheels
+        for picture in (frame, simulator.capture()):
+            points = transform_points(T_BASE_CAMERA, back_project(picture.depth_m, picture.intrinsics))
+            assert points[:, 0].min() > 0.5 + 0.3
+            assert np.abs(points[:, 2]).max() < 0.05
+
+
+@pytest.mark.parametrize("renderer", ["tiny", "egl"])
+def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
+    if renderer == "egl":
+        need_egl()
+    with Simulator(
+        open_floor(markings=(RED,), start=(-8.0, 8.0, 0.0)), seed=0, renderer=renderer, camera_size=(212, 120), errors=PERFECT
+    ) as simulator:
+        for x_m in (-3.0, -1.0, 0.0, 0.8):
+            rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
+            red = (rgb[..., 0] > 120) & (rgb[..., 1] < 60) & (rgb[..., 2] < 60)
+            reddish = rgb[..., 0].astype(int) > rgb[..., 1].astype(int) + 30
+            assert red.sum() > 50
+            assert (red == reddish).mean() > 0.999  # nothing flickers between paint and floor
+
+
+def test_an_l_shaped_marking_is_painted_as_it_is_and_not_as_its_hull() -> None:
+    corner = Marking(name="L", polygon=((1.5, -1.0), (3.5, -1.0), (3.5, 0.0), (2.5, 0.0), (2.5, 1.0), (1.5, 1.0)))
+    with seeing(open_floor(markings=(corner,))) as simulator:
+        frame = simulator.capture()
+        red = frame.rgb[..., 0] > frame.rgb[..., 1].astype(int) + 60
+        only_red = np.where(red, frame.depth_m, np.float32(0))
+        painted = transform_points(T_BASE_CAMERA, back_project(only_red, frame.intrinsics))
+    notch = (painted[:, 0] > 2.56) & (painted[:, 1] > 0.06)
+    assert len(painted) > 2000 and not notch.any()
+
+
+def at(depth_m: float, errors: StereoErrors) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    return spoil_depth(np.full((200, 200), depth_m, dtype=np.float32), 223.4, errors, rng())
+
+
+def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
+    errors = StereoErrors(speckle=0.0, disparity_step_px=0.0)
+    for z in (1.0, 2.0, 4.0):
+        expected = z**2 * 0.08 / (223.4 * 0.095)
+        assert at(z, errors).std() == pytest.approx(expected, rel=0.05)
+
+
+def test_what_is_too_near_or_too_far_is_a_hole() -> None:
+    nearest = 223.4 * 0.095 / 126
+    assert (at(0.99 * nearest, PERFECT) == 0).all() and (at(6.01, PERFECT) == 0).all()
+    assert (at(1.01 * nearest, PERFECT) > 0).all() and (at(5.99, PERFECT) > 0).all()
+
+
+def test_speckle_makes_the_share_of_holes_it_says() -> None:
+    assert (at(2.0, StereoErrors()) == 0).mean() == pytest.approx(0.01, abs=0.003)
+
+
+def test_something_near_throws_a_shadow_to_its_left_as_wide_as_the_disparities_differ() -> None:
+    depth = np.full((40, 200), 4.0, dtype=np.float32)
+    depth[:, 100:150] = 1.0
+    seen = spoil_depth(depth, 223.4, StereoErrors(speckle=0, disparity_noise_px=0, edge_px=0), rng())
+    width = 223.4 * 0.095 * (1 / 1.0 - 1 / 4.0)
+    missing = np.flatnonzero((seen == 0).any(axis=0))
+    assert missing.max() == 99 and len(missing) == pytest.approx(width, abs=1.0)
+
+
+def test_frames_come_at_their_rate_and_cannot_be_changed() -> None:
+    with Simulator(load_scenario("empty_room"), seed=0, renderer="tiny", camera_size=(64, 36)) as simulator:
+        assert simulator.newest_frame() is None
+        stamps = set()
+        for _ in range(239):  # the last picture of the second is the next one's first
+            simulator.step()
+            frame = simulator.newest_frame()
+            assert frame is not None
+            stamps.add(frame.stamp_ns)
+        assert len(stamps) == 10
+        last = simulator.capture()
+        with pytest.raises(ValueError, match="read-only"):
+            last.depth_m[0, 0] = 1.0
+
+
+def test_the_mount_is_where_the_documentation_says() -> None:
+    mount: Matrix = T_BASE_CAMERA
+    assert tuple(mount[:3, 3]) == (0.35, 0.0, 0.65)
+    assert math.degrees(math.asin(-mount[2, 2])) == pytest.approx(12.0)
+
+
+def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
+        assert simulator.renderer == ("egl" if egl_works() else "tiny")
+    monkeypatch.setattr("sim.sensors.camera.egl_works", lambda: False)
+    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
+        assert simulator.renderer == "tiny"
+    with pytest.raises(BadConfiguration, match="apt-get install"):
+        Simulator(open_floor(), seed=0, renderer="egl")
+
+
+def test_a_second_simulator_beside_one_with_egl_spoils_neither_camera() -> None:
+    need_egl()
+    scenario = open_floor(furniture=(BOX,))
+    with Simulator(scenario, seed=0, errors=PERFECT) as first:
+        alone = first.capture()
+        with Simulator(scenario, seed=0, errors=PERFECT) as second:
+            assert (first.renderer, second.renderer) == ("egl", "tiny")
+            with pytest.raises(BadConfiguration, match="another simulator"):
+                Simulator(scenario, seed=0, renderer="egl")
+            beside, other = first.capture(), second.capture()
+    assert np.array_equal(alone.depth_m, beside.depth_m) and np.array_equal(alone.rgb, beside.rgb)
+    assert np.median(np.abs(beside.depth_m - other.depth_m)) < 0.002
+    with Simulator(scenario, seed=0) as third:  # and what the first has given back can be had again
+        assert third.renderer == "egl"
+
+
+def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
+    bare = dataclasses.replace(load_scenario("office"), markings=(), items=())
+    with seeing(bare, size=(106, 60)) as simulator:
+        for x_m, y_m in (
+            (-12.5, -6.0),
+            (-8.0, 0.0),
+            (0.0, 0.0),
+            (0.0, 7.0),
+            (2.0, -4.0),
+            (10.0, 5.0),
+            (10.0, -6.0),
+            (-9.0, 3.5),
+        ):
+            for quarter in range(4):
+                rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2))
+                hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
+                assert hsv[..., 1].max() < 0.52 * 255

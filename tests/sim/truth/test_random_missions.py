@@ -1,0 +1,121 @@
+"""Random places and zones are ones that can be reached and driven round, and what is found is counted by the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import STANDSTILL, Pose2
+from navcore.grid.grid import GridSpec
+from navcore.robot.profile import HUSKY
+from sim.referee.detections import Finds
+from sim.referee.referee import Referee
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Person, Scenario
+from sim.scenario.variation import vary
+from sim.truth.random_missions import draw_places, draw_zones
+from tests.sim.worlds import open_floor, seeing, shifted
+
+MARGINS_M = {"landmine": 0.5, "cup": 0.05}
+
+
+def drawn(scenario: Scenario, seed: int) -> Scenario:
+    return draw_places(scenario, seed, robot=HUSKY, margin_m=0.15, start_clear_m=1.2, margins_m=MARGINS_M)
+
+
+def test_random_places_in_the_office_have_room_and_a_way_and_are_the_seeds() -> None:
+    office, spec = load_scenario("office"), GridSpec.centred(size_m=(32.0, 22.0), resolution_m=0.05)
+    places = set()
+    for seed in range(6):
+        scenario = drawn(vary(office, seed), seed)
+        assert scenario == drawn(vary(office, seed), seed)
+        referee = Referee(scenario)
+        way_m = referee.shortest_m(spec, HUSKY.width_m / 2 + 0.15, scenario.goals)
+        assert way_m is not None and way_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
+        pose = Pose2(x_m=scenario.start[0], y_m=scenario.start[1], yaw_rad=scenario.start[2])
+        referee.observe(t_s=1 / 240, pose=pose, rolling=STANDSTILL, people=(), period_s=1 / 240)
+        assert referee.violations() == 0 and referee.min_clearance_m > 0.5
+        places.add((scenario.start, scenario.goals))
+    assert len(places) == 6
+
+
+def test_no_goal_is_drawn_behind_a_wall_or_in_a_margin() -> None:
+    wall = Furniture(kind="box", at=(4.0, 0.0), size_m=(0.2, 20.0, 2.0))
+    mine = Item(kind="landmine", at=(-3.0, 0.0))
+    for seed in range(12):
+        scenario = drawn(open_floor(furniture=(wall,), items=(mine,)), seed)
+        assert (scenario.start[0] < 4.0) == (scenario.goals[0][0] < 4.0)
+        assert math.dist(scenario.goals[0], mine.at) > HUSKY.width_m / 2 + 0.15 + 0.5
+
+
+def test_a_world_without_room_is_refused_in_one_sentence() -> None:
+    tight = dataclasses.replace(open_floor(), size_m=(2.0, 2.0), map=MapExtent(size_m=(2.0, 2.0)))
+    with pytest.raises(BadConfiguration, match="too small or too full"):
+        drawn(tight, 0)
+
+
+def test_zones_lie_on_the_way_and_leave_another() -> None:
+    scenario = dataclasses.replace(open_floor(start=(-8.0, 0.0, 0.0)), goals=((8.0, 0.0),))
+    spec = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
+    for seed in range(6):
+        zones = draw_zones(scenario, seed, 2, inflation_m=0.5, margins_m={})
+        assert len(zones) == 2
+        straight = shapely.LineString([(-8.0, 0.0), (8.0, 0.0)])
+        assert shapely.distance(shapely.Polygon(zones[0]), straight) < 0.5
+        referee = Referee(scenario)
+        before_m = referee.shortest_m(spec, 0.5, scenario.goals)
+        referee.set_zones([np.array(zone) for zone in zones])
+        after_m = referee.shortest_m(spec, 0.5, scenario.goals)
+        assert before_m is not None and after_m is not None and after_m > before_m + 0.01
+
+
+def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_false() -> None:
+    hidden = Item(kind="bottle", at=(2.0, -1.0))
+    scenario = open_floor(
+        items=(Item(kind="cup", at=(2.0, 0.0)), hidden, Item(kind="book", at=(-3.0, 0.0))),
+        markings=(Marking(name="red", polygon=shifted(2.5, 1.5)),),
+        furniture=(Furniture(kind="box", at=(1.4, -0.7), size_m=(0.2, 0.5, 1.5)),),
+    )
+    finds, spec = Finds(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
+    with seeing(scenario) as simulator:
+        for _ in range(3):
+            frame = simulator.capture()
+            finds.look(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
+    nothing = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    red, cup = nothing.copy(), nothing.copy()
+    red[spec.cell(2.5, 1.5)] = True
+    cup[spec.cell(-6.0, 6.0)] = cup[spec.cell(-6.05, 6.05)] = cup[spec.cell(6.0, 6.0)] = True
+    found = finds.verdict({"red floor": red, "cup": cup}, spec)
+    assert found["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
+    assert found["cup"] == {"there": 1, "seen": 1, "missed": 1, "false": 2}
+    assert found["bottle"] == {"there": 1, "seen": 0, "missed": 0, "false": 0}  # behind the box
+    assert found["book"]["seen"] == 0  # behind the robot
+
+
+@pytest.mark.parametrize("name", ["cup", "red floor", "person", "spill"])
+def test_the_simulators_labels_lie_on_the_things(name: str) -> None:
+    scenario = open_floor(
+        items=(Item(kind="cup", at=(1.5, 0.0)),),
+        markings=(
+            Marking(name="mat", polygon=shifted(0.0, 3.0), beware=False),
+            Marking(name="red", polygon=shifted(3.0, 1.5)),
+            Marking(name="puddle", polygon=shifted(3.0, -1.5), surface="water"),
+        ),
+        people=(Person(points=((4.5, 0.0),)),),
+    )
+    at = {"cup": (1.5, 0.0), "red floor": (3.0, 1.5), "spill": (3.0, -1.5), "person": (4.5, 0.0)}[name]
+    with seeing(scenario) as simulator:
+        frame, shown = simulator.capture(), simulator.true_labels()
+        T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera
+    rows, cols = np.nonzero(shown[name])
+    assert len(rows) > 20
+    z, lens = frame.depth_m[rows, cols], frame.intrinsics
+    optical = np.column_stack([(cols - lens.cx) * z / lens.fx, (rows - lens.cy) * z / lens.fy, z])
+    places = (optical @ T_map_camera[:3, :3].T + T_map_camera[:3, 3])[z > 0, :2]
+    assert np.median(np.hypot(*(places - at).T)) < 0.5
+    assert not any((shown[name] & other).any() for key, other in shown.items() if key != name)
