@@ -52,7 +52,7 @@ def from_table(kind: type[T], table: object, where: str, usual: T | None = None)
     return kind(**values)
 
 
-def between(low: float, high: float, **default: Any) -> Any:
+def ranged(low: float, high: float, **default: Any) -> Any:
     """A dataclass field whose value must lie in [low, high]; for a tuple, every number in it."""
     return dataclasses.field(metadata={"low": low, "high": high}, **default)
 

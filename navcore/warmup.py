@@ -7,24 +7,24 @@ from functools import cache
 
 import numpy as np
 
-from navcore.config.mapping import MapRules
+from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control import dynamic_window as dodging
-from navcore.control.manoeuvre import Tight, manoeuvre_along
+from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.primitives import falco
-from navcore.control.social import NOBODY, free_of
+from navcore.control.social import NOBODY, clear_of_people
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
-from navcore.perception.labels import Finder, Labels, Segmenter
+from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.perception.overhang_filter import overhung
-from navcore.planning.gap_viewpoint import mouth
+from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import near_points, time_to_contact
@@ -52,18 +52,23 @@ def _warm_kernels() -> None:
         spec=GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05),
         profile=HUSKY,
         segmenter=_Doubtful(),
-        config=NavigatorConfig(map=MapRules(budget_mb=0.01)),
+        config=NavigatorConfig(map=MappingConfig(budget_mb=0.01)),
     )
     for frame in frames:
-        decision = navigator.tick(frame, Order(goal=goal, beware=beware, zones=()))
+        decision = navigator.tick(frame, NavigationRequest(goal=goal, beware=beware, zones=()))
     here = Zone(id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
-    navigator.tick(frame, Order(goal=None, leave=True, beware=beware, zones=(here,)))
+    navigator.tick(frame, NavigationRequest(goal=None, leave=True, beware=beware, zones=(here,)))
     # What such a drive seldom or never meets.
     spec, people = navigator.map.spec, NavigatorConfig().people
-    mouth(decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0)
+    viewpoint_before_gap(decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0)
     navigator.preview(decision.occupancy, frame.pose, goal)
-    tight = Tight(
-        obstacles=np.array([[WALL_M, 0.0]]), reach_m=0.04, unseen=np.empty((0, 2)), veil_m=0.0, profile=HUSKY, room_m=0.06
+    tight = ManoeuvreProblem(
+        obstacles=np.array([[WALL_M, 0.0]]),
+        reach_m=0.04,
+        unseen=np.empty((0, 2)),
+        unseen_clearance_m=0.0,
+        profile=HUSKY,
+        room_m=0.06,
     )
     manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
     near_points(_picture(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # ground that rises
@@ -71,7 +76,7 @@ def _warm_kernels() -> None:
     overhung(_Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware)
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
-    free_of(somebody, poses, poses[..., 0].copy(), HUSKY, people)
+    clear_of_people(somebody, poses, poses[..., 0].copy(), HUSKY, people)
     dodging.warm(HUSKY)
     falco.warm()
 
@@ -85,9 +90,9 @@ class _Doubtful:
         class_ids = np.where(frame.rgb[..., 0] > 0, np.uint8(low), np.uint8(NOTHING))
         return Labels(class_ids=class_ids, confidence=np.where(class_ids > 0, np.float32(0.7), np.float32(1.0)))
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """Nothing in earnest."""
-        return Finder.NOTHING
+        return LabelSource.NOTHING
 
 
 def _picture(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:

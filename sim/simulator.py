@@ -22,13 +22,13 @@ from sim.physics.bodies import newest_bodies
 from sim.physics.build import Crowd, build_world
 from sim.physics.quiet import quiet_stdout
 from sim.referee.referee import Referee
-from sim.robot.chassis import chassis_of
+from sim.robot.chassis import chassis_for
 from sim.robot.odometry import Gyro, Odometry
 from sim.robot.skid_steer import Driver, SkidSteer
 from sim.scenario.schema import Scenario
-from sim.scenario.variation import Source, generator, vary
+from sim.scenario.variation import Source, generator, randomise
 from sim.sensors.camera import Camera, Renderer
-from sim.sensors.faults import Fault, FaultLine
+from sim.sensors.faults import Fault, FaultSchedule
 from sim.sensors.stereo_noise import StereoErrors
 from sim.truth.true_objects import class_of_bodies
 
@@ -61,8 +61,8 @@ class Simulator:
             raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
-        self.profile, self._chassis = robot, chassis_of(robot)
-        self.scenario = scenario if as_found else vary(scenario, seed)
+        self.profile, self._chassis = robot, chassis_for(robot)
+        self.scenario = scenario if as_found else randomise(scenario, seed)
         """As it is found in this run."""
         with quiet_stdout():
             self._client: int = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*camera_size))
@@ -76,7 +76,7 @@ class Simulator:
                 raise
         self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
         self._yaw_rate_radps = 0.0
-        self._faults = FaultLine(scenario.faults, (seed, Source.FAULTS))
+        self._faults = FaultSchedule(scenario.faults, (seed, Source.FAULTS))
         self._frame: Frame | None = None
         self.referee = Referee(self.scenario, robot)
         """The ground truth's verdict."""

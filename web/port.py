@@ -15,7 +15,7 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
-from navcore.perception.labels import Finder
+from navcore.perception.labels import LabelSource
 from navcore.robot.profile import RobotProfile
 from web.drafts import Preview, PreviewDraft, SavedMission, ZoneDraft, ZoneHistory
 from web.insight import Insight
@@ -106,7 +106,7 @@ class BewareEdits(Protocol):
     def list(self) -> BewareList:
         """The list in force."""
 
-    def finder(self, entry: BewareClass) -> Finder:
+    def finder(self, entry: BewareClass) -> LabelSource:
         """What finds an entry of the list in the pictures; perhaps nothing."""
 
     def edit(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:

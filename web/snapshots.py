@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2, Twist
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.mission import Goal, Phase
 from navcore.mission.zone import Zone
@@ -94,9 +94,9 @@ class Picture:
     """(H, W) class id of the beware list per pixel, 0 for nothing."""
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is of them, 0 to 1."""
-    occupancy: Occupancy
+    occupancy: Costmap
     """Occupied and blocked cells, packed."""
-    seen_mask: Mask
+    seen_mask: CellMask
     """Cells into which the camera has looked, packed."""
     grid_version: int
     """Changes whenever `occupancy` or `seen_mask` do."""
@@ -112,7 +112,7 @@ class Picture:
     """Where the robot keeps out for a while of its own accord, with the name of why."""
     depth_m: npt.NDArray[np.float32] | None = None
     """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not kept."""
-    prior: Mask | None = None
+    prior: CellMask | None = None
     """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid.bitplane import PAD
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.mission.beware_list import BewareList
 from web.snapshots import Picture
 
@@ -27,7 +27,7 @@ class TileVersions:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._key: Hashable = None
-        self._layers: dict[Hashable, Mask] = {}
+        self._layers: dict[Hashable, CellMask] = {}
         self._versions: npt.NDArray[np.int64] = np.zeros((0, 0), dtype=np.int64)
         self._newest = 0
 
@@ -52,7 +52,7 @@ class TileVersions:
             self._layers = layers
             return self._newest, self._versions
 
-    def _changed(self, layers: dict[Hashable, Mask], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    def _changed(self, layers: dict[Hashable, CellMask], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
         changed = np.zeros(shape, dtype=np.bool_)
         for name in {**self._layers, **layers}:
             old, new = self._layers.get(name), layers.get(name)
@@ -74,7 +74,7 @@ def newer(versions: npt.NDArray[np.int64], since: int) -> Iterator[tuple[Tile, i
         yield (int(row), int(col)), int(versions[row, col])
 
 
-def _differing(old: Mask | None, new: Mask | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _differing(old: CellMask | None, new: CellMask | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
     """Tiles in which two sets of cells differ; one that is missing is empty."""
     if old is None or new is None:
         one = old or new

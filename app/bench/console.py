@@ -19,10 +19,10 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from app.bench.viser_client import SUBPROTOCOL, camera, names_in
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Phase
@@ -83,14 +83,14 @@ class _World:
         self._cloud = Cloud(serial=self._serial, points_map=points, rgb=rgb, class_ids=cloud.class_ids)
 
     def _paint(self, held: npt.NDArray[np.bool_]) -> None:
-        geometric, nothing = Mask.of(held), Mask.of(np.zeros_like(held))
-        occupancy = Occupancy(
+        geometric, nothing = CellMask.of(held), CellMask.of(np.zeros_like(held))
+        occupancy = Costmap(
             spec=SPEC,
             layers={0: geometric},
             margins_m={},
             zones=nothing,
             wide_zones=(),
-            free=Mask.of(~held),
+            free=CellMask.of(~held),
             version=self._serial,
         )
         pose = Pose2(x_m=self._at[0], y_m=self._at[1], yaw_rad=0.0)

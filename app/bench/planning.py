@@ -29,7 +29,7 @@ from navcore.grid.inflation import InflatedGrid
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan, plan_in
 from navcore.planning.replanner import Replanner
-from navcore.planning.search.open_list import Arena
+from navcore.planning.search.open_list import SearchWorkspace
 
 PEER_QUERIES = 8
 VIEW_CELLS = 50
@@ -159,7 +159,7 @@ def compare(problems: list[Problem]) -> Table:
     ratios: dict[str, list[float]] = {name: [] for name in planners}
     for problem in problems:
         space = FreeSpace.of(problem.blocked)
-        arena = Arena(space)
+        arena = SearchWorkspace(space)
         own, wrong = _all_queries(problem, space, arena)
         sample = np.linspace(0, len(own) - 1, min(PEER_QUERIES, len(own))).astype(int)
         whole = [_best(partial(plan, problem.blocked, *problem.queries[i][:2])) for i in sample]
@@ -177,7 +177,7 @@ def compare(problems: list[Problem]) -> Table:
     return table
 
 
-def _all_queries(problem: Problem, space: FreeSpace, arena: Arena) -> tuple[npt.NDArray[np.float64], int]:
+def _all_queries(problem: Problem, space: FreeSpace, arena: SearchWorkspace) -> tuple[npt.NDArray[np.float64], int]:
     took, wrong = np.empty(len(problem.queries)), 0
     for index, (start, goal, length) in enumerate(problem.queries):
         outcome = plan_in(space, arena, start, goal)
@@ -307,7 +307,7 @@ def from_raw(problems: list[Problem]) -> Table:
         start, goal, _ = max(problem.queries, key=lambda query: query[2])
         rows, cols = problem.blocked.shape
         grid, empty = InflatedGrid(rows, cols), np.zeros_like(problem.occupied)
-        arena, steps = Arena(grid.space), list[tuple[float, float]]()
+        arena, steps = SearchWorkspace(grid.space), list[tuple[float, float]]()
         for _ in range(6):
             grid.update({problem.radius: empty})
             made = _best(partial(grid.update, {problem.radius: problem.occupied}), times=1)

@@ -15,12 +15,12 @@ import numpy.typing as npt
 from rich.table import Table
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception import PointRules
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
-from navcore.mapping.voxels import looked_at, measured_voxels
+from navcore.mapping.voxels import depth_view, measured_voxels
 from navcore.mission.beware_list import default_beware_list
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
@@ -58,7 +58,7 @@ def tick_table(ticks: int) -> Table:
 def _measured(ticks: int) -> list[Stage]:
     spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
     navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
-    order = Order(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
+    order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
     names = ("depth → cells, by itself", "points, map", "layers, inflation", "path", "motion", "all but the first")
     stages = [Stage(what=name, ms=[]) for name in names]
     forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
@@ -141,9 +141,9 @@ def _trace(
 
 
 def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
-    rules = PointRules()
+    rules = ObservationConfig()
     start = time.perf_counter()
-    looked = looked_at(frame, spec, rules.max_range_m)
+    looked = depth_view(frame, spec, rules.max_range_m)
     measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
     return time.perf_counter() - start
 

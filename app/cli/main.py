@@ -139,10 +139,10 @@ def drive(
     ablation: AblationOption = Ablation.NONE,
 ) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without any violation."""
-    from app.episode.keyframes import Album
+    from app.episode.keyframes import Keyframes
     from app.episode.task import Task, episode_of
     from app.evaluation.plots import plot_episode
-    from app.runtime.map_persistence import keep, recall
+    from app.runtime.map_persistence import load_map, save_map
     from app.runtime.segmentation import compose
     from navcore.config.navigator import load_config
     from navcore.robot.profile import HUSKY
@@ -159,14 +159,14 @@ def drive(
     perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
     episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception, config=config)
     try:
-        album = Album(episode)
-        recall(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
+        album = Keyframes(episode)
+        load_map(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
         with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
             shown = bar.add_task("starting", total=1.0)
             result = episode.run(lambda progress: bar.update(shown, description=progress.text(), completed=progress.share))
         if report is not None:
             report.write_text(json.dumps(result, indent=1), encoding="utf-8")
-        keep(episode.pilot.navigator.map, listed, kept)
+        save_map(episode.pilot.navigator.map, listed, kept)
         if plots is not None:
             plot_episode(result, episode, album, plots)
     finally:

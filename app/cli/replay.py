@@ -44,7 +44,7 @@ def replay(
     from app.replay.reference import load_reference
     from app.replay.run import as_report, compare
     from app.replay.run import replay as run
-    from app.runtime.map_persistence import keep
+    from app.runtime.map_persistence import save_map
     from app.runtime.segmentation import compose
     from navcore.config.navigator import config_for
     from navcore.mission.beware_list import default_beware_list
@@ -78,7 +78,7 @@ def replay(
     lines = in_words(report, judged)
     if out is not None:
         write_whole(out / "replay.json", json.dumps(report, indent=1).encode())
-        keep(replayed.navigator.map, beware, out / "map.npz")
+        save_map(replayed.navigator.map, beware, out / "map.npz")
     if out is not None and picture:
         write_whole(out / "replay.png", draw_replay(recording, replayed, known, config, title="\n".join(lines)))
     typer.echo("\n".join(lines))

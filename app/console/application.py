@@ -18,11 +18,11 @@ import torch
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
 from app.console.port import taken_port
-from app.runtime.fault_injection import Sabotage
-from app.runtime.loop import Clockwork, Loop
-from app.runtime.map_persistence import keep, recall
-from app.runtime.pilot import Intent, Pilot
+from app.runtime.fault_injection import FaultInjector
+from app.runtime.loop import ControlLoop, PeriodicThread
+from app.runtime.map_persistence import load_map, save_map
 from app.runtime.recorder import Recorder
+from app.runtime.robot_controller import OperatorState, RobotController
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.storage import Store
@@ -106,10 +106,10 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
         stack.callback(robot.close)
         pilot, began_ns = _pilot(store, back_end.spec, perception, config), robot.now_ns()
         if back_end.faults:
-            sabotage = Sabotage(pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
+            sabotage = FaultInjector(pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
             sabotage.take_time(time.sleep)
-        recall(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
-        stack.callback(lambda: keep(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
+        load_map(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
+        stack.callback(lambda: save_map(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
         recorder = Recorder(pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name)
         stack.callback(recorder.close)
         recorder.watch_zones(pilot.intent.zones)
@@ -124,12 +124,12 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
             labelling=options.data / "labelling",
             config=config,
         )
-        expiry = Clockwork(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
+        expiry = PeriodicThread(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
         expiry.start()
         stack.callback(expiry.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
-        loop = Loop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
+        loop = ControlLoop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
         locked = options.login or options.host not in LOOPBACK
@@ -159,11 +159,11 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
     return simulated(options.scenario, seed=options.seed, profile=HUSKY)
 
 
-def _pilot(store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig) -> Pilot:
+def _pilot(store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig) -> RobotController:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
     navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=config)
-    intent = Intent(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
-    return Pilot(navigator=navigator, profile=HUSKY, intent=intent)
+    intent = OperatorState(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
+    return RobotController(navigator=navigator, profile=HUSKY, intent=intent)
 
 
 def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:

@@ -18,7 +18,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import RobotProfile
 from sim.scenario.load import load_scenario
-from sim.scenario.schema import map_of
+from sim.scenario.schema import map_grid
 from sim.sensors.faults import Fault
 
 
@@ -42,7 +42,7 @@ def simulated(scenario: str, *, seed: int, profile: RobotProfile) -> BackEnd:
     """The simulated robot in a process of its own; raises `SimulatorFailed` when it does not come up."""
     world = load_scenario(scenario)
     robot = SimulatorProcess(scenario, seed=seed, profile=profile)
-    return BackEnd(robot=robot, spec=map_of(world), name=world.name, referee=robot, faults=world.faults)
+    return BackEnd(robot=robot, spec=map_grid(world), name=world.name, referee=robot, faults=world.faults)
 
 
 def recorded(folder: Path, *, config: NavigatorConfig, level: bool = False) -> BackEnd:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 
 from navcore.errors import Outdated
 from navcore.mission.beware_list import BewareClass, BewareList
-from navcore.perception.labels import Finder
+from navcore.perception.labels import LabelSource
 
 
-class BewareDesk:
+class BewareEditor:
     """Satisfies `web.port.BewareEdits`. Safe from any thread: one edit at a time."""
 
     def __init__(
@@ -19,7 +19,7 @@ class BewareDesk:
         present: Callable[[], BewareList],
         save: Callable[[BewareList], None],
         put: Callable[[BewareList], None],
-        finds: Callable[[BewareClass], Finder],
+        finds: Callable[[BewareClass], LabelSource],
     ) -> None:
         """`present` is the list in force, `save` stores another, `put` puts it in force; `finds` asks the segmenter."""
         self._present, self._save, self._put, self._finds = present, save, put, finds
@@ -30,7 +30,7 @@ class BewareDesk:
         """The list in force."""
         return self._present()
 
-    def finder(self, entry: BewareClass) -> Finder:
+    def finder(self, entry: BewareClass) -> LabelSource:
         """What finds an entry in the pictures."""
         return self._finds(entry)
 

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from app.console.saved_missions import MissionShelf
+from app.console.saved_missions import SavedMissions
 from navcore.errors import BadGeometry
 from navcore.grid.grid import GridSpec
 from navcore.mission.mission import Goal, Mission
@@ -20,7 +20,7 @@ class Goals:
         self,
         *,
         spec: GridSpec,
-        shelf: MissionShelf,
+        shelf: SavedMissions,
         present: Callable[[], Mission],
         change: Callable[[Callable[[Mission], Mission]], Mission],
         check: Callable[[float, float], None],

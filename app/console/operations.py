@@ -8,32 +8,32 @@ from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from app.console.beware_editor import BewareDesk
+from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
 from app.console.path_preview import compared, place_on, standing_at
-from app.console.saved_missions import MissionShelf
-from app.console.zone_editor import ZoneBook
+from app.console.saved_missions import SavedMissions
+from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.pilot import MOVING, Intent, Pilot
 from app.runtime.recorder import Recorder
+from app.runtime.robot_controller import MOVING, OperatorState, RobotController
 from app.runtime.segmentation import Perception
 from app.runtime.stage_timer import Stopwatch
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Outcome
-from navcore.costmap.cell_description import check_standable
+from navcore.control.motion import ControllerState
+from navcore.costmap.cell_description import check_goal_free
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
 from navcore.robot.profile import RobotProfile
-from navcore.safety.gate import StopReason, Verdict
+from navcore.safety.gate import GateDecision, StopReason
 from web.drafts import PathPreview, Preview, PreviewDraft
 from web.port import MissionAction
 from web.snapshots import Cloud, Picture, State
@@ -55,7 +55,7 @@ class LiveOperations:
         self,
         *,
         robot: Robot,
-        pilot: Pilot,
+        pilot: RobotController,
         store: Store,
         recorder: Recorder,
         world: str,
@@ -69,18 +69,18 @@ class LiveOperations:
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
         self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._stopwatch = Stopwatch(pilot.navigator)
-        self._verdict = Verdict(twist=STANDSTILL, reasons=())
+        self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self._zones_version = 0
         spec = pilot.navigator.map.spec
         self.goals = Goals(
             spec=spec,
-            shelf=MissionShelf(store),
+            shelf=SavedMissions(store),
             present=lambda: pilot.intent.mission,
             change=pilot.change_mission,
             check=self._check_goal,
         )
-        self.zones = ZoneBook(pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s)
-        self.beware = BewareDesk(
+        self.zones = ZoneEditor(pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s)
+        self.beware = BewareEditor(
             present=lambda: pilot.intent.beware,
             save=store.save_beware,
             put=self._beware_put,
@@ -107,13 +107,13 @@ class LiveOperations:
         """A URDF of the robot for the 3D view."""
         return self._urdf
 
-    def note_verdict(self, verdict: Verdict) -> None:
+    def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread each time it has sent."""
         self._verdict = verdict
         self._recorder.note_verdict(verdict)
         self.insight.note_verdict(verdict)
 
-    def note_decision(self, decision: Decision) -> None:
+    def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
@@ -173,7 +173,7 @@ class LiveOperations:
     def mission(self, action: MissionAction) -> None:
         """Start, pause, resume or cancel."""
 
-        def edit(intent: Intent) -> Intent:
+        def edit(intent: OperatorState) -> OperatorState:
             if intent.stopped_by is not None and action in ("start", "resume", "leave"):
                 raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
             return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
@@ -187,7 +187,7 @@ class LiveOperations:
             return
         command = Command(twist=twist, stamp_ns=self._robot.now_ns())
 
-        def edit(intent: Intent) -> Intent:
+        def edit(intent: OperatorState) -> OperatorState:
             if intent.stopped_by is not None:
                 raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
@@ -198,7 +198,7 @@ class LiveOperations:
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission, as one step."""
 
-        def edit(intent: Intent) -> Intent:
+        def edit(intent: OperatorState) -> OperatorState:
             driving = intent.mission.phase in MOVING
             mission = intent.mission.pause() if driving else intent.mission
             return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None)
@@ -210,7 +210,7 @@ class LiveOperations:
     def reset_stop(self) -> None:
         """Release the latch, and accept the pose if odometry has jumped; the mission stays paused."""
 
-        def edit(intent: Intent) -> Intent:
+        def edit(intent: OperatorState) -> OperatorState:
             doubted = self._pilot.pose_in_doubt and intent.mission.phase in MOVING
             return dataclasses.replace(intent, stopped_by=None, mission=intent.mission.pause() if doubted else intent.mission)
 
@@ -230,7 +230,7 @@ class LiveOperations:
     def _check_goal(self, x_m: float, y_m: float) -> None:
         picture = self._recorder.picture
         if picture is not None:
-            check_standable(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
+            check_goal_free(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
 
     # The poses that the map is made from
 
@@ -278,17 +278,17 @@ class LiveOperations:
         return self._store.run(run_id)
 
 
-def _length_m(decision: Decision | None) -> float | None:
+def _length_m(decision: TickResult | None) -> float | None:
     if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
         return None
     return decision.route.outcome.length * decision.occupancy.spec.resolution_m
 
 
-def _in_zone(decision: Decision | None) -> bool:
-    return decision is not None and decision.motion.outcome is Outcome.IN_ZONE
+def _in_zone(decision: TickResult | None) -> bool:
+    return decision is not None and decision.motion.outcome is ControllerState.IN_ZONE
 
 
-def _summary(intent: Intent, decision: Decision | None, reasons: tuple[StopReason, ...], moving: bool) -> str:
+def _summary(intent: OperatorState, decision: TickResult | None, reasons: tuple[StopReason, ...], moving: bool) -> str:
     mission = intent.mission
     if reasons:
         return reasons[0].text

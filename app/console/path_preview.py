@@ -39,11 +39,11 @@ def compared(
     drafted = drafted if draft is None else (*drafted, draft)
     path = plan(under(grid, drafted), drafted)
     present = None if draft is None and replaces is None else plan(under(grid, zones), zones)
-    cut_by = cutters(grid, drafted, plan, draft) if isinstance(path.outcome, NoPath) else ()
+    cut_by = blocking_zones(grid, drafted, plan, draft) if isinstance(path.outcome, NoPath) else ()
     return Preview(path=path, present=present, cut_by=cut_by)
 
 
-def cutters(grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, draft: Zone | None) -> tuple[str, ...]:
+def blocking_zones(grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, draft: Zone | None) -> tuple[str, ...]:
     """The names of the zones that cut the goal off: the draft, if without it there is a path, else those whose lifting alone
     opens one, else all that lie on the way that would be taken without zones; none if it is not the zones that cut it off."""
 

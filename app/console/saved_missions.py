@@ -23,7 +23,7 @@ class Shelf(Protocol):
         """Store a JSON value under a name; None forgets it."""
 
 
-class MissionShelf:
+class SavedMissions:
     """Save, look up, forget."""
 
     def __init__(self, shelf: Shelf) -> None:

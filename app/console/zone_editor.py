@@ -47,7 +47,7 @@ class _Edit:
     after: Mapping[str, Zone | None]
 
 
-class ZoneBook:
+class ZoneEditor:
     """Safe from any thread: one edit at a time, readers see whole tuples."""
 
     def __init__(

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import IDLE, Motion, Outcome
-from navcore.costmap.costmap import Occupancy
+from navcore.control.motion import IDLE, ControllerState, Motion
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.navigator import Navigator
-from navcore.perception.labels import Finder, Labels, Segmenter
+from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.planning.route import Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -34,9 +34,9 @@ class SeesNothing:
         shape = frame.depth_m.shape
         return Labels(class_ids=np.full(shape, NOTHING, np.uint8), confidence=np.ones(shape, dtype=np.float32))
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """Nothing."""
-        return Finder.NOTHING
+        return LabelSource.NOTHING
 
 
 class Oracle:
@@ -55,9 +55,9 @@ class Oracle:
                 class_ids[shown[entry.name]] = entry.class_id
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """Everything, as a network that knows everything would."""
-        return Finder.NETWORK
+        return LabelSource.NETWORK
 
 
 def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) -> Segmenter:
@@ -72,7 +72,7 @@ def ablate(navigator: Navigator, ablation: Ablation, profile: RobotProfile, conf
     if ablation is not Ablation.NO_LOCAL_PLANNER:
         return
 
-    def move(occupancy: Occupancy, pose: Pose2, route: Route | None, *rest: Any, **named: Any) -> Motion:
+    def move(occupancy: Costmap, pose: Pose2, route: Route | None, *rest: Any, **named: Any) -> Motion:
         return IDLE if route is None or not len(route.points) else pursue(route, pose, profile, config)
 
     navigator.move = move  # type: ignore[method-assign]
@@ -84,20 +84,22 @@ def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorCo
     path = path_from(route.track, pose)
     goal_m = float(np.hypot(*path[-1]))
     if goal_m <= rules.arrival_m:
-        return Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
+        return Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
     away_m = np.hypot(*path.T)
     ahead = np.flatnonzero(away_m >= rules.lookahead_m)
     x, y = path[ahead[0]] if len(ahead) else path[-1]
     bearing = math.atan2(y, x)
     if abs(bearing) > TURN_FROM_RAD:
-        return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rules.turn_rate_radps, bearing)), outcome=Outcome.TURN)
+        return Motion(
+            twist=Twist(v_mps=0.0, w_radps=math.copysign(rules.turn_rate_radps, bearing)), outcome=ControllerState.TURN
+        )
     curvature = 2 * y / max(x**2 + y**2, 1e-6)
     v_mps = min(
         profile.max_speed_mps,
         math.sqrt(rules.braking_mps2 * goal_m) + 0.02,
         rules.turn_rate_radps / max(abs(curvature), 1e-6),
     )
-    return dataclasses.replace(IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=Outcome.FOLLOW)
+    return dataclasses.replace(IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=ControllerState.FOLLOW)
 
 
 class Ablation(StrEnum):

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from app.episode.ablation import Ablation, ablate, segmenter_for
-from app.episode.informed_baseline import Eyes
+from app.episode.informed_baseline import SensorModel
 from app.episode.report import report_of
-from app.runtime.fault_injection import Sabotage
-from app.runtime.pilot import COMMAND_PERIOD_S, Intent, Pilot
+from app.runtime.fault_injection import FaultInjector
+from app.runtime.robot_controller import COMMAND_PERIOD_S, OperatorState, RobotController
 from app.runtime.segmentation import Perception, colour_perception
 from app.runtime.stage_timer import Stopwatch
 from navcore.config.navigator import NavigatorConfig
@@ -24,13 +24,13 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision, Navigator
+from navcore.navigator import Navigator, TickResult
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
-from navcore.safety.gate import Verdict
+from navcore.safety.gate import GateDecision
 from navcore.warmup import warm_up
-from sim.referee.detections import Finds
-from sim.scenario.schema import Scenario, map_of
+from sim.referee.detections import DetectionScore
+from sim.scenario.schema import Scenario, map_grid
 from sim.sensors.camera import FIELD_OF_VIEW_DEG
 from sim.simulator import Simulator
 
@@ -100,7 +100,7 @@ class Episode:
         `as_found`: a seed has made its changes to the scenario already. `zones`: polygons that the operator has drawn.
         """
         self.seed, self.zones, self.ablation, self._max_time_s = seed, zones, ablation, max_time_s
-        self.spec = spec = map_of(scenario)
+        self.spec = spec = map_grid(scenario)
         mission = Mission()
         for x_m, y_m in goals or scenario.goals:
             mission = mission.add(x_m, y_m, spec)
@@ -114,25 +114,27 @@ class Episode:
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Room that the robot's middle keeps from everything."""
         across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
-        self.eyes = Eyes(ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m)
+        self.eyes = SensorModel(ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m)
         """What is in the robot's view."""
         self._segmenter = segmenter_for(ablation, perception.segmenter, self.simulator)
         self.seen_by = perception.identity if self._segmenter is perception.segmenter else str(ablation)
         """What labels the pictures."""
         navigator = Navigator(spec=spec, profile=profile, segmenter=self._segmenter, config=config)
         ablate(navigator, ablation, profile, config)
-        self._sabotage = Sabotage(navigator, lambda: self.simulator.faults, lambda: self.now_s)
+        self._sabotage = FaultInjector(navigator, lambda: self.simulator.faults, lambda: self.now_s)
         self.stopwatch = Stopwatch(navigator)
         drawn = () if ablation is Ablation.NO_ZONES else zones
         told = tuple(Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon) for i, polygon in enumerate(drawn, start=1))
-        self.pilot = Pilot(navigator=navigator, profile=profile, intent=Intent(mission=mission, beware=beware, zones=told))
-        self.finds = Finds(self.scenario)
+        self.pilot = RobotController(
+            navigator=navigator, profile=profile, intent=OperatorState(mission=mission, beware=beware, zones=told)
+        )
+        self.finds = DetectionScore(self.scenario)
         """What came into view."""
         self._thinks_of: Frame | None = None
         self._thinks_until_s = 0.0
-        self.on_verdict: Callable[[float, Verdict], None] = lambda t_s, verdict: None
+        self.on_verdict: Callable[[float, GateDecision], None] = lambda t_s, verdict: None
         """Told of each command as it is sent, with the simulated time."""
-        self.on_decision: Callable[[float, Decision], None] = lambda t_s, decision: None
+        self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
         """Told of each tick's outcome, with the simulated time."""
         self.arrived: dict[int, float] = {}
         """Number of a goal → how far from it the robot truly was when it said that it was there …"""

@@ -17,14 +17,14 @@ import numpy.typing as npt
 
 from navcore.costmap.costmap import nearest_free
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.inflation import InflatedGrid
 from navcore.planning.path import NoPath
 from navcore.planning.replanner import Replanner
 from navcore.planning.route import TAUT_M
-from navcore.planning.string_pulling import pull_taut
+from navcore.planning.string_pulling import shortcut
 
 STEP_M, TURN_RAD = 0.1, 0.15
 """How far he drives and turns from one picture to the next: 1 m/s and 1.5 rad/s at 10 Hz."""
@@ -37,7 +37,7 @@ MOST_PICTURES = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Eyes:
+class SensorModel:
     """What is in view."""
 
     ahead_m: float
@@ -61,7 +61,13 @@ class TrueGrids:
 
 
 def ideal_way_m(
-    true: TrueGrids, spec: GridSpec, start: Pose2, goals: Sequence[tuple[float, float]], *, eyes: Eyes, inflation_m: float
+    true: TrueGrids,
+    spec: GridSpec,
+    start: Pose2,
+    goals: Sequence[tuple[float, float]],
+    *,
+    eyes: SensorModel,
+    inflation_m: float,
 ) -> float | None:
     """Length of his way from the start through all goals in metres; None where there is none."""
     driver = _Driver(true, spec, eyes, inflation_m)
@@ -77,7 +83,7 @@ def ideal_way_m(
 class _Driver:
     """What he has seen so far, and the shortest path over it."""
 
-    def __init__(self, true: TrueGrids, spec: GridSpec, eyes: Eyes, inflation_m: float) -> None:
+    def __init__(self, true: TrueGrids, spec: GridSpec, eyes: SensorModel, inflation_m: float) -> None:
         self._true, self._spec, self._eyes = true, spec, eyes
         self._seen, self._radius = true.known.copy(), math.ceil(inflation_m / spec.resolution_m)
         self._grid = InflatedGrid(spec.rows, spec.cols)
@@ -121,13 +127,13 @@ class _Driver:
         if cell == end:
             return goal
         if not (space.contains(cell) and space.is_free(cell)):
-            plane = Mask.copied(space.across[FREE], spec.rows, spec.cols)
+            plane = CellMask.copied(space.across[FREE], spec.rows, spec.cols)
             way_out = nearest_free(plane, cell, RELIEF_M / spec.resolution_m)
             return None if way_out is None or way_out == cell else spec.centre(*way_out)
         path = self._replanner.plan(cell, end)
         if isinstance(path, NoPath):
             return None
-        corners = pull_taut(path.cells, space.across[FREE], stretch=math.ceil(TAUT_M / spec.resolution_m))
+        corners = shortcut(path.cells, space.across[FREE], stretch=math.ceil(TAUT_M / spec.resolution_m))
         return goal if len(corners) < 3 else spec.centre(*corners[1].tolist())
 
 

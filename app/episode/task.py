@@ -13,8 +13,8 @@ from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
 from navcore.robot.profile import RobotProfile
-from sim.scenario.schema import Scenario, map_of
-from sim.scenario.variation import vary
+from sim.scenario.schema import Scenario, map_grid
+from sim.scenario.variation import randomise
 from sim.truth.random_missions import ROOM_M, draw_places, draw_zones
 
 ZONES = 2
@@ -65,7 +65,7 @@ def episode_of(
 
     Without a configuration it is driven with the one that the robot starts with.
     """
-    world, config = vary(task.scenario, seed), config or config_for(robot)
+    world, config = randomise(task.scenario, seed), config or config_for(robot)
     margins_m = {entry.name: entry.margin_m for entry in beware.enabled}
     if task.random:
         world, config = _placed(world, seed, robot, config, margins_m)
@@ -73,7 +73,7 @@ def episode_of(
         world = dataclasses.replace(world, goals=task.goals)
     mission = Mission()
     for x_m, y_m in world.goals:
-        mission = mission.add(x_m, y_m, map_of(world))  # refuses what lies outside before anything is built
+        mission = mission.add(x_m, y_m, map_grid(world))  # refuses what lies outside before anything is built
     inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,

@@ -38,7 +38,7 @@ LOOK_FIRST_S = 1.5
 NOTHING_TO_BEWARE = BewareList(classes=())
 
 
-class Judge:
+class ChallengeRules:
     """Ends a run by the challenge's rule: within the tolerance of the goal, at any contact, or when the time is up."""
 
     def __init__(self, world: BarnWorld) -> None:
@@ -119,7 +119,7 @@ def drive_world(
     """One run through the world of a number; the episode's report with the challenge's verdict."""
     profile = load_profile(robot)
     world = next(world for world in _listed(suite, worlds, profile) if world.id == number)
-    judge = Judge(world)
+    judge = ChallengeRules(world)
     episode = Episode(
         world.scenario,
         seed=seed,
@@ -136,7 +136,7 @@ def drive_world(
     return {**judged, "causes": causes_of(judged)}
 
 
-def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:
+def verdict(world: BarnWorld, judge: ChallengeRules) -> dict[str, Any]:
     """What the challenge makes of a run."""
     return {
         "success": judge.there,
@@ -151,7 +151,7 @@ def verdict(world: BarnWorld, judge: Judge) -> dict[str, Any]:
 
 def _fitted(suite: str, config: NavigatorConfig) -> NavigatorConfig:
     """What moves in DynaBARN runs on its rails, over whoever stands there."""
-    return replace(config, people=replace(config.people, heedless=suite == "dynabarn"))
+    return replace(config, people=replace(config.people, non_cooperative=suite == "dynabarn"))
 
 
 def _listed(suite: str, path: Path, profile: RobotProfile) -> tuple[BarnWorld, ...]:

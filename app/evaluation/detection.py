@@ -22,20 +22,20 @@ from rich.console import Console as Terminal
 from rich.progress import track
 from rich.table import Table
 
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.mapping.observation import observe
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import rasterise
 from navcore.perception.labels import Segmenter
 from navcore.robot.frame import Frame
-from sim.dataset.camera_effects import photograph
+from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
-from sim.dataset.renderer import PATTERNS, Labels, Studio
+from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
 from sim.models.solids import placed
@@ -102,7 +102,7 @@ def measure_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walk
     """Walk once through each of so many worlds of the test split that `seed` makes."""
     findings = Findings()
     shard = shard_seed(seed, "test", 900)  # far behind the shards of any data set
-    with Studio(seed=shard, size=(424, 240), renderer="auto") as studio:
+    with SceneRenderer(seed=shard, size=(424, 240), renderer="auto") as studio:
         for number in track(range(walks), description="walking"):
             rng = np.random.default_rng((WORLDS_PER_SHARD * shard + number, 2))
             scene = random_scene(rng, patterns=PATTERNS, prints=studio.prints)
@@ -131,15 +131,15 @@ def run_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walks: i
 
 
 def _walk(
-    studio: Studio, scene: Scene, rng: np.random.Generator, segmenter: Segmenter, beware: BewareList, findings: Findings
+    studio: SceneRenderer, scene: Scene, rng: np.random.Generator, segmenter: Segmenter, beware: BewareList, findings: Findings
 ) -> None:
     spec = GridSpec.centred(size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M)
-    things, cloud = list(_things(scene, spec)), CloudMap(spec, MapRules())
+    things, cloud = list(_things(scene, spec)), PointMap(spec, MappingConfig())
     poses = _poses(scene, rng)
     for number, pose in enumerate(poses):
-        rgb, depth_m, labels = studio.shoot(pose.matrix() @ T_BASE_CAMERA, scene)
+        rgb, depth_m, labels = studio.render(pose.matrix() @ T_BASE_CAMERA, scene)
         true_depth_m = depth_m
-        rgb, depth_m = photograph(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
+        rgb, depth_m = apply_camera_effects(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
         frame = Frame(
             stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
             rgb=np.ascontiguousarray(rgb),
@@ -150,7 +150,7 @@ def _walk(
             twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
         )
         found = segmenter.segment(frame, beware)
-        cloud.insert(observe(frame, found, beware, spec, PointRules()), frame, found)
+        cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
         _look(things, cloud, beware, frame, true_depth_m, labels)
     for thing in things:
         findings.seen[thing.name] += thing.in_view
@@ -197,7 +197,7 @@ def _free(scene: Scene, pose: Pose2) -> bool:
 
 
 def _look(
-    things: Iterable[Thing], cloud: CloudMap, beware: BewareList, frame: Frame, depth_m: npt.NDArray[np.float32], labels: Labels
+    things: Iterable[Thing], cloud: PointMap, beware: BewareList, frame: Frame, depth_m: npt.NDArray[np.float32], labels: Labels
 ) -> None:
     """Note which things are in view by the truth, and which of them the map holds by now."""
     lens, camera = frame.intrinsics, frame.T_map_camera
@@ -230,7 +230,7 @@ def _pixels_on(thing: Thing, spec: GridSpec, places: npt.NDArray[np.float64]) ->
     return int(thing.cells[rows[inside], cols[inside]].sum()) >= ENOUGH_PX
 
 
-def _false_items(things: Iterable[Thing], cloud: CloudMap, beware: BewareList) -> Counter[str]:
+def _false_items(things: Iterable[Thing], cloud: PointMap, beware: BewareList) -> Counter[str]:
     real = np.zeros((cloud.spec.rows, cloud.spec.cols), dtype=np.bool_)
     for thing in things:
         real |= thing.cells

@@ -18,8 +18,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon
 
 from app.episode.episode import Episode
-from app.episode.keyframes import Album, Shot
-from app.runtime.pilot import COMMAND_PERIOD_S
+from app.episode.keyframes import Keyframe, Keyframes
+from app.runtime.robot_controller import COMMAND_PERIOD_S
 from navcore.control.local_planner import Points
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.planning.route import Route
@@ -34,7 +34,7 @@ CLASS_COLOURS = [to_rgb(colour) for colour in mpl.color_sequences["tab10"]]
 DPI = 110
 
 
-def plot_episode(report: Mapping[str, Any], episode: Episode, album: Album, folder: Path) -> None:
+def plot_episode(report: Mapping[str, Any], episode: Episode, album: Keyframes, folder: Path) -> None:
     """Write `top_view`, `progress` and `frames`, each as .png and .svg, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     decision = episode.pilot.thought.decision
@@ -146,7 +146,7 @@ def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
     return figure
 
 
-def frames(shots: Sequence[Shot], names: Mapping[int, str]) -> Any:
+def frames(shots: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
     """A column for each picture: as it was taken, the mask of what binds the robot, and both together by class."""
     figure, grid = plt.subplots(3, len(shots), figsize=(2.6 * len(shots) + 0.4, 5.0), squeeze=False)
     for number, (shot, column) in enumerate(zip(shots, grid.T, strict=True), start=1):
@@ -167,7 +167,7 @@ def frames(shots: Sequence[Shot], names: Mapping[int, str]) -> Any:
     return figure
 
 
-def overlay(shot: Shot) -> Image:
+def overlay(shot: Keyframe) -> Image:
     """(H, W, 3) the picture with each class in its colour over it."""
     picture = shot.rgb / 255
     for class_id in np.unique(shot.class_ids):

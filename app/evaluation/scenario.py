@@ -87,11 +87,11 @@ def evaluate_scenario(
 
 def _draw(reports: Sequence[dict[str, Any]], common: Evaluation) -> None:
     from app.evaluation.plots import all_drives, progress, save
-    from sim.scenario.variation import vary
+    from sim.scenario.variation import randomise
 
     folder = common.out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    world = vary(common.task.scenario, int(reports[0]["seed"]))
+    world = randomise(common.task.scenario, int(reports[0]["seed"]))
     save(progress(reports, f"{world.name}, {len(reports)} episodes"), folder / "progress")
     save(all_drives(reports, world), folder / "drives")
 
@@ -101,13 +101,13 @@ def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> d
 
 
 def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str, Any]:
-    from app.episode.keyframes import Album
+    from app.episode.keyframes import Keyframes
     from app.evaluation.plots import plot_episode
 
     profile = load_profile(common.robot)
     episode = episode_of(common.task, seed, robot=profile, beware=common.beware, perception=perception, config=common.config)
     try:
-        album = Album(episode)
+        album = Keyframes(episode)
         report = episode.run()
         if seed in common.drawn or not report["success"]:
             plot_episode(report, episode, album, common.out / "figures" / f"seed-{seed:04d}")

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from navcore.errors import NotKnown
 from navcore.mission.beware_list import BewareList
-from navcore.perception.instances import Cells, Recognised, recognised
+from navcore.perception.instances import Cells, Detection, recognised
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from web.insight import Sighting
@@ -27,7 +27,7 @@ CROP_PX = 176
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class StoredView:
     """A picture with what it was taken for, packed."""
 
     rgb_png: bytes
@@ -48,10 +48,10 @@ class _Item:
     cells: set[tuple[int, int]]
     pixels: int
     crop: bytes
-    view: View | None
+    view: StoredView | None
 
 
-class Sighted:
+class DetectionGallery:
     """Written by one thread (`look`), read and judged by any."""
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Sighted:
         """JPEG of the best view; raises `NotKnown`."""
         return self._item(sighting_id).crop
 
-    def view(self, sighting_id: int) -> View:
+    def view(self, sighting_id: int) -> StoredView:
         """The whole picture; raises `NotKnown` when it is not kept any more."""
         view = self._item(sighting_id).view
         if view is None:
@@ -97,7 +97,7 @@ class Sighted:
             return self._items[sighting_id]
 
     def _note(
-        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList, region: Recognised, name: str
+        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList, region: Detection, name: str
     ) -> Sighting | None:
         pixels = int(region.mask.sum())
         item = self._at(region.class_id, region.cells)
@@ -144,11 +144,11 @@ class Sighted:
             min(with_view, key=lambda item: item.sighting.last_s).view = None
 
 
-def packed(frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[np.bool_]) -> View:
+def packed(frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[np.bool_]) -> StoredView:
     """A frame, what binds in it, and a region of it."""
     binding = labels.mask(beware)
     depth_mm = np.clip(np.round(frame.depth_m * 1000), 0, 65535).astype(np.uint16)
-    return View(
+    return StoredView(
         rgb_png=_png(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)),
         depth_png=_png(depth_mm),
         class_ids_png=_png(np.where(binding, labels.class_ids, np.uint8(0))),
@@ -158,7 +158,7 @@ def packed(frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[n
 
 
 def unpacked(png: bytes) -> npt.NDArray[np.integer]:
-    """A picture of a `View`; colours come as BGR."""
+    """A picture of a `StoredView`; colours come as BGR."""
     return np.asarray(cv2.imdecode(np.frombuffer(png, dtype=np.uint8), cv2.IMREAD_UNCHANGED))
 
 
@@ -169,7 +169,7 @@ def _png(picture: npt.NDArray[np.integer | np.floating]) -> bytes:
     return data.tobytes()
 
 
-def _crop(rgb: npt.NDArray[np.uint8], region: Recognised) -> bytes:
+def _crop(rgb: npt.NDArray[np.uint8], region: Detection) -> bytes:
     """JPEG of the region with some room about it, its outline drawn."""
     left, top, right, bottom = region.box
     room = max(12, (right - left + bottom - top) // 8)

@@ -7,12 +7,12 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from app.insight.event_log import Journal
-from app.runtime.pilot import MOVING, Intent
+from app.runtime.robot_controller import MOVING, OperatorState
 from navcore.grid.grid import Cell, OccupancyGrid
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
 from navcore.safety.gate import StopReason
@@ -33,17 +33,17 @@ _PHASES = {
 }
 
 
-class Chronicle:
+class EventDetector:
     """Compares the newest of everything with the last, and writes down what differs. One thread calls it."""
 
-    def __init__(self, journal: Journal, intent: Intent) -> None:
+    def __init__(self, journal: Journal, intent: OperatorState) -> None:
         self._journal = journal
         self._intent = intent
-        self._decision: Decision | None = None
+        self._decision: TickResult | None = None
         self._compared_s = -np.inf
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
-    def look(self, now_s: float, intent: Intent, decision: Decision | None, pose: Place) -> None:
+    def look(self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Place) -> None:
         """The operator's will and the newest tick's decision."""
         before, self._intent = self._intent, intent
         if before is not intent:
@@ -55,7 +55,7 @@ class Chronicle:
             self._path(now_s, decision, intent)
         self._settle(now_s, pose)
 
-    def hear(self, now_s: float, reasons: tuple[StopReason, ...], pose: Place) -> None:
+    def on_gate(self, now_s: float, reasons: tuple[StopReason, ...], pose: Place) -> None:
         """What the gate says holds the robot, whenever that changes."""
         self._settle(now_s, pose)
         if not reasons:
@@ -113,7 +113,7 @@ class Chronicle:
                 what = f"now has a margin of {other.margin_m:g} m, least confidence {other.min_confidence:.0%}"
             self._journal.note(now_s, "beware", f"“{name}” {what}.")
 
-    def _path(self, now_s: float, decision: Decision, intent: Intent) -> None:
+    def _path(self, now_s: float, decision: TickResult, intent: OperatorState) -> None:
         before = self._decision
         changed_goal = before is None or _end(before.route) != _end(decision.route)
         found = None if before is None or before.route is None else isinstance(before.route.outcome, Path)
@@ -143,7 +143,7 @@ def _end(route: Route | None) -> Place | None:
 
 
 def _why_replanned(
-    before: Decision | None, after: Decision, intent: Intent, *, changed_goal: bool
+    before: TickResult | None, after: TickResult, intent: OperatorState, *, changed_goal: bool
 ) -> tuple[str, Place | None] | None:
     """What to say about the newest path; None when it is the same as before."""
     route, here = after.route, (after.frame.pose.x_m, after.frame.pose.y_m)
@@ -174,14 +174,14 @@ def _furthest_aside(path: npt.NDArray[np.float64], old: npt.NDArray[np.float64])
     return float(away[at]), (float(path[at, 0]), float(path[at, 1]))
 
 
-def _first_blocked(cells: npt.NDArray[np.int64], decision: Decision) -> Cell | None:
+def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell | None:
     here = decision.occupancy.spec.cell(decision.frame.pose.x_m, decision.frame.pose.y_m)
     ahead = cells[int(np.argmin(((cells - here) ** 2).sum(axis=1))) :]
     closed = np.flatnonzero(decision.occupancy.blocked[ahead[:, 0], ahead[:, 1]])
     return None if not len(closed) else (int(ahead[closed[0], 0]), int(ahead[closed[0], 1]))
 
 
-def _closed_by(grid: OccupancyGrid, cell: Cell, intent: Intent) -> str:
+def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
     """What is nearest to a closed cell, in words."""
     names = {entry.class_id: f"“{entry.label or entry.name}”" for entry in intent.beware.classes}
     layers = [("An obstacle", grid.geometric), ("A zone", grid.zones), *(("A zone", mask) for _, mask in grid.wide_zones)]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.errors import NotKnown
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import Cell
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
-from navcore.planning.constraint_removal import smallest_lifting
+from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
 from navcore.robot.profile import RobotProfile
@@ -27,10 +27,10 @@ BUDGET = 2_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Case:
+class ExplanationQuery:
     """What is to be explained: a path or the lack of one, over one snapshot of the map."""
 
-    occupancy: Occupancy
+    occupancy: Costmap
     """The map."""
     beware: BewareList
     """The list it was made under."""
@@ -80,7 +80,7 @@ class Case:
         return int(row), int(col)
 
 
-def explained(case: Case) -> Explanation:
+def explained(case: ExplanationQuery) -> Explanation:
     """Why the path leads where it does, or what would open one."""
     rules, spec = case.rules(), case.occupancy.spec
     start = case.start(rules)
@@ -88,7 +88,7 @@ def explained(case: Case) -> Explanation:
     if isinstance(path, NoPath):
         # A robot that stands in a wall by a hair starts beside it; one that stands in a zone starts there.
         everything = [rule.key for rule in rules.liftable]
-        lift = smallest_lifting(rules, case.start(rules, everything), case.target)
+        lift = minimum_removal(rules, case.start(rules, everything), case.target)
         return Explanation(
             goal=case.goal,
             reason=str(path.reason),
@@ -121,7 +121,7 @@ def explained(case: Case) -> Explanation:
     )
 
 
-def alternative(case: Case, keys: Collection[str]) -> Alternative:
+def alternative(case: ExplanationQuery, keys: Collection[str]) -> Alternative:
     """The path if some rules did not stand; raises `NotKnown` for a key that closes nothing here."""
     rules, metre = case.rules(), case.occupancy.spec.resolution_m
     for key in keys:
@@ -136,7 +136,7 @@ def alternative(case: Case, keys: Collection[str]) -> Alternative:
     return Alternative(reason=None, length_m=other.length * metre, difference_m=difference, points=points)
 
 
-def _costed(case: Case, rules: Rules, path: Path, along: dict[str, float]) -> tuple[ExplainedRule, ...]:
+def _costed(case: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]) -> tuple[ExplainedRule, ...]:
     """What each rule costs by itself, as many as there is time for: first those along the path, then those nearest to the
     straight line, for a rule that the path gives a wide berth may cost the most."""
     start, metre = case.start(rules), case.occupancy.spec.resolution_m
@@ -150,7 +150,7 @@ def _costed(case: Case, rules: Rules, path: Path, along: dict[str, float]) -> tu
     return tuple(sorted(whole, key=lambda rule: -(rule.saves_m or 0.0)))
 
 
-def _all_cost_m(case: Case, rules: Rules, path: Path) -> float | None:
+def _all_cost_m(case: ExplanationQuery, rules: Rules, path: Path) -> float | None:
     """What all rules together cost: more than the sum of each where they close one another's ways round."""
     free = path_without(rules, [rule.key for rule in rules.liftable], case.start(rules), case.target, budget=BUDGET)
     return (path.length - free.length) * case.occupancy.spec.resolution_m if isinstance(free, Path) else None

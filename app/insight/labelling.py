@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.insight.detections import View, unpacked
+from app.insight.detections import StoredView, unpacked
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files, check_labels
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -60,7 +60,7 @@ class LabellingFolder:
                 max_bytes=self._max_bytes,
             )
 
-    def add(self, view: View, *, names: dict[int, str], said: str | None) -> None:
+    def add(self, view: StoredView, *, names: dict[int, str], said: str | None) -> None:
         """Add a picture whose region shows a thing of the class `said`; None: nothing of the list.
 
         `names` are the beware list's classes by id. Raises `Refused` when the folder is full, `StorageFailed`.
@@ -76,7 +76,7 @@ class LabellingFolder:
             rgb = np.ascontiguousarray(unpacked(view.rgb_png)[..., ::-1], dtype=np.uint8)
             self._write(rgb, np.asarray(unpacked(view.depth_png), dtype=np.uint16), labels)
 
-    def _labels(self, view: View, names: dict[int, str], said: str) -> npt.NDArray[np.uint8]:
+    def _labels(self, view: StoredView, names: dict[int, str], said: str) -> npt.NDArray[np.uint8]:
         class_ids, region = unpacked(view.class_ids_png), unpacked(view.mask_png) > 0
         values = np.full(256, self._value(BACKGROUND), dtype=np.uint8)
         for class_id, name in names.items():

@@ -13,22 +13,22 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from app.insight.detections import Sighted, packed
-from app.insight.event_detector import Chronicle
+from app.insight.detections import DetectionGallery, packed
+from app.insight.event_detector import EventDetector
 from app.insight.event_log import Journal, Shelf
-from app.insight.explanation import Case, alternative, explained
+from app.insight.explanation import ExplanationQuery, alternative, explained
 from app.insight.labelling import LabellingFolder, region_in
 from app.insight.time_series import Series
-from app.runtime.loop import Clockwork
-from app.runtime.pilot import Pilot
+from app.runtime.loop import PeriodicThread
 from app.runtime.recorder import Recorder
+from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.collision_checker import candidates
-from navcore.costmap.local_costmap import hard_cells, nearby
+from navcore.costmap.local_costmap import nearby, obstacle_masks
 from navcore.errors import NotKnown, Refused
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.planning.path import Path
-from navcore.safety.gate import StopReason, Verdict
+from navcore.safety.gate import GateDecision, StopReason
 from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting
 from web.pictures import camera_jpg
 
@@ -51,7 +51,7 @@ class LiveInsight:
     def __init__(
         self,
         *,
-        pilot: Pilot,
+        pilot: RobotController,
         recorder: Recorder,
         labelling: LabellingFolder,
         config: NavigatorConfig,
@@ -63,16 +63,16 @@ class LiveInsight:
         self._pilot, self._recorder, self._labelling, self._config = pilot, recorder, labelling, config
         self._now_s, self._tick_ms = now_s, tick_ms
         self._journal = Journal(log_shelf)
-        self._writer = Clockwork(self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk")
-        self._chronicle = Chronicle(self._journal, pilot.intent)
-        self._sighted, self._series = Sighted(), Series()
+        self._writer = PeriodicThread(self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk")
+        self._chronicle = EventDetector(self._journal, pilot.intent)
+        self._sighted, self._series = DetectionGallery(), Series()
         self._explaining = threading.Lock()
         self._explained: tuple[object, Explanation] | None = None
-        self._decision: Decision | None = None
-        self._looked_at: Decision | None = None
+        self._decision: TickResult | None = None
+        self._looked_at: TickResult | None = None
         self._causes: tuple[str, ...] = ()
         self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MOST_WAITING)
-        self._snapshots: deque[Decision] = deque(maxlen=MAX_SNAPSHOTS)
+        self._snapshots: deque[TickResult] = deque(maxlen=MAX_SNAPSHOTS)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="insight", daemon=True)
 
@@ -89,11 +89,11 @@ class LiveInsight:
             self._writer.stop()
             self._journal.write()
 
-    def note_decision(self, decision: Decision) -> None:
+    def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self._decision = decision
 
-    def note_verdict(self, verdict: Verdict) -> None:
+    def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread each time it has sent."""
         causes = tuple(reason.cause for reason in verdict.reasons[:1])
         if causes != self._causes:
@@ -127,7 +127,7 @@ class LiveInsight:
             return None
         pose, profile, local = decision.frame.pose, self._pilot.profile, self._config.local
         around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
-        hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in hard_cells(around))
+        hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in obstacle_masks(around))
         cell_m, among = around.spec.resolution_m, decision.motion.among
         arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=cell_m, among=among)
         return Candidates(serial=decision.frame.stamp_ns, arcs=pose.to_parent(arcs), free=free, chosen=decision.motion.arc)
@@ -195,7 +195,7 @@ class LiveInsight:
     def _look(self) -> None:
         now_s, decision = self._now_s(), self._decision
         while self._verdicts:
-            self._chronicle.hear(*self._verdicts.popleft(), self._here())
+            self._chronicle.on_gate(*self._verdicts.popleft(), self._here())
         self._chronicle.look(now_s, self._pilot.intent, decision, self._here())
         if decision is not None and decision is not self._looked_at:
             self._looked_at = decision
@@ -205,7 +205,7 @@ class LiveInsight:
         if self._series.is_due(now_s):
             self._series.add(now_s, self._figures(decision))
 
-    def _figures(self, decision: Decision | None) -> dict[str, float]:
+    def _figures(self, decision: TickResult | None) -> dict[str, float]:
         return {
             "speed_mps": decision.frame.twist.v_mps if decision is not None else 0.0,
             "distance_m": self._recorder.travelled_m,
@@ -214,7 +214,7 @@ class LiveInsight:
             "tick_ms": self._tick_ms(),
         }
 
-    def _held(self, snapshot: int) -> Decision:
+    def _held(self, snapshot: int) -> TickResult:
         for decision in tuple(self._snapshots):
             if decision.frame.stamp_ns == snapshot:
                 return decision
@@ -232,7 +232,7 @@ class LiveInsight:
             raise NotKnown(f"the beware list has no class {class_name!r:.90}; add it first")
         return names
 
-    def _case(self) -> Case:
+    def _case(self) -> ExplanationQuery:
         intent, decision = self._pilot.intent, self._decision
         if decision is None:
             raise Refused("there is no map yet; the camera has not delivered a picture")
@@ -242,7 +242,7 @@ class LiveInsight:
         route, path = decision.route, None
         if route is not None and isinstance(route.outcome, Path) and np.array_equal(route.points[-1], goal):
             path = route.outcome
-        return Case(
+        return ExplanationQuery(
             occupancy=decision.occupancy,
             beware=intent.beware,
             zones=(*intent.zones, *decision.closed),

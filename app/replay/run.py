@@ -16,8 +16,8 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import Matrix
 from navcore.mission.beware_list import BewareList
-from navcore.mission.order import Order
-from navcore.navigator import Decision, Navigator
+from navcore.mission.order import NavigationRequest
+from navcore.navigator import Navigator, TickResult
 from navcore.perception.labels import Segmenter
 from navcore.planning.path import Path
 from navcore.robot.profile import RobotProfile
@@ -31,7 +31,7 @@ class Replayed:
 
     navigator: Navigator
     """With the map."""
-    decision: Decision
+    decision: TickResult
     """Of the last frame, with the route."""
     frames: int
     """How many there were."""
@@ -66,7 +66,7 @@ def replay(
     navigator = Navigator(spec=spec, profile=profile, segmenter=segmenter, config=config)
     durations_ms = []
     for done, frame in enumerate(frames_of(recording, T_map_world), start=1):
-        order = Order(goal=goal if done == len(recording) else None, beware=beware, zones=())
+        order = NavigationRequest(goal=goal if done == len(recording) else None, beware=beware, zones=())
         begun = time.perf_counter()
         decision = navigator.tick(frame, order)
         durations_ms.append((time.perf_counter() - begun) * 1e3)

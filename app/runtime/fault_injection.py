@@ -20,7 +20,7 @@ class InjectedFailure(RuntimeError):  # noqa: N818 - named after what happens
     """Raised in the place of a stage that is to fail."""
 
 
-class Sabotage:
+class FaultInjector:
     """Spoils the stages of one navigator while a fault of the schedule holds."""
 
     def __init__(self, navigator: Navigator, faults: Callable[[], Sequence[Fault]], now_s: Callable[[], float]) -> None:
@@ -46,23 +46,23 @@ class Sabotage:
         whole: Callable[..., Any] = getattr(navigator, stage)
 
         @wraps(whole)
-        def spoilt(*arguments: Any, **named: Any) -> Any:
+        def faulty(*arguments: Any, **named: Any) -> Any:
             fault = self._present(sensor)
             if fault is None:
                 return whole(*arguments, **named)
-            self._dawdle(fault)
+            self._delay(fault)
             if fault.kind == "off":
                 raise InjectedFailure(f"the {sensor} has failed, as the schedule of faults wants it")
             made = whole(*arguments, **named)
             return _garbage(made) if fault.kind == "garbage" else made
 
-        setattr(navigator, stage, spoilt)
+        setattr(navigator, stage, faulty)
 
     def _present(self, sensor: str) -> Fault | None:
         now_s = self._now_s()
         return next((fault for fault in self._faults() if fault.sensor == sensor and fault.holds(now_s)), None)
 
-    def _dawdle(self, fault: Fault) -> None:
+    def _delay(self, fault: Fault) -> None:
         if self._wait is None:
             return
         until_s = {"hang": fault.until_s, "slow": self._now_s() + fault.delay_s}.get(fault.kind, 0.0)
@@ -71,4 +71,4 @@ class Sabotage:
 
 
 def _garbage(labels: Labels) -> Labels:
-    return dataclasses.replace(labels, confidence=np.full_like(labels.confidence, np.nan), claims=())
+    return dataclasses.replace(labels, confidence=np.full_like(labels.confidence, np.nan), hypotheses=())

@@ -13,12 +13,12 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from app.runtime.pilot import COMMAND_PERIOD_S, Pilot
+from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
 from navcore.geometry.transform import STANDSTILL
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.robot.driver import Robot
 from navcore.robot.frame import Frame
-from navcore.safety.gate import Verdict
+from navcore.safety.gate import GateDecision
 
 FRAME_WAIT_S = 0.2
 LONGEST_RETRY_S = 2.0
@@ -33,16 +33,16 @@ class LiveRobot(Robot, Protocol):
         """The newest picture if it is another than `after`; None when none comes in time."""
 
 
-class Loop:
+class ControlLoop:
     """Runs the pilot on a live robot until it is stopped."""
 
     def __init__(
         self,
         robot: LiveRobot,
-        pilot: Pilot,
+        pilot: RobotController,
         *,
-        on_decision: Callable[[Decision], None],
-        on_verdict: Callable[[Verdict], None],
+        on_decision: Callable[[TickResult], None],
+        on_verdict: Callable[[GateDecision], None],
     ) -> None:
         self._robot, self._pilot = robot, pilot
         self._on_decision, self._on_verdict = on_decision, on_verdict
@@ -99,7 +99,7 @@ class Loop:
             self._ended.wait(max(due - time.monotonic(), 0.0))
 
 
-class Clockwork:
+class PeriodicThread:
     """Does something again and again, in a thread of its own: what has to happen by the clock and not by a picture."""
 
     def __init__(self, act: Callable[[], None], *, period_s: float, name: str) -> None:

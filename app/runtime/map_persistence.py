@@ -10,12 +10,12 @@ import numpy as np
 from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map
 from navcore.mapping import map_file
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mapping.prior_map import prior_layer
 from navcore.mission.beware_list import BewareList
 
 
-def recall(cloud: CloudMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
+def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
     """Put on an empty map what is known; raises `BadConfiguration` naming the file that does not fit."""
     if kept is not None and kept.exists():
         stored = map_file.load(kept)
@@ -30,7 +30,7 @@ def recall(cloud: CloudMap, beware: BewareList, *, prior: Path | None, kept: Pat
         cloud.load_prior(occupied if held is None else occupied | held.bools)
 
 
-def keep(cloud: CloudMap, beware: BewareList, kept: Path | None) -> None:
+def save_map(cloud: PointMap, beware: BewareList, kept: Path | None) -> None:
     """Write the map to its file; what was there stays intact until the new one is whole."""
     if kept is not None:
         map_file.save(kept, cloud.state(), {**_names_in(kept), **beware.names})

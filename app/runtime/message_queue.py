@@ -10,7 +10,7 @@ MAX_WAITING = 1000
 JOIN_S = 1.0
 
 
-class Outbox:
+class LatestMessageQueue:
     """Of the messages under one key only the newest waits; a listener that hangs costs memory for one of each, not time."""
 
     def __init__(self, link: Connection, name: str) -> None:

@@ -9,17 +9,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from app.runtime.pilot import Pilot
+from app.runtime.robot_controller import RobotController
 from app.storage import Store
 from navcore.control.local_planner import Points
 from navcore.errors import StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.planning.route import Route, read_only
-from navcore.safety.gate import Verdict
+from navcore.safety.gate import GateDecision
 from web.snapshots import Cloud, Picture
 
 log = logging.getLogger(__name__)
@@ -52,7 +52,7 @@ class Referee(Protocol):
 class Recorder:
     """Fed by the think and the command thread; read by anyone, each attribute an immutable value swapped as a whole."""
 
-    def __init__(self, *, pilot: Pilot, store: Store, referee: Referee | None, scenario: str) -> None:
+    def __init__(self, *, pilot: RobotController, store: Store, referee: Referee | None, scenario: str) -> None:
         self._pilot, self._store, self._referee, self._scenario = pilot, store, referee, scenario
         self.picture: Picture | None = None
         self.cloud: Cloud | None = None
@@ -72,9 +72,9 @@ class Recorder:
         self._stop_noted: str | None = None
         self._period_s = SERIES_PERIOD_S
         self._known: set[int] = set()
-        self._last: Decision | None = None
+        self._last: TickResult | None = None
 
-    def note_decision(self, decision: Decision) -> None:
+    def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self._note_pose(decision.frame.pose)
         if decision.route is not None and decision.route is not self._route:
@@ -87,7 +87,7 @@ class Recorder:
             self.cloud = self._copied_cloud()
         self._note_run(decision)
 
-    def note_verdict(self, verdict: Verdict) -> None:
+    def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread each time it has sent."""
         reason = str(verdict.reasons[0].cause) if verdict.reasons else None
         if self._referee is not None and reason != self._stop_noted:
@@ -110,7 +110,7 @@ class Recorder:
             self._driven_points = read_only(np.array(self._driven))
         self.pose = pose
 
-    def _painted(self, decision: Decision) -> Picture:
+    def _painted(self, decision: TickResult) -> Picture:
         frame, occupancy, route = decision.frame, decision.occupancy, decision.route
         key = (occupancy.version, self.explored_m2)
         if key != self._floor_key:
@@ -141,7 +141,7 @@ class Recorder:
         points = self._pilot.navigator.map.points
         return Cloud(serial=self._cloud_ns, points_map=points.points_map, rgb=points.rgb, class_ids=points.class_ids)
 
-    def _note_run(self, decision: Decision) -> None:
+    def _note_run(self, decision: TickResult) -> None:
         """A run begins when the mission starts to drive and ends when it is idle again."""
         mission = self._pilot.intent.mission
         if self._run is None and mission.phase is Phase.DRIVING:
@@ -169,7 +169,7 @@ class Recorder:
         if self._run is not None and self._last is not None:
             self._end_run(self._last, self._pilot.intent.mission)
 
-    def _begin_run(self, decision: Decision, mission: Mission) -> None:
+    def _begin_run(self, decision: TickResult, mission: Mission) -> None:
         if self._referee is not None:
             self._referee.new_run()
             self._stop_noted = None  # a new referee has to be told again
@@ -184,7 +184,7 @@ class Recorder:
             "series": {name: [] for name in SERIES},
         }
 
-    def _end_run(self, decision: Decision, mission: Mission) -> None:
+    def _end_run(self, decision: TickResult, mission: Mission) -> None:
         assert self._run is not None
         run, self._run = self._run, None
         verdict = self._referee.referee_report() if self._referee is not None else {}
@@ -195,5 +195,5 @@ class Recorder:
         except StorageFailed:
             log.exception("the run is not in the history")  # a full disk is no reason to stop driving
 
-    def _run_s(self, decision: Decision) -> float:
+    def _run_s(self, decision: TickResult) -> float:
         return float(decision.frame.stamp_ns - self._run["started_ns"]) / 1e9 if self._run else 0.0

@@ -13,11 +13,11 @@ from navcore.errors import BadConfiguration
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet.inference.engine import THREADS
 from navcore.perception.esanet.inference.network_file import SHIPPED, NetworkFile, nearest_size, open_network
-from navcore.perception.esanet.inference.selection import Trial, open_inference, tried
+from navcore.perception.esanet.inference.selection import EngineBenchmark, benchmark_engines, open_inference
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
 from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import aliases_for
-from navcore.perception.fused_segmenter import JointSegmenter
+from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ class Perception:
     """Whatever changes its labels: the weights' hash, size and precision. Two campaigns with the same one are comparable."""
     warning: str | None = None
     """What the operator must know: that the network does not run, and why. None when all is as it should be."""
-    trials: tuple[Trial, ...] = ()
+    trials: tuple[EngineBenchmark, ...] = ()
     """What was measured of the engines to choose one."""
     choice: SegmenterChoice
     """That gives the same segmenter again: the engine that was found is named."""
@@ -80,7 +80,9 @@ def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
     return perception
 
 
-def measure_segmenter(weights: Path | None = None, *, trial_s: float = 2.0, threads: int = THREADS) -> tuple[str, list[Trial]]:
+def measure_segmenter(
+    weights: Path | None = None, *, trial_s: float = 2.0, threads: int = THREADS
+) -> tuple[str, list[EngineBenchmark]]:
     """What network was measured, and p50 and p99 of each engine that is installed.
 
     Without `weights` it is the shipped network, and where none ships one of its shape with random weights, which takes as long.
@@ -92,7 +94,7 @@ def measure_segmenter(weights: Path | None = None, *, trial_s: float = 2.0, thre
             raise
         file = _random_network()
     what = f"{file.title}, {len(file.class_names)} classes, {_by(file.size)}, {threads} threads"
-    return what, [trial for _, trial in tried(file, threads=threads, trial_s=trial_s)]
+    return what, [trial for _, trial in benchmark_engines(file, threads=threads, trial_s=trial_s)]
 
 
 def _network(choice: SegmenterChoice, path: Path) -> Perception:
@@ -112,7 +114,7 @@ def _network(choice: SegmenterChoice, path: Path) -> Perception:
     )
     _, precision = engine.name.split()
     return Perception(
-        segmenter=JointSegmenter(network),
+        segmenter=FusedSegmenter(network),
         title=f"network {file.title}, {engine.name}, {_by(file.size)}",
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=trials,

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from app.runtime.message_queue import Outbox
+from app.runtime.message_queue import LatestMessageQueue
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
@@ -54,7 +54,7 @@ class SimulatorProcess:
         self._process = context.Process(target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator")
         self._process.start()
         far_end.close()
-        self._outbox = Outbox(self._link, "to-simulator")
+        self._outbox = LatestMessageQueue(self._link, "to-simulator")
         self._reader = threading.Thread(target=self._sense, name="sense", daemon=True)
         self._reader.start()
         with self._news:
@@ -130,7 +130,7 @@ class SimulatorProcess:
 def _serve(link: Connection, scenario: str, seed: int) -> None:
     """The simulator process: step at real time, send each picture, obey what comes in."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the console's to hear; it sends zero, and then says close
-    outbox = Outbox(link, "pictures")
+    outbox = LatestMessageQueue(link, "pictures")
     with Simulator(load_scenario(scenario), seed=seed) as simulator:
         frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
         while _obey(link, simulator):

@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from navcore.costmap.costmap import Occupancy, box_around
-from navcore.costmap.local_costmap import areas_apart
+from navcore.costmap.costmap import Costmap, box_around
+from navcore.costmap.local_costmap import split_areas
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import Zone
@@ -22,8 +22,8 @@ LATE_S = 0.35
 STEP_S = 0.05
 
 
-def keeps_out(
-    twist: Twist, pose: Pose2, profile: RobotProfile, *, zones: Sequence[Zone], spec: GridSpec, seen: Occupancy | None
+def stays_out(
+    twist: Twist, pose: Pose2, profile: RobotProfile, *, zones: Sequence[Zone], spec: GridSpec, seen: Costmap | None
 ) -> bool:
     """Whether the robot, driving so and then braking, comes over no more of any beware area than it stands over now.
 
@@ -33,7 +33,7 @@ def keeps_out(
     until_s = REACTION_S + LATE_S + braking_s(twist, profile) / 2
     reach_m = profile.circumscribed_radius_m + abs(twist.v_mps) * until_s + max((zone.margin_m for zone in zones), default=0.0)
     grid = _nothing(spec.part(*box_around(spec, pose, reach_m))) if seen is None else seen.around(pose, reach_m)
-    under, others = areas_apart(grid, zones, profile, pose)
+    under, others = split_areas(grid, zones, profile, pose)
     steps = math.ceil(until_s / STEP_S)
     ways = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
     for area in (*under, others):

@@ -14,8 +14,8 @@ from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
 from navcore.behaviours.waiting import HERE_M, STEP_S
-from navcore.config.people import PeopleRules
-from navcore.control.motion import Motion, Outcome
+from navcore.config.people import PeopleConfig
+from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Pose2
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.perception.people.track import Track
@@ -37,7 +37,7 @@ SMALLEST_M2 = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lanes:
+class LaneKeepOut:
     """Where people have walked of late, for how long the robot has waited for them, and what of it is closed."""
 
     zones: tuple[Zone, ...] = ()
@@ -64,8 +64,8 @@ class Lanes:
         *,
         way_m: float | None,
         profile: RobotProfile,
-        manners: PeopleRules,
-    ) -> Lanes:
+        people_config: PeopleConfig,
+    ) -> LaneKeepOut:
         """With one more tick. `way_m` is the length of the way to the goal, None without one."""
         now = dataclasses.replace(self, now_ns=stamp_ns, walked=self._walked(people, pose, stamp_ns))
         if self.zones:
@@ -74,15 +74,15 @@ class Lanes:
                 return dataclasses.replace(now, zones=(), waited_s=-OPEN_S)
             if (stamp_ns - self.closed_ns) / 1e9 < ANEW_S:
                 return now
-            return dataclasses.replace(now, zones=tuple(_lanes(now.walked, pose, profile, manners)), closed_ns=stamp_ns)
+            return dataclasses.replace(now, zones=tuple(_lanes(now.walked, pose, profile, people_config)), closed_ns=stamp_ns)
         moved = self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M
         step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
-        gained_s = step_s if motion.outcome is Outcome.YIELD or self.waited_s < 0 else 0.0
+        gained_s = step_s if motion.outcome is ControllerState.YIELD or self.waited_s < 0 else 0.0
         waited_s = gained_s if moved and self.waited_s >= 0 else self.waited_s + gained_s
         now = dataclasses.replace(now, at=pose if moved else self.at, waited_s=waited_s)
-        if waited_s < manners.lane_s or way_m is None:
+        if waited_s < people_config.lane_s or way_m is None:
             return now
-        zones = tuple(_lanes(now.walked, pose, profile, manners))
+        zones = tuple(_lanes(now.walked, pose, profile, people_config))
         return dataclasses.replace(now, zones=zones, closed_ns=stamp_ns, before_m=way_m, waited_s=0.0)
 
     def _walked(self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int) -> tuple[tuple[int, int, float, float], ...]:
@@ -98,7 +98,7 @@ class Lanes:
 
 
 def _lanes(
-    walked: tuple[tuple[int, int, float, float], ...], pose: Pose2, profile: RobotProfile, manners: PeopleRules
+    walked: tuple[tuple[int, int, float, float], ...], pose: Pose2, profile: RobotProfile, people_config: PeopleConfig
 ) -> list[Zone]:
     """The strips that people walked in, as wide as they are with the room that they are left, without the robot's own place.
 
@@ -107,7 +107,7 @@ def _lanes(
     lines = []
     for name in sorted({note[1] for note in walked}):
         places = [(x, y) for _, other, x, y in walked if other == name]
-        lines.append((LineString(places) if len(places) > 1 else Point(places[0])).buffer(BODY_M + manners.personal_m))
+        lines.append((LineString(places) if len(places) > 1 else Point(places[0])).buffer(BODY_M + people_config.personal_m))
     here = Point(pose.x_m, pose.y_m).buffer(profile.circumscribed_radius_m + ROOM_M)
     left = unary_union(lines).difference(here).simplify(0.05)
     parts = left.geoms if isinstance(left, MultiPolygon) else [left]

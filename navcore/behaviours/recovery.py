@@ -14,8 +14,8 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.behaviours import RecoveryRules
-from navcore.control.motion import Motion, Outcome
+from navcore.config.behaviours import RecoveryConfig
+from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.robot.profile import RobotProfile
@@ -23,7 +23,7 @@ from navcore.robot.profile import RobotProfile
 Points = npt.NDArray[np.float64]
 
 
-class Means(IntEnum):
+class RecoveryAction(IntEnum):
     """What is tried, the mildest first."""
 
     NONE = 0
@@ -44,9 +44,9 @@ class Means(IntEnum):
 class Recovery:
     """Where it stands with the recovery; nothing is wrong, as it is made."""
 
-    means: Means = Means.NONE
+    means: RecoveryAction = RecoveryAction.NONE
     """What is being tried."""
-    tried: Means = Means.NONE
+    tried: RecoveryAction = RecoveryAction.NONE
     """The last that was tried at this place; the next is a stronger one."""
     at: Pose2 | None = None
     """Where the robot was boxed in; None when it was not."""
@@ -63,44 +63,48 @@ class Recovery:
     backed_from: Pose2 | None = None
     """… the last time from here."""
 
-    def after(self, motion: Motion, pose: Pose2, stamp_ns: int, rules: RecoveryRules) -> Recovery:
+    def after(self, motion: Motion, pose: Pose2, stamp_ns: int, rules: RecoveryConfig) -> Recovery:
         """With the motion of one more tick, decided at a pose of the map frame."""
         if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > rules.left_m:
             return Recovery()
         turned = self.turned_rad + abs(wrap_angle(pose.yaw_rad - self.heading_rad))
         now = dataclasses.replace(self._counted(motion, pose), turned_rad=turned, heading_rad=pose.yaw_rad)
-        stuck = motion.outcome is Outcome.BOXED_IN or now.backs >= rules.tries
+        stuck = motion.outcome is ControllerState.BOXED_IN or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
-        if self.means is Means.NONE:
-            return now._enter(Means.WAIT, pose, stamp_ns) if stuck else now
-        if self.means is Means.GIVE_UP:
-            return dataclasses.replace(now, means=Means.NONE) if motion.outcome in ONWARD else now
-        if self.means is Means.WAIT:
+        if self.means is RecoveryAction.NONE:
+            return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
+        if self.means is RecoveryAction.GIVE_UP:
+            return dataclasses.replace(now, means=RecoveryAction.NONE) if motion.outcome in ONWARD else now
+        if self.means is RecoveryAction.WAIT:
             if not stuck:
-                return dataclasses.replace(now, means=Means.NONE)
-            return now._enter(Means(max(self.tried, Means.WAIT) + 1), pose, stamp_ns) if lasts_s >= rules.wait_s else now
-        if motion.outcome is Outcome.BOXED_IN or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
-            return dataclasses.replace(now, means=Means.NONE, tried=self.means, backs=0)
+                return dataclasses.replace(now, means=RecoveryAction.NONE)
+            return (
+                now._enter(RecoveryAction(max(self.tried, RecoveryAction.WAIT) + 1), pose, stamp_ns)
+                if lasts_s >= rules.wait_s
+                else now
+            )
+        if motion.outcome is ControllerState.BOXED_IN or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
+            return dataclasses.replace(now, means=RecoveryAction.NONE, tried=self.means, backs=0)
         return now
 
     def _counted(self, motion: Motion, pose: Pose2) -> Recovery:
-        if self.means is not Means.NONE or motion.began is None or motion.began == self.backed_from:
+        if self.means is not RecoveryAction.NONE or motion.began is None or motion.began == self.backed_from:
             return self
         again = self.backed_from is None or self.backed_from.distance_to(motion.began.x_m, motion.began.y_m) < AGAIN_M
         return dataclasses.replace(self, at=self.at or pose, backs=self.backs + again, backed_from=motion.began)
 
-    def _enter(self, means: Means, pose: Pose2, stamp_ns: int) -> Recovery:
+    def _enter(self, means: RecoveryAction, pose: Pose2, stamp_ns: int) -> Recovery:
         return dataclasses.replace(
             self, means=means, at=self.at or pose, began=pose, since_ns=stamp_ns, turned_rad=0.0, heading_rad=pose.yaw_rad
         )
 
-    def _is_done(self, pose: Pose2, rules: RecoveryRules) -> bool:
-        if self.means is Means.BACK:
+    def _is_done(self, pose: Pose2, rules: RecoveryConfig) -> bool:
+        if self.means is RecoveryAction.BACK:
             return self.began is not None and self.began.distance_to(pose.x_m, pose.y_m) >= rules.back_m
-        return self.means is Means.CLOSE or self.turned_rad >= 2 * math.pi
+        return self.means is RecoveryAction.CLOSE or self.turned_rad >= 2 * math.pi
 
 
-ONWARD = (Outcome.FOLLOW, Outcome.TURN, Outcome.ALIGN, Outcome.ARRIVED)
+ONWARD = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.ALIGN, ControllerState.ARRIVED)
 """Who can do one of these after having given up has found a way after all."""
 AGAIN_M = 0.5
 """What is begun nearer than this to where it was begun before has not helped."""

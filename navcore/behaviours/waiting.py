@@ -2,15 +2,15 @@
 
 A robot that waits in somebody's lane may wait for ever: he comes up to it, waits for it, turns round and is soon back. So after
 a while it asks no longer where he may be by the time it gets there, and goes on as if he stood still where he is; but never
-faster than it can stop before he reaches it (`navcore.yielding.allowed_mps`). A value with its transition, one for each tick.
+faster than it can stop before he reaches it (`navcore.yielding.speed_limit_near_people`). A value with its transition, one for each tick.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from navcore.config.people import PeopleRules
-from navcore.control.motion import Motion, Outcome
+from navcore.config.people import PeopleConfig
+from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Pose2
 
 HERE_M = 1.0
@@ -20,7 +20,7 @@ STEP_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patience:
+class WaitingTimer:
     """Where the robot waits, and for how long it has."""
 
     at: Pose2 | None = None
@@ -30,14 +30,14 @@ class Patience:
     now_ns: int = 0
     """Stamp of the newest tick."""
 
-    def after(self, motion: Motion, pose: Pose2, stamp_ns: int) -> Patience:
+    def after(self, motion: Motion, pose: Pose2, stamp_ns: int) -> WaitingTimer:
         """With the motion of one more tick, decided at a pose of the map frame."""
         if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M:
-            return Patience(at=pose, now_ns=stamp_ns)
+            return WaitingTimer(at=pose, now_ns=stamp_ns)
         step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
-        waits = motion.outcome is Outcome.YIELD
-        return Patience(at=self.at, waited_s=self.waited_s + step_s * waits, now_ns=stamp_ns)
+        waits = motion.outcome is ControllerState.YIELD
+        return WaitingTimer(at=self.at, waited_s=self.waited_s + step_s * waits, now_ns=stamp_ns)
 
-    def is_over(self, manners: PeopleRules) -> bool:
+    def is_over(self, people_config: PeopleConfig) -> bool:
         """Whether it has waited enough, until it has come away from the place."""
-        return self.waited_s >= manners.patience_s
+        return self.waited_s >= people_config.patience_s

@@ -5,40 +5,40 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from navcore.config.behaviours import RecoveryRules
-from navcore.config.control import LocalRules
-from navcore.config.mapping import MapRules
-from navcore.config.people import PeopleRules
-from navcore.config.perception import PointRules
+from navcore.config.behaviours import RecoveryConfig
+from navcore.config.control import LocalPlannerConfig
+from navcore.config.mapping import MappingConfig
+from navcore.config.people import PeopleConfig
+from navcore.config.perception import ObservationConfig
 from navcore.robot.profile import HUSKY, RobotProfile
-from navcore.toml_config import between, from_table, read_toml
+from navcore.toml_config import from_table, ranged, read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigatorConfig:
     """Read from a TOML file by `load_config`; unknown keys and values out of range are refused by name."""
 
-    safety_margin_m: float = between(0.0, 1.0, default=0.15)
+    safety_margin_m: float = ranged(0.0, 1.0, default=0.15)
     """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
-    max_vertex_angle_deg: float = between(135.1, 179.9, default=170.0)
+    max_vertex_angle_deg: float = ranged(135.1, 179.9, default=170.0)
     """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in the paper. A path turns by
     45° at least: below 135° bends would be left out, and the lines between waypoints cross what the path goes round."""
-    start_relief_m: float = between(0.0, 2.0, default=0.6)
+    start_relief_m: float = ranged(0.0, 2.0, default=0.6)
     """A robot that stands inside the inflation plans from the nearest free cell within this distance."""
-    plan_budget: int = between(1_000, 1_000_000_000, default=2_000_000)
+    plan_budget: int = ranged(1_000, 1_000_000_000, default=2_000_000)
     """Work after which a search is given up ("time budget exceeded"), in straight walks and diagonal steps; a large maze has
     some ten thousand, so that this is some seconds. A count and not a clock, so that the same run takes the same turn."""
-    start_clear_m: float = between(0.0, 5.0, default=1.2)
+    start_clear_m: float = ranged(0.0, 5.0, default=1.2)
     """Within this distance of where it is put down the robot has room; the camera cannot look there."""
-    points: PointRules = field(default_factory=PointRules)
+    points: ObservationConfig = field(default_factory=ObservationConfig)
     """Which measurements count."""
-    map: MapRules = field(default_factory=MapRules)
+    map: MappingConfig = field(default_factory=MappingConfig)
     """When points are replaced and cleared."""
-    local: LocalRules = field(default_factory=LocalRules)
+    local: LocalPlannerConfig = field(default_factory=LocalPlannerConfig)
     """How the local planner moves."""
-    recovery: RecoveryRules = field(default_factory=RecoveryRules)
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     """What it tries when it is boxed in."""
-    people: PeopleRules = field(default_factory=PeopleRules)
+    people: PeopleConfig = field(default_factory=PeopleConfig)
     """How it behaves beside people."""
 
 
@@ -53,7 +53,7 @@ def config_for(robot: RobotProfile) -> NavigatorConfig:
     The margin is the same share of the room that a turn in place needs beyond half the width; speeds and decelerations are the
     same shares of the platform's limits.
     """
-    usual, rules = NavigatorConfig(), LocalRules()
+    usual, rules = NavigatorConfig(), LocalPlannerConfig()
     room = _turning_room_m(robot) / _turning_room_m(HUSKY)
     return replace(
         usual,

@@ -5,24 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navcore.errors import BadConfiguration
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointRules:
+class ObservationConfig:
     """Which measurements count."""
 
-    obstacle_height_m: float = between(0.02, 1.0, default=0.10)
+    obstacle_height_m: float = ranged(0.02, 1.0, default=0.10)
     """Anything higher is an obstacle (the paper's 10 cm)."""
-    ceiling_m: float = between(0.2, 2.8, default=1.5)
+    ceiling_m: float = ranged(0.2, 2.8, default=1.5)
     """Anything higher than this is above the robot and none of its business."""
-    drop_m: float = between(0.05, 2.0, default=0.15)
+    drop_m: float = ranged(0.05, 2.0, default=0.15)
     """Floor that lies deeper than this is no floor to drive on: a stair down, a kerb, a pit."""
-    max_slope: float = between(0.0, 0.5, default=0.2)
+    max_slope: float = ranged(0.0, 0.5, default=0.2)
     """What rises or falls by no more than this per metre is ground; with 0 only the plane on which the robot stands is."""
-    max_range_m: float = between(0.5, 20.0, default=5.0)
+    max_range_m: float = ranged(0.5, 20.0, default=5.0)
     """Depth beyond this is too coarse to be put on the map."""
-    min_support: int = between(1, 100, default=2)
+    min_support: int = ranged(1, 100, default=2)
     """Pixels that must agree on a voxel before it counts."""
 
     def __post_init__(self) -> None:

@@ -8,12 +8,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.control import LocalRules
-from navcore.config.people import PeopleRules
+from navcore.config.control import LocalPlannerConfig
+from navcore.config.people import PeopleConfig
 from navcore.control.footprint_distance import clearances
-from navcore.control.manoeuvre import Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see
+from navcore.control.manoeuvre import Manoeuvre, ManoeuvreProblem, manoeuvre_along, manoeuvre_to_see
 from navcore.control.primitives.library import Primitives, all_arcs, likeliest
-from navcore.control.social import MANNERS, NOBODY, Bodies
+from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import outside
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.profile import RobotProfile
@@ -21,7 +21,7 @@ from navcore.robot.profile import RobotProfile
 Points = npt.NDArray[np.float64]
 
 
-class Surroundings:
+class CollisionChecker:
     """What stands near, and how much room the footprint keeps to it along a motion."""
 
     def __init__(
@@ -31,15 +31,15 @@ class Surroundings:
         unseen: Points,
         reach_m: float,
         profile: RobotProfile,
-        rules: LocalRules,
-        people: Bodies,
-        manners: PeopleRules,
+        rules: LocalPlannerConfig,
+        people: PeopleState,
+        people_config: PeopleConfig,
     ) -> None:
-        self.profile, self.rules, self.people, self.manners = profile, rules, people, manners
+        self.profile, self.rules, self.people, self.people_config = profile, rules, people, people_config
         self._obstacles, self._unseen, self._reach_m = obstacles, unseen, reach_m
         self.padding_m = self._padding_m()
         # A thing may fill an unseen cell to its rim; where the body is nearer to one already, it must not come nearer yet.
-        self.veil_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
+        self.unseen_clearance_m = float(np.clip(self._unseen_room(np.zeros((1, 1, 3)))[0, 0] - 0.002, 0.0, reach_m))
 
     def _padding_m(self) -> float:
         """The padding asked for, or what there is: the robot may leave a tight place but not make it tighter.
@@ -54,9 +54,9 @@ class Surroundings:
         half_length, half_width = self.profile.length_m / 2, self.profile.width_m / 2
         return np.asarray(clearances(self._obstacles, poses, half_length, half_width) - self._reach_m)
 
-    def looked_at(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    def is_observed(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """(A, S) whether the body covers nothing unseen on the way to each of (A, S, 3) poses."""
-        return np.asarray(self._unseen_room(poses) > self.veil_m)
+        return np.asarray(self._unseen_room(poses) > self.unseen_clearance_m)
 
     def _unseen_room(self, poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return clearances(self._unseen, poses, self.profile.length_m / 2, self.profile.width_m / 2)
@@ -66,7 +66,7 @@ class Surroundings:
         poses = np.zeros((*headings.shape, 3))
         poses[..., 2] = headings
         # Turning sweeps the corners past what stands beside the robot; half the padding is enough where it barely moves.
-        return np.asarray((self.clear(poses) > self.padding_m / 2) & self.looked_at(poses))
+        return np.asarray((self.clear(poses) > self.padding_m / 2) & self.is_observed(poses))
 
     def primitives(self, path: Points, now: Twist) -> Primitives:
         """What to choose from, to follow a path, (N, 2) in the base frame, at the velocity that the robot has."""
@@ -90,23 +90,23 @@ class Surroundings:
 
     def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
         """The cheapest one that leads on along the path, or to where one sees how it goes on; with as much room as ever."""
-        tight = Tight(
+        tight = ManoeuvreProblem(
             obstacles=self._obstacles,
             reach_m=self._reach_m,
             unseen=self._unseen,
-            veil_m=self.veil_m,
+            unseen_clearance_m=self.unseen_clearance_m,
             profile=self.profile,
             room_m=self.padding_m + 0.01,
         )
         return manoeuvre_along(path, tight, pose) or manoeuvre_to_see(path, tight, pose)
 
-    def turned_about(self) -> Surroundings:
+    def reversed_motion(self) -> CollisionChecker:
         """The same place, seen from a robot that faces the other way."""
         about = copy.copy(self)
-        about.people, about._obstacles, about._unseen = self.people.turned_about(), -self._obstacles, -self._unseen
+        about.people, about._obstacles, about._unseen = self.people.reversed_motion(), -self._obstacles, -self._unseen
         return about
 
-    def without_what_it_backs_from(self) -> Surroundings:
+    def without_front_contacts(self) -> CollisionChecker:
         """The same place without what the body touches before its front, from which reversing only leads away.
 
         Such a thing has come up there by itself: somebody drew a zone, or the camera saw only now what it is.
@@ -117,13 +117,13 @@ class Surroundings:
         away.padding_m = away._padding_m()
         return away
 
-    def without_people(self) -> Surroundings:
+    def without_people(self) -> CollisionChecker:
         """The same place with nobody walking about."""
         alone = copy.copy(self)
         alone.people = NOBODY
         return alone
 
-    def as_they_stand(self) -> Surroundings:
+    def as_they_stand(self) -> CollisionChecker:
         """The same place, as if whoever walks about stood still where he is: an obstacle like any other."""
         still = copy.copy(self)
         still.people = self.people.as_they_stand()
@@ -132,7 +132,7 @@ class Surroundings:
         still.padding_m = still._padding_m()
         return still
 
-    def all_seen(self) -> Surroundings:
+    def all_seen(self) -> CollisionChecker:
         """The same place, as if the camera had been everywhere."""
         seen = copy.copy(self)
         seen._unseen = self._unseen[:0]
@@ -144,7 +144,7 @@ def candidates(
     geometric: Points,
     ruled: Points,
     profile: RobotProfile,
-    rules: LocalRules,
+    rules: LocalPlannerConfig,
     cell_m: float,
     among: Primitives | None = None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
@@ -154,21 +154,21 @@ def candidates(
     is unseen do not, since they depend on speed and on the tick.
     """
     geometric = geometric[outside(geometric, profile, -cell_m / 2)]
-    near = Surroundings(
+    near = CollisionChecker(
         obstacles=np.vstack([geometric, ruled]),
         unseen=np.empty((0, 2)),
         reach_m=cell_m * math.sqrt(0.5),
         profile=profile,
         rules=rules,
         people=NOBODY,
-        manners=MANNERS,
+        people_config=PEOPLE_CONFIG,
     )
     poses = (among or all_arcs()).poses
     clear = near.clear(poses) > near.padding_m
     return poses[..., :2], np.where(clear.all(axis=1), clear.shape[1], np.argmin(clear, axis=1)).astype(np.int64)
 
 
-def coming(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
+def stopping_trajectory(twist: Twist, profile: RobotProfile) -> npt.NDArray[np.float64]:
     """(1, S, 3) where the robot comes, base frame, before a twist that is held until it expires has been braked."""
     braking_s = max(abs(twist.v_mps) / profile.max_accel_mps2, abs(twist.w_radps) / profile.max_yaw_accel_radps2)
     moments = np.linspace(0.0, HOLD_S + 0.5 * braking_s, 9)[1:]

@@ -14,8 +14,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.control.collision_checker import Surroundings, coming
-from navcore.control.motion import Motion, Outcome
+from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
+from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.polyline import metres_along, points_at
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.profile import RobotProfile
@@ -38,7 +38,7 @@ BATCH = 32
 """So many of the best are looked at together for what stands near."""
 
 
-def dodge(near: Surroundings, path: Floats, now: Twist) -> Motion:
+def avoid(near: CollisionChecker, path: Floats, now: Twist) -> Motion:
     """The velocity that gets on along the (N, 2) path, base frame, and out of everybody's way; standing where none is free.
 
     `now` is the velocity that the robot has.
@@ -55,13 +55,13 @@ def dodge(near: Surroundings, path: Floats, now: Twist) -> Motion:
         free = near.clear(poses[batch])[:, -1] > near.padding_m
         for index in batch[free].tolist():
             twist = Twist(v_mps=float(pairs[index, 0]), w_radps=float(pairs[index, 1]))
-            soon = coming(twist, profile)
-            if (near.clear(soon) > near.padding_m / 2).all() and near.looked_at(soon).all():
-                return Motion(twist=twist, outcome=Outcome.YIELD if twist == STANDSTILL else Outcome.DODGE)
-    return Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
+            soon = stopping_trajectory(twist, profile)
+            if (near.clear(soon) > near.padding_m / 2).all() and near.is_observed(soon).all():
+                return Motion(twist=twist, outcome=ControllerState.YIELD if twist == STANDSTILL else ControllerState.DODGE)
+    return Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
 
 
-def is_met(near: Surroundings, twist: Twist, now: Twist) -> bool:
+def will_collide(near: CollisionChecker, twist: Twist, now: Twist) -> bool:
     """Whether anybody comes too near to a robot that goes on with a velocity."""
     pair = np.array([[twist.v_mps, twist.w_radps] * 2])
     return bool(_meeting_cost(near, _poses(near.profile, pair, now))[0] >= MET_COST)
@@ -72,9 +72,9 @@ def _poses(profile: RobotProfile, pairs: Floats, now: Twist) -> Floats:
     return np.asarray(_rollouts(pairs, now.v_mps, now.w_radps, *limits, round(HORIZON_S / STEP_S), STEP_S))
 
 
-def _meeting_cost(near: Surroundings, poses: Floats) -> Floats:
+def _meeting_cost(near: CollisionChecker, poses: Floats) -> Floats:
     half_length_m, half_width_m = near.profile.length_m / 2, near.profile.width_m / 2
-    room_m, per_s = near.manners.personal_m, near.manners.personal_per_s
+    room_m, per_s = near.people_config.personal_m, near.people_config.personal_per_s
     return np.asarray(_meeting(poses, near.people.walking, half_length_m, half_width_m, room_m, per_s))
 
 

@@ -63,7 +63,7 @@ class Manoeuvre:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tight:
+class ManoeuvreProblem:
     """A tight place, in the base frame."""
 
     obstacles: Points
@@ -72,19 +72,19 @@ class Tight:
     """… each as far as this around its middle."""
     unseen: Points
     """(U, 2) rim of what the camera has not seen: no part of the body is swept over it either …"""
-    veil_m: float
+    unseen_clearance_m: float
     """… nor comes nearer than this to its middle."""
     profile: RobotProfile
     room_m: float
     """Kept around the footprint."""
 
 
-def manoeuvre_along(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+def manoeuvre_along(path: Points, tight: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
     """The cheapest manoeuvre that leads on along the (N, 2) path, base frame; None where there is none."""
     return _found(_ends(path), None, tight, pose)
 
 
-def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+def manoeuvre_to_see(path: Points, tight: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
     """The cheapest to where one sees how the (N, 2) path, base frame, goes on; None if there is none, or all of it is seen."""
     if len(tight.unseen) == 0:
         return None
@@ -99,9 +99,12 @@ def manoeuvre_to_see(path: Points, tight: Tight, pose: Pose2) -> Manoeuvre | Non
     return _found(_views(tight.unseen[nearest], tight.obstacles), ahead[apart[nearest].argmin()], tight, pose)
 
 
-def _found(ends: Ends, place: Points | None, tight: Tight, pose: Pose2) -> Manoeuvre | None:
+def _found(ends: Ends, place: Points | None, tight: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
     radii = np.concatenate(
-        [np.full(len(tight.obstacles), tight.reach_m + tight.room_m), np.full(len(tight.unseen), tight.veil_m + 0.002)]
+        [
+            np.full(len(tight.obstacles), tight.reach_m + tight.room_m),
+            np.full(len(tight.unseen), tight.unseen_clearance_m + 0.002),
+        ]
     )
     half_length_m, half_width_m = tight.profile.length_m / 2, tight.profile.width_m / 2
     near = np.vstack([tight.obstacles, tight.unseen])

@@ -10,7 +10,7 @@ from navcore.control.primitives.library import Primitives
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 
 
-class Outcome(StrEnum):
+class ControllerState(StrEnum):
     """What the local planner decided."""
 
     FOLLOW = "following the path"
@@ -34,7 +34,7 @@ class Motion:
 
     twist: Twist
     """Velocity to command."""
-    outcome: Outcome
+    outcome: ControllerState
     """Why."""
     began: Pose2 | None = None
     """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
@@ -46,6 +46,6 @@ class Motion:
     """What is left of the manoeuvre that it belongs to."""
 
 
-ARRIVED = Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED)
-IDLE = Motion(twist=STANDSTILL, outcome=Outcome.IDLE)
-BOXED_IN = Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
+ARRIVED = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
+IDLE = Motion(twist=STANDSTILL, outcome=ControllerState.IDLE)
+BOXED_IN = Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)

@@ -7,17 +7,17 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.control.collision_checker import Surroundings, coming
-from navcore.control.motion import Motion, Outcome
+from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
+from navcore.control.motion import ControllerState, Motion
 from navcore.control.primitives.arcs import ALONG_M, along
 from navcore.control.primitives.library import Primitives
-from navcore.control.social import free_of, place_to_wait
+from navcore.control.social import clear_of_people, waiting_index
 from navcore.geometry.transform import Twist
 
 Points = npt.NDArray[np.float64]
 
 
-def follow(near: Surroundings, path: Points, among: Primitives) -> Motion | None:
+def follow(near: CollisionChecker, path: Points, among: Primitives) -> Motion | None:
     """Drive the primitive that gets furthest along the path while staying near it; None when every one is blocked at once.
 
     Where somebody walks they are tried at several speeds: what is blocked by him now may be free a moment later.
@@ -26,7 +26,7 @@ def follow(near: Surroundings, path: Points, among: Primitives) -> Motion | None
     if not len(poses):
         return None
     clear = near.clear(poses)
-    free = (clear > near.padding_m) & near.looked_at(poses)
+    free = (clear > near.padding_m) & near.is_observed(poses)
     progress, aside, askew = along(path, poses, rules.lookahead_m)
     narrow = 0.6 * np.maximum(0.0, 0.25 - clear) + 2.0 * np.maximum(0.0, CLOSE * rules.padding_m - clear)
     gain = progress - aside - 0.15 * askew - narrow - 0.02 * np.abs(bends)[:, None]
@@ -37,7 +37,9 @@ def follow(near: Surroundings, path: Points, among: Primitives) -> Motion | None
         return None
     free_m = float(ALONG_M[free[best]].max())
     if len(near.people.walking) and not free[best, -1]:
-        waiting = place_to_wait(near.people, poses[best][free[best]], ALONG_M[free[best]] / fastest, near.profile, near.manners)
+        waiting = waiting_index(
+            near.people, poses[best][free[best]], ALONG_M[free[best]] / fastest, near.profile, near.people_config
+        )
         if waiting < 0:
             return None
         fastest = min(fastest, math.sqrt(2 * rules.braking_mps2 * float(ALONG_M[waiting])))
@@ -53,11 +55,11 @@ def follow(near: Surroundings, path: Points, among: Primitives) -> Motion | None
     held = _kept_clear(near, twist) if among.pursued else twist
     if held is None:
         return None
-    return Motion(twist=held, outcome=Outcome.FOLLOW, arc=int(best), among=among if among.pursued else None)
+    return Motion(twist=held, outcome=ControllerState.FOLLOW, arc=int(best), among=among if among.pursued else None)
 
 
 def _apart_from_people(
-    near: Surroundings, among: Primitives, free: npt.NDArray[np.bool_], gain: Points
+    near: CollisionChecker, among: Primitives, free: npt.NDArray[np.bool_], gain: Points
 ) -> tuple[npt.NDArray[np.bool_], Points, float]:
     """Which (A, S) poses are free of people too, what they gain, and at which speed: of those tried the one that gains most."""
     fastest = near.profile.max_speed_mps
@@ -66,7 +68,7 @@ def _apart_from_people(
     best = None
     for share in SPEEDS:
         speeds = np.minimum(share * fastest, near.rules.turn_rate_radps / np.maximum(np.abs(among.bends_1pm), 1e-6))
-        clear = free & free_of(near.people, among.poses, ALONG_M / speeds[:, None], near.profile, near.manners)
+        clear = free & clear_of_people(near.people, among.poses, ALONG_M / speeds[:, None], near.profile, near.people_config)
         gained = np.where(clear, gain - 0.3 * (1 - share), -np.inf)
         if best is None or gained.max() > best[1].max():
             best = clear, gained, share * fastest
@@ -74,12 +76,12 @@ def _apart_from_people(
     return best
 
 
-def _kept_clear(near: Surroundings, twist: Twist) -> Twist | None:
+def _kept_clear(near: CollisionChecker, twist: Twist) -> Twist | None:
     """The twist, so slow that it stays clear until it expires, though it leaves a primitive whose bend changes; or None."""
     for share in (1.0, 0.75, 0.5, 0.3, 0.15):
         slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-        soon = coming(slower, near.profile)
-        if (near.clear(soon) > near.padding_m).all() and near.looked_at(soon).all():
+        soon = stopping_trajectory(slower, near.profile)
+        if (near.clear(soon) > near.padding_m).all() and near.is_observed(soon).all():
             return slower
     return None
 

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.people import PeopleRules
+from navcore.config.people import PeopleConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.perception.people.track import BRISK, Track
 from navcore.robot.profile import RobotProfile
@@ -25,7 +25,7 @@ from navcore.robot.profile import RobotProfile
 Floats = npt.NDArray[np.float64]
 
 
-MANNERS = PeopleRules()
+PEOPLE_CONFIG = PeopleConfig()
 
 SHORT_M = 0.05
 """Left between somebody who turns towards the robot and the robot that has stopped."""
@@ -40,7 +40,7 @@ MOMENT_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bodies:
+class PeopleState:
     """People in the base frame, as they are now."""
 
     walking: Floats
@@ -48,33 +48,37 @@ class Bodies:
     back this moment; who has only stopped on his way does either, or sets out somewhere while the robot passes."""
     standing: Floats
     """(Q, 5) the same; the velocities are 0."""
-    restless: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    reachable_discs: Floats = field(default_factory=lambda: np.empty((0, 4)))
     """(R, 4) x, y, pace, radius of where each of those who walk, or have only stopped, may be by now: where he is seen, or
     about where he was lost from sight, however far he can have come since then."""
 
     @staticmethod
-    def of(people: tuple[Track, ...], pose: Pose2, rules: PeopleRules = MANNERS) -> Bodies:
+    def of(people: tuple[Track, ...], pose: Pose2, rules: PeopleConfig = PEOPLE_CONFIG) -> PeopleState:
         """As seen from a pose of the robot in the map frame."""
         moving = [person for person in people if _is_restless(person, rules)]
         standing = [person for person in people if person not in moving]
-        ways = [way for person in moving for way in (_ways(person, rules)[:1] if rules.heedless else _ways(person, rules))]
-        return Bodies(
+        ways = [
+            way for person in moving for way in (_ways(person, rules)[:1] if rules.non_cooperative else _ways(person, rules))
+        ]
+        return PeopleState(
             walking=_seen_from(pose, ways, columns=5),
             standing=_seen_from(pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5),
-            restless=_seen_from(pose, [_reach(person) for person in moving], columns=4),
+            reachable_discs=_seen_from(pose, [_reach(person) for person in moving], columns=4),
         )
 
-    def turned_about(self) -> Bodies:
+    def reversed_motion(self) -> PeopleState:
         """The same people, seen from a robot that faces the other way."""
         sign = np.array([-1.0, -1.0, -1.0, -1.0, 1.0])
-        restless = self.restless * np.array([-1.0, -1.0, 1.0, 1.0])
-        return Bodies(walking=self.walking * sign, standing=self.standing * sign, restless=restless)
+        reachable_discs = self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0])
+        return PeopleState(walking=self.walking * sign, standing=self.standing * sign, reachable_discs=reachable_discs)
 
-    def as_they_stand(self) -> Bodies:
+    def as_they_stand(self) -> PeopleState:
         """The same people, as if whoever walks stood still where he may be by now."""
-        stopped = np.zeros((len(self.restless), 5))
-        stopped[:, :2], stopped[:, 4] = self.restless[:, :2], self.restless[:, 3]
-        return Bodies(walking=self.walking[:0], standing=np.vstack([self.standing, stopped]), restless=self.restless)
+        stopped = np.zeros((len(self.reachable_discs), 5))
+        stopped[:, :2], stopped[:, 4] = self.reachable_discs[:, :2], self.reachable_discs[:, 3]
+        return PeopleState(
+            walking=self.walking[:0], standing=np.vstack([self.standing, stopped]), reachable_discs=self.reachable_discs
+        )
 
     def outlines(self) -> Floats:
         """(N, 2) points around everybody who stands: obstacles like any other."""
@@ -83,7 +87,7 @@ class Bodies:
         return np.vstack([np.empty((0, 2)), *(body[:2] + body[4] * circle for body in self.standing)])
 
 
-def _is_restless(person: Track, rules: PeopleRules) -> bool:
+def _is_restless(person: Track, rules: PeopleConfig) -> bool:
     """Whether he walks, or has walked and may set out again; out of sight nobody is seen to stand."""
     since_s = person.unseen_s + (0.0 if _walks(person) else person.stood_s)
     return person.speed_mps + person.pace_mps > 0 and since_s < rules.settled_s
@@ -98,7 +102,7 @@ def _pace_mps(person: Track) -> float:
     return max(person.speed_mps, person.pace_mps, SLOWEST_MPS)
 
 
-def _ways(person: Track, rules: PeopleRules) -> list[tuple[float, ...]]:
+def _ways(person: Track, rules: PeopleConfig) -> list[tuple[float, ...]]:
     """x, y, velocity along both and radius, map frame, for each way that he may go from now on."""
     pace, course = _pace_mps(person), person.course_rad if person.pace_mps else math.atan2(person.vy_mps, person.vx_mps)
     vx, vy = pace * math.cos(course), pace * math.sin(course)
@@ -124,16 +128,18 @@ def _seen_from(pose: Pose2, rows: list[tuple[float, ...]], columns: int) -> Floa
     return array
 
 
-NOBODY = Bodies(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
+NOBODY = PeopleState(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
 
 
-def free_of(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleRules) -> npt.NDArray[np.bool_]:
+def clear_of_people(
+    bodies: PeopleState, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleConfig
+) -> npt.NDArray[np.bool_]:
     """(A, S) whether the way to each of (A, S, 3) poses, reached at (A, S) times, keeps clear of everybody who walks."""
     room = _room(bodies.walking, poses, times_s, profile.length_m / 2, profile.width_m / 2, rules.headway_s)
     return np.asarray(np.logical_and.accumulate(room > rules.personal_m + rules.personal_per_s * times_s, axis=1))
 
 
-def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleRules) -> int:
+def waiting_index(bodies: PeopleState, poses: Floats, times_s: Floats, profile: RobotProfile, rules: PeopleConfig) -> int:
     """Index of the last of (S, 3) poses, reached at (S,) times, where the robot can wait in nobody's way; −1 if none.
 
     Where it is in somebody's way already, one where it is no more so will do: else it would stay there for ever.
@@ -146,11 +152,11 @@ def place_to_wait(bodies: Bodies, poses: Floats, times_s: Floats, profile: Robot
     return int(waiting if waiting >= 0 or here > enough else np.flatnonzero(np.array(room) >= here).max(initial=-1))
 
 
-def allowed_mps(bodies: Bodies, twist: Twist, profile: RobotProfile, rules: PeopleRules) -> float:
+def speed_limit_near_people(bodies: PeopleState, twist: Twist, profile: RobotProfile, rules: PeopleConfig) -> float:
     """How fast any point of the body may be in such a motion, for the people near; 0 to stand, infinite with nobody near."""
     most, turns = math.inf, abs(twist.w_radps) * profile.circumscribed_radius_m > abs(twist.v_mps)
 
-    def is_met(x: float) -> bool:
+    def will_collide(x: float) -> bool:
         """Whether the body may itself come nearer to him: when it turns, its corners do all round."""
         return turns or (x < 0 if twist.v_mps < 0 else x > 0)
 
@@ -158,13 +164,13 @@ def allowed_mps(bodies: Bodies, twist: Twist, profile: RobotProfile, rules: Peop
         gap_m = _gap(x, y, profile) - radius
         most = min(most, rules.near_mps + max(0.0, gap_m - rules.near_m))
         if vx or vy:
-            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), is_met(x), rules))
-    for x, y, pace_mps, radius in bodies.restless.tolist():
-        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, is_met(x), rules))
+            most = min(most, _stoppable(gap_m - SHORT_M, max(math.hypot(vx, vy), SLOWEST_MPS), will_collide(x), rules))
+    for x, y, pace_mps, radius in bodies.reachable_discs.tolist():
+        most = min(most, _stoppable(_gap(x, y, profile) - radius - SHORT_M, pace_mps, will_collide(x), rules))
     return 0.0 if most < LEAST_MPS else most
 
 
-def _stoppable(room_m: float, walker_mps: float, ahead: bool, rules: PeopleRules) -> float:
+def _stoppable(room_m: float, walker_mps: float, ahead: bool, rules: PeopleConfig) -> float:
     """The speed v from which the robot stands before a walker has crossed the room between them.
 
     He needs walker · (reaction + v / braking); the robot itself goes v · reaction + v² / (2 braking) if he is ahead of it.

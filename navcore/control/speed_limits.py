@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.config.control import LocalRules
+from navcore.config.control import LocalPlannerConfig
 from navcore.control.motion import Motion
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.mission.zone import Zone, ZoneKind
@@ -24,7 +24,9 @@ LAG_S = 0.25
 Points = npt.NDArray[np.float64]
 
 
-def allowed_speed_mps(zones: Iterable[Zone], pose: Pose2, speed_mps: float, profile: RobotProfile, rules: LocalRules) -> float:
+def allowed_speed_mps(
+    zones: Iterable[Zone], pose: Pose2, speed_mps: float, profile: RobotProfile, rules: LocalPlannerConfig
+) -> float:
     """The speed that brakes down to each limit before the footprint touches its zone, and keeps it there; inf without one.
 
     `speed_mps` is what the robot drives now: so fast it goes on until the wheels hear of this.
@@ -47,7 +49,12 @@ def slowed(motion: Motion, allowed_mps: float) -> Motion:
 
 
 def travel_time_s(
-    points: Points, zones: Sequence[Zone], profile: RobotProfile, rules: LocalRules, *, start_yaw_rad: float | None = None
+    points: Points,
+    zones: Sequence[Zone],
+    profile: RobotProfile,
+    rules: LocalPlannerConfig,
+    *,
+    start_yaw_rad: float | None = None,
 ) -> float:
     """How long the robot takes along (N, 2) points in metres, about: at full speed, at each limit within its zone, turning in
     place where the path begins or bends sharply. What makes it wait on its way is not known beforehand."""
@@ -64,7 +71,7 @@ def travel_time_s(
     return driving_s + _turning_rad(steps, rules, start_yaw_rad) / rules.turn_rate_radps
 
 
-def _turning_rad(steps: Points, rules: LocalRules, start_yaw_rad: float | None) -> float:
+def _turning_rad(steps: Points, rules: LocalPlannerConfig, start_yaw_rad: float | None) -> float:
     moving = steps[np.hypot(*steps.T) > 0]
     headings = np.arctan2(moving[:, 1], moving[:, 0]).tolist()
     if start_yaw_rad is not None:
@@ -82,7 +89,7 @@ def _limit_mps(zone: Zone) -> float:
     return zone.max_speed_mps
 
 
-def _braking_mps(zone: Zone, room_m: float, rules: LocalRules) -> float:
+def _braking_mps(zone: Zone, room_m: float, rules: LocalPlannerConfig) -> float:
     return math.sqrt(_limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0))
 
 

@@ -10,7 +10,7 @@ from navcore.grid.flood_fill import nearest_reachable
 from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
 
 
-def occupant(grid: OccupancyGrid, cell: Cell) -> str:
+def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
     """Of a cell that is blocked."""
     if grid.zones[cell] or any(mask[cell] for _, mask in grid.wide_zones):
         return "inside a beware zone"
@@ -19,7 +19,7 @@ def occupant(grid: OccupancyGrid, cell: Cell) -> str:
     return "inside an obstacle" if grid.geometric[cell] else "too close to an obstacle or a zone"
 
 
-def check_standable(grid: OccupancyGrid, blocked: BoolGrid, place: tuple[float, float], *, robot: Pose2) -> None:
+def check_goal_free(grid: OccupancyGrid, blocked: BoolGrid, place: tuple[float, float], *, robot: Pose2) -> None:
     """Raise `BlockedGoal` where the robot's centre may not be: what is there, and the nearest place where it may.
 
     `blocked` is (rows, cols). Offered is the nearest place that the robot can get to or, where it can get nowhere, any other.
@@ -31,7 +31,7 @@ def check_standable(grid: OccupancyGrid, blocked: BoolGrid, place: tuple[float, 
     found = nearest_reachable(blocked, spec.cell(robot.x_m, robot.y_m), cell) or _nearest(~blocked, cell)
     nearest = None if found is None else spec.centre(*found)
     instead = "" if nearest is None else f"; the nearest place where it can is ({nearest[0]:.2f}, {nearest[1]:.2f})"
-    where = occupant(grid, cell)
+    where = describe_cell(grid, cell)
     raise BlockedGoal(f"goal ({place[0]:.2f}, {place[1]:.2f}) lies {where}; the robot cannot stand there{instead}", nearest)
 
 

@@ -13,26 +13,26 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.transform import Pose2
-from navcore.grid.bitplane import PAD, Plane
-from navcore.grid.cell_mask import Mask
+from navcore.grid.bitplane import PAD, BitPlane
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid
 from navcore.mission.beware_list import NOTHING
 
-Part = Callable[[Mask], BoolGrid]
+Part = Callable[[CellMask], BoolGrid]
 
 
-class Occupancy:
+class Costmap:
     """The occupied and the blocked cells under one order: an immutable snapshot, unpacked only as far as it is looked at."""
 
     def __init__(
         self,
         *,
         spec: GridSpec,
-        layers: Mapping[int, Mask],
+        layers: Mapping[int, CellMask],
         margins_m: Mapping[int, float],
-        zones: Mask,
-        wide_zones: tuple[tuple[float, Mask], ...],
-        free: Mask,
+        zones: CellMask,
+        wide_zones: tuple[tuple[float, CellMask], ...],
+        free: CellMask,
         version: int,
     ) -> None:
         """`layers`: class id → cells, `NOTHING` for the geometric ones; `free`: where the robot's centre may be."""
@@ -43,15 +43,15 @@ class Occupancy:
         self._blocked: BoolGrid | None = None
 
     @staticmethod
-    def of(grid: OccupancyGrid, blocked: BoolGrid, *, version: int) -> Occupancy:
+    def of(grid: OccupancyGrid, blocked: BoolGrid, *, version: int) -> Costmap:
         """Of bool grids."""
-        return Occupancy(
+        return Costmap(
             spec=grid.spec,
-            layers={class_id: Mask.of(layer) for class_id, layer in [(NOTHING, grid.geometric), *grid.beware.items()]},
+            layers={class_id: CellMask.of(layer) for class_id, layer in [(NOTHING, grid.geometric), *grid.beware.items()]},
             margins_m=grid.margins_m,
-            zones=Mask.of(grid.zones),
-            wide_zones=tuple((margin_m, Mask.of(mask)) for margin_m, mask in grid.wide_zones),
-            free=Mask.of(~blocked),
+            zones=CellMask.of(grid.zones),
+            wide_zones=tuple((margin_m, CellMask.of(mask)) for margin_m, mask in grid.wide_zones),
+            free=CellMask.of(~blocked),
             version=version,
         )
 
@@ -72,22 +72,22 @@ class Occupancy:
         return self._blocked
 
     @property
-    def free(self) -> Mask:
+    def free(self) -> CellMask:
         """Where the robot's centre may be."""
         return self._free
 
     @property
-    def masks(self) -> Mapping[Hashable, Mask]:
+    def masks(self) -> Mapping[Hashable, CellMask]:
         """Every layer as it is packed, by class id, `"zones"`, `("wide", …)` and `"free"`: to see what has changed."""
-        found: dict[Hashable, Mask] = {"zones": self._zones, "free": self._free}
+        found: dict[Hashable, CellMask] = {"zones": self._zones, "free": self._free}
         found.update((class_id, mask) for class_id, mask in self._layers.items())
         found.update((("wide", index, margin_m), mask) for index, (margin_m, mask) in enumerate(self._wide_zones))
         return found
 
     @property
-    def layers(self) -> list[tuple[int | None, float, Mask]]:
+    def layers(self) -> list[tuple[int | None, float, CellMask]]:
         """Class id, margin in metres and cells of every layer, `NOTHING` for the geometric one; zones have no class."""
-        found: list[tuple[int | None, float, Mask]] = [(None, 0.0, self._zones)]
+        found: list[tuple[int | None, float, CellMask]] = [(None, 0.0, self._zones)]
         found += [(class_id, self._margins_m.get(class_id, 0.0), mask) for class_id, mask in self._layers.items()]
         return found + [(None, margin_m, mask) for margin_m, mask in self._wide_zones]
 
@@ -111,7 +111,7 @@ class Occupancy:
         )
 
 
-def nearest_free(free: Mask, cell: Cell, within: float) -> Cell | None:
+def nearest_free(free: CellMask, cell: Cell, within: float) -> Cell | None:
     """The free cell nearest to `cell`, itself if free or outside; None when all within that many cells are blocked."""
     if not (0 <= cell[0] < free.rows and 0 <= cell[1] < free.cols):
         return cell
@@ -134,7 +134,7 @@ def box_around(spec: GridSpec, pose: Pose2, reach_m: float) -> tuple[int, int, i
     return top, left, max(min(row + reach + 1, spec.rows), top), max(min(col + reach + 1, spec.cols), left)
 
 
-def _held(plane: Plane, rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _held(plane: BitPlane, rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """(N,) which of some cells are set."""
     words = plane[rows + PAD, (cols + PAD) >> 6]
     return np.asarray((words >> (cols & 63).astype(np.uint64)) & np.uint64(1)).astype(np.bool_)

@@ -4,38 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.costmap.costmap import Occupancy, _held
-from navcore.grid.bitplane import Plane
-from navcore.grid.cell_mask import Mask
+from navcore.costmap.costmap import Costmap, _held
+from navcore.grid.bitplane import BitPlane
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import inflation_radius
 from navcore.grid.inflation import InflatedGrid
 from navcore.mapping.layers import Changes
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.mission.zone import Zone
 
 
-class LiveOccupancy:
+class LiveCostmap:
     """Follows a map, and keeps the space that is free for the robot's centre: the union of all layers, each inflated by the
     robot's half width, the safety margin and the layer's own margin."""
 
-    def __init__(self, cloud: CloudMap, *, vehicle_width_m: float, safety_margin_m: float) -> None:
+    def __init__(self, cloud: PointMap, *, vehicle_width_m: float, safety_margin_m: float) -> None:
         self._cloud = cloud
         self._width_m, self._margin_m = vehicle_width_m, safety_margin_m
         self._inflated = InflatedGrid(cloud.spec.rows, cloud.spec.cols)
         self._order: tuple[BewareList, tuple[Zone, ...]] | None = None
-        self._groups: dict[int, list[Plane]] = {}
+        self._groups: dict[int, list[BitPlane]] = {}
         self._radius_of: dict[int, int] = {}
-        self._layers: dict[int, Mask] = {}
-        self._now: Occupancy | None = None
+        self._layers: dict[int, CellMask] = {}
+        self._now: Costmap | None = None
 
     @property
     def space(self) -> FreeSpace:
         """Where the robot's centre may be; live, for the planner of paths."""
         return self._inflated.space
 
-    def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Occupancy:
+    def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Costmap:
         """The map as it is now under a beware list and zones; the same object as long as nothing has changed."""
         self._cloud.use(beware)
         changes = self._cloud.layers.take_changes()
@@ -51,14 +51,14 @@ class LiveOccupancy:
 
     def _make_anew(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
         drawn, wide = self._cloud.layers.drawn(zones)
-        self._zones, self._wide = Mask.of(drawn), tuple((margin_m, Mask.of(mask)) for margin_m, mask in wide)
+        self._zones, self._wide = CellMask.of(drawn), tuple((margin_m, CellMask.of(mask)) for margin_m, mask in wide)
         margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
         self._radius_of = {class_id: self._radius(margin_m) for class_id, margin_m in margins.items()}
         self._layers = {class_id: self._copied(class_id) for class_id in margins}
         self._regroup()
         unions = {}
         for radius, planes in self._groups.items():
-            unions[radius] = np.zeros_like(self.space.tripwire)
+            unions[radius] = np.zeros_like(self.space.sentinel)
             for plane in planes:
                 unions[radius] |= plane
         self._inflated.replace(unions)
@@ -92,23 +92,23 @@ class LiveOccupancy:
             self._inflated.set_cells(int(radius), cells[occupied], True)
             self._inflated.set_cells(int(radius), cells[~occupied], False)
 
-    def _snapshot(self, beware: BewareList) -> Occupancy:
+    def _snapshot(self, beware: BewareList) -> Costmap:
         spec, version = self._cloud.spec, 0 if self._now is None else self._now.version + 1
-        return Occupancy(
+        return Costmap(
             spec=spec,
             layers=dict(self._layers),
             margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
             zones=self._zones,
             wide_zones=self._wide,
-            free=Mask.copied(self.space.across[FREE], spec.rows, spec.cols),
+            free=CellMask.copied(self.space.across[FREE], spec.rows, spec.cols),
             version=version,
         )
 
-    def _copied(self, class_id: int) -> Mask:
+    def _copied(self, class_id: int) -> CellMask:
         plane, spec = self._cloud.layers.plane(class_id), self._cloud.spec
         if plane is None:
-            return Mask(np.zeros_like(self._inflated.space.tripwire), spec.rows, spec.cols)
-        return Mask.copied(plane, spec.rows, spec.cols)
+            return CellMask(np.zeros_like(self._inflated.space.sentinel), spec.rows, spec.cols)
+        return CellMask.copied(plane, spec.rows, spec.cols)
 
     def _radius(self, margin_m: float) -> int:
         return inflation_radius(

@@ -17,7 +17,7 @@ from navcore.robot.profile import RobotProfile
 Points = npt.NDArray[np.float64]
 
 
-def hard_cells(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """(rows, cols) masks: geometric cells, and cells of beware classes and zones, grown by their own margins."""
     ruled, by_margin = grid.zones.copy(), dict[float, npt.NDArray[np.bool_]]()
     layers = [*((grid.margins_m.get(class_id, 0.0), layer) for class_id, layer in grid.beware.items()), *grid.wide_zones]
@@ -38,12 +38,12 @@ def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_
     return np.ascontiguousarray(pose.from_parent(grid.spec.centres(cells + np.array([top, left]))))
 
 
-def stands_in(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
+def footprint_overlaps(ruled: Points, profile: RobotProfile, cell_m: float) -> bool:
     """Whether the footprint covers the middle part of any cell that the operator's rules forbid, base frame."""
     return not bool(outside(ruled, profile, -cell_m / 2).all())
 
 
-def areas_apart(
+def split_areas(
     grid: OccupancyGrid, zones: Iterable[Zone], profile: RobotProfile, pose: Pose2
 ) -> tuple[list[BoolGrid], BoolGrid]:
     """(rows, cols) each, with their margins: the areas that the footprint stands in, one by one, and all others in one.
@@ -91,7 +91,7 @@ def _reaches(zone: Zone, spec: GridSpec) -> bool:
     return bool(low[0] <= right and low[1] <= top and high[0] >= spec.origin_x_m and high[1] >= spec.origin_y_m)
 
 
-def rim_of_unseen(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def frontier(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """(rows, cols) the unseen cells beside a known one."""
     beside = cv2.dilate(known.view(np.uint8), np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
     return np.asarray(beside & ~known)

@@ -27,7 +27,7 @@ def points_at(line: Points, metres: Floats, stations: Floats) -> Points:
     return _points_at(np.ascontiguousarray(line), metres, np.ascontiguousarray(stations))
 
 
-def evenly(line: Points, spacing_m: float) -> Points:
+def resample(line: Points, spacing_m: float) -> Points:
     """(K, 2) points along a line, so far apart or a little less; both its ends are among them."""
     metres = metres_along(line)
     return points_at(line, metres, np.linspace(0.0, metres[-1], max(2, math.ceil(metres[-1] / spacing_m) + 1)))

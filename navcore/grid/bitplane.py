@@ -16,7 +16,7 @@ from numba import types
 from navcore.compiled import compiled, instruction
 from navcore.grid.grid import BoolGrid, Cell
 
-Plane = npt.NDArray[np.uint64]
+BitPlane = npt.NDArray[np.uint64]
 
 
 PAD = 64
@@ -97,7 +97,7 @@ def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
     return types.uint64(array, types.int64, types.uint8), generate
 
 
-def empty_plane(rows: int, cols: int) -> Plane:
+def empty_plane(rows: int, cols: int) -> BitPlane:
     """A plane of zeros with room for (rows, cols) cells and the padding around them."""
     return np.zeros((64 * blocks(rows), blocks(cols)), dtype=np.uint64)
 
@@ -107,7 +107,7 @@ def blocks(cells: int) -> int:
     return -(-cells // 64) + 2
 
 
-def pack(mask: BoolGrid, plane: Plane) -> None:
+def pack(mask: BoolGrid, plane: BitPlane) -> None:
     """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not 0."""
     if mask.itemsize != 1:
         mask = np.not_equal(mask, 0)
@@ -115,25 +115,25 @@ def pack(mask: BoolGrid, plane: Plane) -> None:
     _pack(flat, mask.shape[0], mask.shape[1], plane)
 
 
-def unpack(plane: Plane, rows: int, cols: int) -> BoolGrid:
+def unpack(plane: BitPlane, rows: int, cols: int) -> BoolGrid:
     """The bool (rows, cols) grid that a plane holds."""
     inner = np.ascontiguousarray(plane[PAD : PAD + rows, 1:-1]).view(np.uint8)
     return np.unpackbits(inner, axis=1, bitorder="little")[:, :cols].view(np.bool_)
 
 
-def plane_of(cell: Cell, *, like: Plane) -> Plane:
+def plane_of(cell: Cell, *, like: BitPlane) -> BitPlane:
     """A plane of the same size that holds one cell (row, col)."""
     plane = np.zeros_like(like)
     plane[cell[0] + PAD, (cell[1] + PAD) >> 6] = ONE << np.uint64(cell[1] & 63)
     return plane
 
 
-def contains(plane: Plane, cell: Cell) -> bool:
+def contains(plane: BitPlane, cell: Cell) -> bool:
     """Whether a plane holds a cell (row, col) of its grid."""
     return bool(plane[cell[0] + PAD, (cell[1] + PAD) >> 6] >> np.uint64(cell[1] & 63) & ONE)
 
 
-def cells_of(plane: Plane) -> npt.NDArray[np.int64]:
+def cells_of(plane: BitPlane) -> npt.NDArray[np.int64]:
     """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every word."""
     lines, words = np.nonzero(plane)
     held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
@@ -142,7 +142,7 @@ def cells_of(plane: Plane) -> npt.NDArray[np.int64]:
 
 
 @compiled
-def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: Plane) -> None:
+def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: BitPlane) -> None:
     whole = cols >> 6
     for row in range(rows):
         for word in range(whole):
@@ -155,7 +155,7 @@ def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: Plane) -> No
 
 
 @compiled
-def transpose(source: Plane, target: Plane) -> None:
+def transpose(source: BitPlane, target: BitPlane) -> None:
     """Write the transposed copy of a padded plane, block by block of 64 × 64 cells."""
     block = np.empty(64, dtype=np.uint64)
     bytes_of_block = block.view(np.uint8)
@@ -171,7 +171,7 @@ def transpose(source: Plane, target: Plane) -> None:
 
 
 @compiled
-def _transpose_bytes(block: Plane) -> None:
+def _transpose_bytes(block: BitPlane) -> None:
     """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed length become vectors."""
     for line in range(32):
         _exchange(block, line, line + 32, 32, 0x00000000FFFFFFFF)
@@ -185,18 +185,18 @@ def _transpose_bytes(block: Plane) -> None:
 
 
 @compiled
-def _exchange(block: Plane, upper: int, lower: int, shift: int, mask: int) -> None:
+def _exchange(block: BitPlane, upper: int, lower: int, shift: int, mask: int) -> None:
     up, low = np.uint64(upper), np.uint64(lower)
     swapped = ((block[up] >> np.uint64(shift)) ^ block[low]) & np.uint64(mask)
     block[low] ^= swapped
     block[up] ^= swapped << np.uint64(shift)
 
 
-Planes = npt.NDArray[np.uint64]
+BitPlanes = npt.NDArray[np.uint64]
 
 
 @compiled
-def complement(plane: Plane, rows: int, cols: int) -> None:
+def complement(plane: BitPlane, rows: int, cols: int) -> None:
     """Exchange free and blocked cells of a plane; the padding becomes 0."""
     whole = cols >> 6
     for line in range(PAD, PAD + rows):

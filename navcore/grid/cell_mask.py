@@ -4,35 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.grid.bitplane import PAD, Plane, empty_plane, pack, unpack
+from navcore.grid.bitplane import PAD, BitPlane, empty_plane, pack, unpack
 from navcore.grid.grid import BoolGrid
 
 
-class Mask:
+class CellMask:
     """An immutable set of cells of a grid. Made by `of` or `copied`; may cross threads."""
 
     __slots__ = ("_bools", "_plane", "cols", "rows")
 
-    def __init__(self, plane: Plane, rows: int, cols: int) -> None:
+    def __init__(self, plane: BitPlane, rows: int, cols: int) -> None:
         """Takes the plane (`navcore.search.bits`) over; nobody may write to it afterwards."""
         plane.flags.writeable = False
         self._plane, self.rows, self.cols = plane, rows, cols
         self._bools: BoolGrid | None = None
 
     @staticmethod
-    def of(bools: BoolGrid) -> Mask:
+    def of(bools: BoolGrid) -> CellMask:
         """The cells that are True in a bool (rows, cols) grid."""
         plane = empty_plane(*bools.shape)
         pack(bools, plane)
-        return Mask(plane, *bools.shape)
+        return CellMask(plane, *bools.shape)
 
     @staticmethod
-    def copied(plane: Plane, rows: int, cols: int) -> Mask:
+    def copied(plane: BitPlane, rows: int, cols: int) -> CellMask:
         """The cells that a plane holds now."""
-        return Mask(plane.copy(), rows, cols)
+        return CellMask(plane.copy(), rows, cols)
 
     @property
-    def plane(self) -> Plane:
+    def plane(self) -> BitPlane:
         """The packed cells, read-only."""
         return self._plane
 
@@ -50,7 +50,7 @@ class Mask:
         return window(self._plane, top, left, bottom, right)
 
 
-def window(plane: Plane, top: int, left: int, bottom: int, right: int) -> BoolGrid:
+def window(plane: BitPlane, top: int, left: int, bottom: int, right: int) -> BoolGrid:
     """Unpack rows top … bottom−1 and columns left … right−1 of a plane."""
     first, last = (left + PAD) >> 6, (right + PAD + 63) >> 6
     words = np.ascontiguousarray(plane[PAD + top : PAD + bottom, first:last]).view(np.uint8)

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 
 from navcore.compiled import compiled, inlined
-from navcore.grid.bitplane import ONE, PAD, Plane, mirrored
+from navcore.grid.bitplane import ONE, PAD, BitPlane, mirrored
 from navcore.grid.grid import BoolGrid, Cell
 
 TOP = np.uint64(63)
 
 
 @compiled
-def flood(free: Plane, reached: Plane, begin: Plane) -> tuple[int, int]:
+def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]:
     """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones, with a free cell of that.
 
     Returns the first and the last line in which something was added.
@@ -48,7 +48,7 @@ def flood(free: Plane, reached: Plane, begin: Plane) -> tuple[int, int]:
 
 
 @compiled
-def beside(cells: Plane) -> Plane:
+def beside(cells: BitPlane) -> BitPlane:
     """The cells one straight step away from these; the padding means nothing."""
     found = np.zeros_like(cells)
     for line in range(PAD, cells.shape[0] - PAD):
@@ -58,7 +58,7 @@ def beside(cells: Plane) -> Plane:
 
 
 @compiled
-def crossings(free: Plane, closed: Plane, within: Plane, end: Plane) -> Plane:
+def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane) -> BitPlane:
     """The cells of `within` that are one step from where it is left on the ways to `end` with the fewest closed cells.
 
     A wave from the end on: free cells are flooded, and closed ones entered one step after the other. `end` holds one cell, and
@@ -99,7 +99,7 @@ def crossings(free: Plane, closed: Plane, within: Plane, end: Plane) -> Plane:
 
 
 @inlined
-def _beside(cells: Plane, line: int, word: int) -> np.uint64:
+def _beside(cells: BitPlane, line: int, word: int) -> np.uint64:
     """What of one word is a straight step away from some cells."""
     here = cells[line, word]
     west, east = here << ONE | cells[line, word - 1] >> TOP, here >> ONE | cells[line, word + 1] << TOP
@@ -108,7 +108,7 @@ def _beside(cells: Plane, line: int, word: int) -> np.uint64:
 
 
 @inlined
-def _spread(free: Plane, reached: Plane, line: int) -> bool:
+def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
     """Add to a line what is connected, along it, with what has been reached in it and in the lines next to it."""
     grown, carried = False, np.uint64(0)
     for word in range(1, free.shape[1] - 1):

@@ -28,8 +28,8 @@ from navcore.grid.bitplane import (
     MOST_CELLS,
     ONE,
     PAD,
-    Plane,
-    Planes,
+    BitPlane,
+    BitPlanes,
     blocks,
     complement,
     highest,
@@ -41,7 +41,7 @@ from navcore.grid.bitplane import (
 )
 from navcore.grid.grid import BoolGrid, Cell
 
-FREE, AHEAD, BACK, VAIN_AHEAD, VAIN_BACK, SQUARE = range(6)
+FREE, AHEAD, BACK, DEAD_END_AHEAD, VAIN_BACK, SQUARE = range(6)
 FREED_LOG = 4096
 """So many freed cells are noted one by one."""
 PATIENCE = np.uint64(16)
@@ -65,19 +65,19 @@ class FreeSpace:
                 "use a coarser resolution or a smaller area"
             )
         self.rows, self.cols = rows, cols
-        self.across: Planes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
-        self.along: Planes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
+        self.across: BitPlanes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
+        self.along: BitPlanes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
         diagonals, words = 64 * (blocks(rows) + blocks(cols)), blocks(rows)
         slots = 1 << min((diagonals - 1).bit_length(), (MOST_SLOPING // words).bit_length() - 1)
-        self.sloping: Planes = np.zeros((4, slots, words), dtype=np.uint64)
+        self.sloping: BitPlanes = np.zeros((4, slots, words), dtype=np.uint64)
         """How far diagonal walks go, as far as it is known (`navcore.search.slopes`)."""
-        self.tripwire: Plane = np.zeros(self.across.shape[1:], dtype=np.uint64)
+        self.sentinel: BitPlane = np.zeros(self.across.shape[1:], dtype=np.uint64)
         """Set bits are cells that a standing path needs free."""
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
         """Cells freed since the notes were cleared, as (row << 32 | col)."""
         self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
         """How many cells were freed, however many of them fit into `freed`; how many words of the tripwire were hit."""
-        self.written = (self.across, self.along, self.tripwire, self.freed, self.notes)
+        self.written = (self.across, self.along, self.sentinel, self.freed, self.notes)
         """What a change of cells reads and writes, in the order in which compiled code takes it."""
 
     @staticmethod
@@ -96,11 +96,11 @@ class FreeSpace:
 
     def update(self, blocked: BoolGrid) -> None:
         """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what the change costs."""
-        plane = np.zeros_like(self.tripwire)
+        plane = np.zeros_like(self.sentinel)
         pack(blocked, plane)
         self.replace(plane)
 
-    def replace(self, plane: Plane) -> None:
+    def replace(self, plane: BitPlane) -> None:
         """Follow a changed plane of blocked cells, and spoil it."""
         complement(plane, self.rows, self.cols)
         if np.count_nonzero(plane != self.across[FREE]) * MANY > plane.size:
@@ -127,14 +127,14 @@ class FreeSpace:
 
 
 @inlined
-def bit_of(planes: Planes, plane: int, line: int, at: int) -> np.uint64:
+def bit_of(planes: BitPlanes, plane: int, line: int, at: int) -> np.uint64:
     """One bit of a plane: 1 or 0."""
     bit: np.uint64 = planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
     return bit
 
 
 @compiled
-def _rebuild(across: Planes, along: Planes) -> None:
+def _rebuild(across: BitPlanes, along: BitPlanes) -> None:
     transpose(across[FREE], along[FREE])
     mark_stops(across, along, PAD, across.shape[1] - PAD, 0, across.shape[2])
     mark_stops(along, across, PAD, along.shape[1] - PAD, 0, along.shape[2])
@@ -142,7 +142,7 @@ def _rebuild(across: Planes, along: Planes) -> None:
 
 
 @compiled
-def mark_stops(planes: Planes, others: Planes, first: int, last: int, left: int, right: int) -> None:
+def mark_stops(planes: BitPlanes, others: BitPlanes, first: int, last: int, left: int, right: int) -> None:
     """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the other stack."""
     free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
     one, rest = np.uint64(1), np.uint64(63)
@@ -165,17 +165,17 @@ def mark_stops(planes: Planes, others: Planes, first: int, last: int, left: int,
 
 
 @inlined
-def forget(planes: Planes, others: Planes, line: int) -> None:
+def forget(planes: BitPlanes, others: BitPlanes, line: int) -> None:
     """Have no walk of a line known to be in vain, and do not trust what was built on that."""
-    if planes[VAIN_AHEAD, line, 0] >= PATIENCE:
-        others[VAIN_AHEAD, 0, line >> 6] |= ONE << np.uint64(line & 63)
+    if planes[DEAD_END_AHEAD, line, 0] >= PATIENCE:
+        others[DEAD_END_AHEAD, 0, line >> 6] |= ONE << np.uint64(line & 63)
         for word in range(planes.shape[2]):
-            planes[VAIN_AHEAD, line, word] = planes[VAIN_BACK, line, word] = 0
-    planes[VAIN_AHEAD, line, 0] = 0
+            planes[DEAD_END_AHEAD, line, word] = planes[VAIN_BACK, line, word] = 0
+    planes[DEAD_END_AHEAD, line, 0] = 0
 
 
 @compiled
-def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -> None:
+def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int) -> None:
     """Make SQUARE anew for lines first … last-1 and words left … right-1."""
     free, square = across[FREE], across[SQUARE]
     one, rest = np.uint64(1), np.uint64(63)
@@ -188,7 +188,7 @@ def mark_squares(across: Planes, first: int, last: int, left: int, right: int) -
 
 
 @lean
-def look_along(planes: Planes, line: int) -> None:
+def look_along(planes: BitPlanes, line: int) -> None:
     """Make VAIN_AHEAD and VAIN_BACK for one line.
 
     Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what
@@ -204,8 +204,8 @@ def look_along(planes: Planes, line: int) -> None:
     for word in range(words - 1, -1, -1):
         jumps = planes[AHEAD, line, word] & planes[FREE, line, word]
         hits, carry = _carries(mirrored(jumps), mirrored(~planes[AHEAD, line, word]), carry)
-        planes[VAIN_AHEAD, line, word] = ~mirrored(hits)
-    planes[VAIN_AHEAD, line, 0] = PATIENCE
+        planes[DEAD_END_AHEAD, line, word] = ~mirrored(hits)
+    planes[DEAD_END_AHEAD, line, 0] = PATIENCE
 
 
 @inlined
@@ -217,9 +217,9 @@ def _carries(generate: np.uint64, hand_on: np.uint64, carry: np.uint64) -> tuple
 
 @compiled
 def write_word(
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: npt.NDArray[np.int64],
     notes: npt.NDArray[np.int64],
     line: int,
@@ -229,7 +229,7 @@ def write_word(
     """Set one word of free cells, in the rows and in the columns; returns the bits that differ. `refresh` has to follow."""
     changed: np.uint64 = across[FREE, line, word] ^ value
     across[FREE, line, word] = value
-    notes[1] += (changed & ~value & tripwire[line, word]) != 0
+    notes[1] += (changed & ~value & sentinel[line, word]) != 0
     bit, left = ONE << np.uint64(line & 63), changed
     while left != 0:
         offset = lowest(left)
@@ -243,7 +243,7 @@ def write_word(
 
 
 @compiled
-def refresh(across: Planes, along: Planes, first: int, last: int, left: int, right: int) -> None:
+def refresh(across: BitPlanes, along: BitPlanes, first: int, last: int, left: int, right: int) -> None:
     """Renew the marks around free cells that were written in rows first … last-1 and columns left … right-1 of the planes."""
     over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
     mark_stops(across, along, over, under, (left - 1) >> 6, (right >> 6) + 1)
@@ -254,18 +254,18 @@ def refresh(across: Planes, along: Planes, first: int, last: int, left: int, rig
 
 @compiled
 def _replace(
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: npt.NDArray[np.int64],
     notes: npt.NDArray[np.int64],
-    plane: Plane,
+    plane: BitPlane,
 ) -> None:
     for line in range(PAD, across.shape[1] - PAD):
         left, right = along.shape[1], 0
         for word in range(1, plane.shape[1] - 1):
             if plane[line, word] != across[FREE, line, word]:
-                changed = write_word(across, along, tripwire, freed, notes, line, word, plane[line, word])
+                changed = write_word(across, along, sentinel, freed, notes, line, word, plane[line, word])
                 left = min(left, 64 * word + lowest(changed))
                 right = max(right, 64 * word + highest(changed) + 1)
         if right > 0:
@@ -274,9 +274,9 @@ def _replace(
 
 @compiled
 def _set_cells(
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: npt.NDArray[np.int64],
     notes: npt.NDArray[np.int64],
     cells: npt.NDArray[np.int64],
@@ -287,5 +287,5 @@ def _set_cells(
         word, bit = col >> 6, ONE << np.uint64(col & 63)
         value = across[FREE, line, word]
         value = value & ~bit if blocked else value | bit
-        if write_word(across, along, tripwire, freed, notes, line, word, value):
+        if write_word(across, along, sentinel, freed, notes, line, word, value):
             refresh(across, along, line, line + 1, col, col + 1)

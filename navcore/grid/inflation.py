@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
-from navcore.grid.bitplane import ALL, ONE, PAD, Plane, Planes, complement, highest, joined_left, lowest, pack
+from navcore.grid.bitplane import ALL, ONE, PAD, BitPlane, BitPlanes, complement, highest, joined_left, lowest, pack
 from navcore.grid.free_space import FREE, MANY, FreeSpace, refresh, write_word
 from navcore.grid.grid import BoolGrid
 
@@ -28,7 +28,7 @@ class InflatedGrid:
         self.space = FreeSpace(rows, cols)
         """Where the robot's centre may be; everywhere at first."""
         self._radii: tuple[int, ...] = ()
-        self._raw: Planes = np.zeros((0, *self.space.across.shape[1:]), dtype=np.uint64)
+        self._raw: BitPlanes = np.zeros((0, *self.space.across.shape[1:]), dtype=np.uint64)
         self._fresh = self._raw.copy()
         self._halves: Ints = np.zeros((0, 1), dtype=np.int64)
         complement(self.space.across[FREE], rows, cols)
@@ -49,7 +49,7 @@ class InflatedGrid:
         self._take_fresh()
         self._drop_all_but(masks)
 
-    def replace(self, planes: Mapping[int, Plane]) -> None:
+    def replace(self, planes: Mapping[int, BitPlane]) -> None:
         """The same for packed cells (`navcore.search.bits`), which are copied."""
         self._make_room(tuple(planes))
         for layer, radius in enumerate(self._radii):
@@ -102,7 +102,7 @@ class InflatedGrid:
 
     def _follow(self, words: Ints) -> None:
         space = self.space
-        if len(words) * MANY > space.tripwire.size:
+        if len(words) * MANY > space.sentinel.size:
             self._follow_all()
         elif len(words):
             follow(self._raw, self._halves, words, space.rows, space.cols, *space.written)
@@ -116,10 +116,10 @@ class InflatedGrid:
         space.rebuild()
 
 
-def inflated(planes: Mapping[int, Plane], rows: int, cols: int) -> Plane:
+def inflated(planes: Mapping[int, BitPlane], rows: int, cols: int) -> BitPlane:
     """The union of packed cells, each plane inflated by the disc of its radius in cells, from scratch; one plane at least."""
     raw = np.stack(list(planes.values()))
-    out: Plane = np.zeros(raw.shape[1:], dtype=np.uint64)
+    out: BitPlane = np.zeros(raw.shape[1:], dtype=np.uint64)
     inflate_into(raw, half_widths(tuple(planes)), out, 0, 0, PAD, PAD + rows, 1, out.shape[1] - 1)
     # What reaches beyond the grid on its right is cut off.
     complement(out, rows, cols)
@@ -136,7 +136,7 @@ def half_widths(radii: tuple[int, ...]) -> Ints:
 
 
 @compiled
-def differing_words(old: Planes, new: Planes, most: int) -> Ints:
+def differing_words(old: BitPlanes, new: BitPlanes, most: int) -> Ints:
     """(N, 2) lines and words at which any layer differs, in order; no more than one beyond `most`."""
     found = np.empty((most + 1, 2), dtype=np.int64)
     count = 0
@@ -156,30 +156,30 @@ def differing_words(old: Planes, new: Planes, most: int) -> Ints:
 
 @compiled
 def occupy(
-    raw: Planes,
+    raw: BitPlanes,
     layer: int,
     halves: Ints,
     cells: Ints,
     occupied: bool,
     rows: int,
     cols: int,
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: Ints,
     notes: Ints,
 ) -> bool:
     """Set or clear (N, 2) cells of a layer and follow that; False if it is so many that all is to be made anew."""
     words = set_bits(raw[layer], cells, occupied)
-    if len(words) * MANY > tripwire.size:
+    if len(words) * MANY > sentinel.size:
         return False
     if len(words):
-        follow(raw, halves, words, rows, cols, across, along, tripwire, freed, notes)
+        follow(raw, halves, words, rows, cols, across, along, sentinel, freed, notes)
     return True
 
 
 @compiled
-def set_bits(plane: Plane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints:
+def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints:
     """Set or clear (N, 2) cells; returns the (N, 2) lines and words that changed, in order of the cells."""
     changed = np.empty((len(cells), 2), dtype=np.int64)
     count = 0
@@ -196,14 +196,14 @@ def set_bits(plane: Plane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints
 
 @compiled
 def follow(
-    raw: Planes,
+    raw: BitPlanes,
     halves: Ints,
     words: Ints,
     rows: int,
     cols: int,
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: Ints,
     notes: Ints,
 ) -> None:
@@ -220,19 +220,19 @@ def follow(
                 continue
         top, bottom = max(first - reach, PAD), min(last + reach, PAD + rows)
         west, east = max(left - aside, 1), min(right + aside, across.shape[2] - 1)
-        _renew(raw, halves, cols, across, along, tripwire, freed, notes, top, bottom, west, east)
+        _renew(raw, halves, cols, across, along, sentinel, freed, notes, top, bottom, west, east)
         if index < len(words):
             first, last, left, right = line, line + 1, word, word + 1
 
 
 @compiled
 def _renew(
-    raw: Planes,
+    raw: BitPlanes,
     halves: Ints,
     cols: int,
-    across: Planes,
-    along: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sentinel: BitPlane,
     freed: Ints,
     notes: Ints,
     top: int,
@@ -248,7 +248,7 @@ def _renew(
         for word in range(west, east):
             value = ~out[line - top, word - west] & on_grid(word, cols)
             if across[FREE, line, word] != value:
-                changed = write_word(across, along, tripwire, freed, notes, line, word, value)
+                changed = write_word(across, along, sentinel, freed, notes, line, word, value)
                 first, last = min(first, line), line + 1
                 left = min(left, 64 * word + lowest(changed))
                 right = max(right, 64 * word + highest(changed) + 1)
@@ -265,7 +265,7 @@ def on_grid(word: int, cols: int) -> np.uint64:
 
 @compiled
 def inflate_into(
-    raw: Planes, halves: Ints, out: Plane, line_0: int, word_0: int, top: int, bottom: int, west: int, east: int
+    raw: BitPlanes, halves: Ints, out: BitPlane, line_0: int, word_0: int, top: int, bottom: int, west: int, east: int
 ) -> None:
     """Set in lines top … bottom-1 and words west … east-1 the cells of every disc; `out` begins at (line_0, word_0)."""
     aside = (halves.shape[1] + 62) >> 6
@@ -282,7 +282,7 @@ def inflate_into(
 
 @lean
 def _inflate_rows(
-    raw: Plane,
+    raw: BitPlane,
     halves: Halves,
     first: int,
     last: int,
@@ -291,7 +291,7 @@ def _inflate_rows(
     aside: int,
     lines: Words,
     spare: Words,
-    out: Plane,
+    out: BitPlane,
     line_0: int,
     word_0: int,
     west: int,
@@ -326,7 +326,7 @@ def _inflate_rows(
 
 
 @inlined
-def collect(raw: Plane, above: int, below: int, left: int, right: int, lines: Words, at: int) -> bool:
+def collect(raw: BitPlane, above: int, below: int, left: int, right: int, lines: Words, at: int) -> bool:
     """Add words left … right-1 of two rows of a layer to a line; whether any of their cells is occupied."""
     found = np.uint64(0)
     for word in range(right - left):
@@ -347,7 +347,7 @@ def widen(lines: Words, wider: Words, size: int, by: int) -> None:
 
 
 @inlined
-def merge(lines: Words, at: int, out: Plane, row: int, left: int, right: int) -> None:
+def merge(lines: Words, at: int, out: BitPlane, row: int, left: int, right: int) -> None:
     """Add a line to words left … right-1 of a row of the result."""
     for word in range(right - left):
         out[np.uint64(row), np.uint64(left + word)] |= lines[np.uint64(at + word)]

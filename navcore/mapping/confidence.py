@@ -40,7 +40,7 @@ BORDER_PX = 8
 Confidence = npt.NDArray[np.float32]
 
 
-def first_look(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> Confidence:
+def initial_confidence(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> Confidence:
     """(N,) how sure to be of points that the network is so sure of and that were never found before; 1 stays 1.
 
     `shown_before`: (N,) whether earlier pictures have shown the place.
@@ -50,7 +50,7 @@ def first_look(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> C
     return np.where(confidence >= 1, np.float32(1), 1 / (1 + np.exp(-odds))).astype(np.float32)
 
 
-def weigh(
+def update_confidence(
     records: Records,
     first: Cells,
     cols: int,

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.grid.bitplane import Plane, Planes, empty_plane, unpack
-from navcore.grid.cell_mask import Mask
+from navcore.grid.bitplane import BitPlane, BitPlanes, empty_plane, unpack
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.confidence import CERTAIN
 from navcore.mapping.point_table import PointTable, refresh_planes
@@ -39,21 +39,21 @@ class Changes:
     """(N,) row · cols + col."""
 
 
-class Layers:
+class MapLayers:
     """A layer for every class that was ever seen, `NOTHING` for what is an obstacle by its height; and the zones' layers."""
 
     def __init__(self, spec: GridSpec) -> None:
         self._spec = spec
         self._class_ids = np.array([NOTHING], dtype=np.uint8)
-        self._planes: Planes = empty_plane(spec.rows, spec.cols)[None]
+        self._planes: BitPlanes = empty_plane(spec.rows, spec.cols)[None]
         self._least = np.zeros(64, dtype=np.float32)
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
         self._has_prior = False
-        self._prior_mask: Mask | None = None
+        self._prior_mask: CellMask | None = None
         self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
 
-    def make_room(self, class_ids: npt.NDArray[np.uint8]) -> None:
+    def add_classes(self, class_ids: npt.NDArray[np.uint8]) -> None:
         """Have a layer for each of these classes."""
         lacking = np.bincount(class_ids, minlength=256) > 0
         lacking[self._class_ids] = False
@@ -82,7 +82,7 @@ class Layers:
         """Make all layers anew from these points and (rows, cols) cells of a prior map."""
         self._prior, self._prior_mask = prior.reshape(-1).copy(), None
         self._has_prior = bool(prior.any())
-        self.make_room(points.live["class_id"])
+        self.add_classes(points.live["class_id"])
         self._planes[:] = 0
         self.refresh(points, np.union1d(points.live["cell"].astype(np.int64), np.flatnonzero(self._prior)))
         self._changes = None
@@ -108,7 +108,7 @@ class Layers:
             cells=np.concatenate([np.empty(0, dtype=np.int64), *(change.cells for change in taken)]),
         )
 
-    def plane(self, class_id: int) -> Plane | None:
+    def plane(self, class_id: int) -> BitPlane | None:
         """The live layer of a class, to be read only until the map changes; None when nothing of it was ever seen."""
         at = np.flatnonzero(self._class_ids == class_id)
         return self._planes[at[0]] if len(at) else None
@@ -118,17 +118,17 @@ class Layers:
         plane, shape = self.plane(class_id), (self._spec.rows, self._spec.cols)
         return np.zeros(shape, dtype=np.bool_) if plane is None else unpack(plane, *shape)
 
-    def drawn(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
+    def zone_masks(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
         """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
         if self._zones is None or self._zones[0] != zones:
             self._zones = (zones, cells_of(zones, self._spec))
         return self._zones[1]
 
     @property
-    def prior(self) -> Mask | None:
+    def prior(self) -> CellMask | None:
         """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
         if self._has_prior and self._prior_mask is None:
-            self._prior_mask = Mask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
+            self._prior_mask = CellMask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
         return self._prior_mask if self._has_prior else None
 
     def load_prior(self, occupied: BoolGrid, points: PointTable) -> bool:
@@ -139,7 +139,7 @@ class Layers:
         self._prior, self._prior_mask, self._has_prior = occupied.reshape(-1).copy(), None, True
         return self.refresh(points, np.union1d(before, np.flatnonzero(self._prior)))
 
-    def disprove(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
+    def clear_prior(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
         """Give up the cells of the prior map whose floor was measured, and return them; `refresh` has to follow.
 
         `heights`: (N,) a bit for each height bin of the (N,) cells in which something was measured.

@@ -21,12 +21,12 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole
 from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.mapping.map_state import MapState, check_state
 from navcore.mapping.point_table import MapPoints
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.toml_config import between, from_table
+from navcore.toml_config import from_table, ranged
 
 log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
@@ -66,11 +66,11 @@ class StoredMap:
 class _Spec:
     """The grid, with the limits that a file has to keep."""
 
-    resolution_m: float = between(1e-3, 100.0)
-    rows: int = between(1, MAX_SIDE)
-    cols: int = between(1, MAX_SIDE)
-    origin_x_m: float = between(-1e6, 1e6)
-    origin_y_m: float = between(-1e6, 1e6)
+    resolution_m: float = ranged(1e-3, 100.0)
+    rows: int = ranged(1, MAX_SIDE)
+    cols: int = ranged(1, MAX_SIDE)
+    origin_x_m: float = ranged(-1e6, 1e6)
+    origin_y_m: float = ranged(-1e6, 1e6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class _Head:
     format: str
     version: int
     spec: _Spec
-    class_ids: tuple[int, ...] = between(1, 255)
+    class_ids: tuple[int, ...] = ranged(1, 255)
     class_names: tuple[str, ...]
 
 
@@ -157,10 +157,10 @@ def _array(data: bytes, kind: type[np.generic], axes: int, where: str) -> npt.ND
     return array
 
 
-def _mask(packed: npt.NDArray[np.uint8], spec: GridSpec, where: str) -> Mask:
+def _mask(packed: npt.NDArray[np.uint8], spec: GridSpec, where: str) -> CellMask:
     if packed.shape != (spec.rows, -(-spec.cols // 8)):
         raise BadConfiguration(f"{where}: expected {(spec.rows, -(-spec.cols // 8))} bytes, got {packed.shape}")
-    return Mask.of(np.unpackbits(packed, axis=1, count=spec.cols).view(np.bool_))
+    return CellMask.of(np.unpackbits(packed, axis=1, count=spec.cols).view(np.bool_))
 
 
 def _head(part: npt.NDArray[Any], where: str) -> _Head:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.mapping.point_table import MapPoints
 from navcore.mapping.raycast import BLOCK
@@ -30,13 +30,13 @@ class MapState:
     """All points in their order, each with the ID of the pose that it belongs to."""
     poses: npt.NDArray[np.float64]
     """(P, 3) x, y in metres of the map frame and yaw in radians of each pose, by its ID."""
-    seen: Mask
+    seen: CellMask
     """Cells in which the camera has measured anything."""
-    looked: Mask
+    looked: CellMask
     """Cells over which a line of sight has passed."""
-    trodden: Mask
+    trodden: CellMask
     """Cells that the robot has stood on."""
-    prior: Mask
+    prior: CellMask
     """Cells that are occupied on a map from elsewhere, and that the camera has not seen free."""
     volume: npt.NDArray[np.uint64]
     """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks, a bit for each height bin that was looked into."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import PointRules
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.camera import Intrinsics
 from navcore.grid.grid import GridSpec
-from navcore.mapping.voxels import Box, Looked, looked_at, measured_voxels, voxels_of
+from navcore.mapping.voxels import Box, DepthView, depth_view, measured_voxels, voxels_of
 from navcore.mission.beware_list import LARGEST_CLASS_ID, NOTHING, BewareList
 from navcore.perception.ground import Image
 from navcore.perception.labels import Labels
@@ -52,7 +52,7 @@ def back_project(depth_m: npt.NDArray[np.floating], intrinsics: Intrinsics) -> n
 
 
 def observe(
-    frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, rules: PointRules, ground_m: Image | None = None
+    frame: Frame, labels: Labels, beware: BewareList, spec: GridSpec, rules: ObservationConfig, ground_m: Image | None = None
 ) -> Observation:
     """The frame's points on the map: geometric ones by height, beware ones by label at any height their rule allows.
 
@@ -60,16 +60,16 @@ def observe(
     the robot stands; what goes onto the map keeps its place in space. A point of a beware class that is also higher than the
     obstacle height counts twice, as both: it stays an obstacle when its class is switched off.
     """
-    for claim in labels.claimed:
+    for claim in labels.all_hypotheses:
         if claim.class_ids.shape != frame.depth_m.shape:
             raise ValueError(f"labels must be {frame.depth_m.shape} class ids, got {claim.class_ids.shape}")
         if not np.isfinite(claim.confidence.sum()):
             raise ValueError("the labels' confidence is not finite, expected 0 to 1 in every pixel")
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
-    looked = looked_at(frame, spec, rules.max_range_m, ground_m)
+    looked = depth_view(frame, spec, rules.max_range_m, ground_m)
     geometric, seen = measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
     heights_m, named = _max_heights(beware), []
-    for claim in labels.claimed:
+    for claim in labels.all_hypotheses:
         of_claim = _labelled(claim.class_ids, looked, heights_m, rules.min_support)
         named.append((of_claim, claim.class_ids.reshape(-1)[of_claim], claim.confidence.reshape(-1)[of_claim]))
     pixels = np.concatenate([geometric, *(of_claim for of_claim, _, _ in named)]).astype(np.int64)
@@ -94,7 +94,7 @@ def observe(
 
 
 def _labelled(
-    class_ids: npt.NDArray[np.uint8], looked: Looked, heights_m: npt.NDArray[np.float64], min_support: int
+    class_ids: npt.NDArray[np.uint8], looked: DepthView, heights_m: npt.NDArray[np.float64], min_support: int
 ) -> npt.NDArray[np.int32]:
     """For each class in the picture one pixel of each of its voxels, up to the class's height."""
     flat = class_ids.reshape(-1)
@@ -109,7 +109,7 @@ def _labelled(
     return np.concatenate([np.empty(0, dtype=np.int32), *found])
 
 
-def _on_the_grid(cells: npt.NDArray[np.int64], looked: Looked, spec: GridSpec) -> npt.NDArray[np.int64]:
+def _on_the_grid(cells: npt.NDArray[np.int64], looked: DepthView, spec: GridSpec) -> npt.NDArray[np.int64]:
     """Cells of the box as cells of the grid."""
     rows, cols = np.divmod(cells, max(looked.shape[1], 1))
     return np.asarray((rows + looked.box[0]) * spec.cols + (cols + looked.box[1]))

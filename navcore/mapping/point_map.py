@@ -19,19 +19,19 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.mapping import BODY_M, MapRules
+from navcore.config.mapping import BODY_M, MappingConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, invert, wrap_angle
 from navcore.grid.bitplane import MOST_CELLS
-from navcore.grid.cell_mask import Mask, window
+from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
 from navcore.mapping.clearing import find_outdated
-from navcore.mapping.confidence import first_look, weigh
-from navcore.mapping.layers import Layers
+from navcore.mapping.confidence import initial_confidence, update_confidence
+from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
 from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in
-from navcore.mapping.visibility import Explored
+from navcore.mapping.visibility import VisibilityMap
 from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.mission.zone import Zone
@@ -43,10 +43,10 @@ Points = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 
-class CloudMap:
+class PointMap:
     """Points by pose ID, what they make of the cells, and what of the space is known."""
 
-    def __init__(self, spec: GridSpec, rules: MapRules) -> None:
+    def __init__(self, spec: GridSpec, rules: MappingConfig) -> None:
         if spec.rows * spec.cols > MOST_CELLS:
             raise BadConfiguration(
                 f"the map would have {spec.rows} × {spec.cols} cells, at most {MOST_CELLS} in all; "
@@ -55,9 +55,9 @@ class CloudMap:
         self.spec = spec
         self._rules = rules
         self._points = PointTable(spec.rows * spec.cols)
-        self.layers = Layers(spec)
+        self.layers = MapLayers(spec)
         """The occupied cells."""
-        self.explored = Explored(spec)
+        self.explored = VisibilityMap(spec)
         """What of the space is known."""
         self._poses: list[Pose2] = []
         self._unsure = False  # whether any point may be less than certain
@@ -76,15 +76,15 @@ class CloudMap:
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
         if labels is not None and (new["confidence"] < 1).any():
-            new["confidence"] = first_look(new["confidence"], self.explored.was_measured(new["cell"]))
+            new["confidence"] = initial_confidence(new["confidence"], self.explored.was_measured(new["cell"]))
         self._unsure = self._unsure or bool((new["confidence"] < 1).any())
-        self.layers.make_room(new["class_id"])
+        self.layers.add_classes(new["class_id"])
         touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
         ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
         self.explored.note(observation.cells_seen, observation.heights_seen)
-        disproved = self.layers.disprove(observation.cells_seen, observation.heights_seen)
+        disproved = self.layers.clear_prior(observation.cells_seen, observation.heights_seen)
         changed = self.layers.refresh(self._points, np.concatenate([touched, disproved]))
         self.version += changed or ruled
         self._keep_to_budget()
@@ -96,10 +96,10 @@ class CloudMap:
             self._points.remove(gone)
             self.version += self.layers.refresh(self._points, cells)
 
-    def forget_afloat(self, box: Box, is_bare: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
+    def clear_ghosts(self, box: Box, is_free_floor: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
         """Give up what is left of people who have gone: their points, `class_ids`, and the obstacles within `BODY_M` of them.
 
-        Only within a box of the grid where `is_bare`, of (N, 2) places of the map frame, says that the frame shows the floor
+        Only within a box of the grid where `is_free_floor`, of (N, 2) places of the map frame, says that the frame shows the floor
         and nothing above it, and where all of what is held would be in the picture: behind what floats in the air depth may
         see nothing at all, to whatever distance.
         """
@@ -109,7 +109,7 @@ class CloudMap:
             return
         whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
         cells = np.argwhere(whole) + box[:2]
-        cells = cells[is_bare(self.spec.centres(cells))]
+        cells = cells[is_free_floor(self.spec.centres(cells))]
         flat = cells[:, 0] * self.spec.cols + cells[:, 1]
         indices = points_in(self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids]))
         held = self._points.records[indices]
@@ -154,10 +154,10 @@ class CloudMap:
             spec=self.spec,
             points=self._points.copied(),
             poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64).reshape(-1, 3),
-            seen=Mask.copied(explored.measured, rows, cols),
-            looked=Mask.copied(explored.looked, rows, cols),
-            trodden=Mask.copied(explored.trodden, rows, cols),
-            prior=self.layers.prior or Mask.of(np.zeros((rows, cols), dtype=np.bool_)),
+            seen=CellMask.copied(explored.measured, rows, cols),
+            looked=CellMask.copied(explored.looked, rows, cols),
+            trodden=CellMask.copied(explored.trodden, rows, cols),
+            prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
             volume=explored.volume.copy(),
         )
 
@@ -210,7 +210,7 @@ class CloudMap:
 
     @property
     def memory_mb(self) -> float:
-        """Of the points; `MapRules.budget_mb` bounds it unless every cell and class is down to one point."""
+        """Of the points; `MappingConfig.budget_mb` bounds it unless every cell and class is down to one point."""
         return self._points.bytes_used / 1e6
 
     def _pose_id_of(self, pose: Pose2) -> int:
@@ -226,14 +226,14 @@ class CloudMap:
         """Let the picture speak for or against what was seen before in the places it shows."""
         if not self._unsure:
             return
-        forgotten, cells = weigh(
+        forgotten, cells = update_confidence(
             self._points.records,
             self._points.first,
             self.spec.cols,
             box,
             frame,
             invert(frame.T_map_camera),
-            labels.claimed[0],
+            labels.all_hypotheses[0],
             np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
         )
         self._points.remove(forgotten)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.grid.bitplane import ONE, PAD, Planes
+from navcore.grid.bitplane import ONE, PAD, BitPlanes
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 Cells = npt.NDArray[np.int32]
@@ -171,7 +171,7 @@ def refresh_planes(
     prior: npt.NDArray[np.bool_],
     least: npt.NDArray[np.float32],
     class_ids: npt.NDArray[np.uint8],
-    planes: Planes,
+    planes: BitPlanes,
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     """Make the bits of (N,) cells anew in the plane of each class; returns class and cell of every bit that changed.
 

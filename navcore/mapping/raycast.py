@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.grid.bitplane import ONE, PAD, Plane
+from navcore.grid.bitplane import ONE, PAD, BitPlane
 from navcore.grid.grid import GridSpec
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.robot.frame import Frame
@@ -21,7 +21,7 @@ SPARSE = 3
 """… and for the volume, whose blocks are larger, one of so many of these in columns and rows."""
 
 
-def look(frame: Frame, spec: GridSpec, *, max_range_m: float, ceiling_m: float, looked: Plane, volume: Plane) -> None:
+def look(frame: Frame, spec: GridSpec, *, max_range_m: float, ceiling_m: float, looked: BitPlane, volume: BitPlane) -> None:
     """Note what lies between the camera and what it measured.
 
     `looked`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling. `volume`: uint64 of
@@ -49,8 +49,8 @@ def _look(
     place: npt.NDArray[np.float64],
     rows: int,
     cols: int,
-    looked: Plane,
-    volume: Plane,
+    looked: BitPlane,
+    volume: BitPlane,
 ) -> None:
     height, width = depth_m.shape
     for j in range(STRIDE_PX // 2, width, STRIDE_PX):
@@ -81,7 +81,7 @@ def _pass_through(
     b: float,
     depth: float,
     place: npt.NDArray[np.float64],
-    volume: Plane,
+    volume: BitPlane,
 ) -> None:
     """Set the blocks along one ray, in steps of a block."""
     dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]
@@ -106,7 +106,7 @@ def _sweep(
     place: npt.NDArray[np.float64],
     rows: int,
     cols: int,
-    looked: Plane,
+    looked: BitPlane,
 ) -> None:
     """Set the cells under one ray, in steps of half a cell."""
     dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.config.perception import PointRules
-from navcore.grid.bitplane import ONE, PAD, Plane, empty_plane
-from navcore.grid.cell_mask import Mask, window
+from navcore.config.perception import ObservationConfig
+from navcore.grid.bitplane import ONE, PAD, BitPlane, empty_plane
+from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.raycast import BLOCK, look
 from navcore.mapping.voxels import BIN_M
@@ -19,12 +19,12 @@ Bits = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
 
 
-class Explored:
+class VisibilityMap:
     """Only grows. One bit for each cell, and for each block of 4 × 4 cells one for each 5 cm of height."""
 
     def __init__(self, spec: GridSpec) -> None:
         self.spec = spec
-        self.measured, self.looked, self.trodden = (empty_plane(spec.rows, spec.cols) for _ in range(3))
+        self.measured, self.looked, self.driven = (empty_plane(spec.rows, spec.cols) for _ in range(3))
         """Planes of the cells in which anything was measured, over which a line of sight passed, on which the robot stood."""
         self.volume: Bits = np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64)
         """(⌈rows / 4⌉, ⌈cols / 4⌉) a bit for each height bin in which anything was measured or through which one looked."""
@@ -39,7 +39,7 @@ class Explored:
         words = self.measured[rows + PAD, (cols + PAD) >> 6]
         return np.asarray(words >> (cols & 63).astype(np.uint64) & ONE).astype(np.bool_)
 
-    def look(self, frame: Frame, rules: PointRules) -> None:
+    def look(self, frame: Frame, rules: ObservationConfig) -> None:
         """Note which space lies open between the camera and what it measured; for pictures and the explored area."""
         look(
             frame,
@@ -51,9 +51,9 @@ class Explored:
         )
 
     @property
-    def seen(self) -> Mask:
+    def seen(self) -> CellMask:
         """Snapshot of the cells into which the camera has looked: measured there, or over them at something beyond."""
-        return Mask(self.measured | self.looked, self.spec.rows, self.spec.cols)
+        return CellMask(self.measured | self.looked, self.spec.rows, self.spec.cols)
 
     def known(self, part: GridSpec) -> BoolGrid:
         """(rows, cols) of a part of the grid that the camera measured or the robot stood on: nothing unseen hides there."""
@@ -63,12 +63,12 @@ class Explored:
         around = (over, beside, min(bottom + 2, self.spec.rows), min(right + 2, self.spec.cols))
         if part.rows == 0 or part.cols == 0:
             return np.zeros((part.rows, part.cols), dtype=np.bool_)
-        known = (window(self.measured, *around) | window(self.trodden, *around)).view(np.uint8)
+        known = (window(self.measured, *around) | window(self.driven, *around)).view(np.uint8)
         # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place: single cells are closed.
         closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
         return closed[top - over :, left - beside :][: part.rows, : part.cols].view(np.bool_)
 
-    def tread(self, outline: npt.NDArray[np.float64]) -> None:
+    def mark_driven(self, outline: npt.NDArray[np.float64]) -> None:
         """Note that the robot stands on, or is known to stand clear within, a convex outline (N, 2) of the map frame."""
         spec = self.spec
         cells = (outline - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
@@ -80,7 +80,7 @@ class Explored:
         canvas = np.zeros((bottom - top, right - left), dtype=np.uint8)
         corners = np.round((cells - (left + 0.5, top + 0.5)) * 256).astype(np.int32)
         cv2.fillConvexPoly(canvas, corners, 1, shift=8)
-        _set_cells(self.trodden, np.argwhere(canvas) + np.array([top, left]))
+        _set_cells(self.driven, np.argwhere(canvas) + np.array([top, left]))
 
     @property
     def area_m2(self) -> float:
@@ -94,7 +94,7 @@ class Explored:
 
 
 @compiled
-def _note(cells: Indices, heights: Bits, cols: int, measured: Plane, volume: Bits) -> None:
+def _note(cells: Indices, heights: Bits, cols: int, measured: BitPlane, volume: Bits) -> None:
     for index in range(len(cells)):
         row, col = cells[index] // cols, cells[index] % cols
         measured[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
@@ -102,7 +102,7 @@ def _note(cells: Indices, heights: Bits, cols: int, measured: Plane, volume: Bit
 
 
 @compiled
-def _set_cells(plane: Plane, cells: Indices) -> None:
+def _set_cells(plane: BitPlane, cells: Indices) -> None:
     for index in range(len(cells)):
         row, col = cells[index, 0], cells[index, 1]
         plane[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)

@@ -32,7 +32,7 @@ _GATHER = np.uint64(0x0102040810204080)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Looked:
+class DepthView:
     """A depth picture over the part of the grid that it can measure."""
 
     depth_m: Image
@@ -67,14 +67,14 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
     return max(top, 0), max(left, 0), min(bottom + 1, spec.rows), min(right + 1, spec.cols)
 
 
-def looked_at(frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None) -> Looked:
+def depth_view(frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None) -> DepthView:
     """The frame's picture over the grid; without `ground_m` the ground is the plane on which the robot stands."""
     lens, t, box = frame.intrinsics, frame.T_map_camera, frustum_box(frame, spec, max_range_m)
     cells = 1.0 / spec.resolution_m
     affine = t[:3].copy()
     affine[:2, 3] -= (spec.origin_x_m + box[1] * spec.resolution_m, spec.origin_y_m + box[0] * spec.resolution_m)
     affine[:2] *= cells
-    return Looked(
+    return DepthView(
         depth_m=frame.depth_m,
         ground_m=np.zeros((1, lens.width), dtype=np.float32) if ground_m is None else ground_m,
         affine=affine.astype(np.float32),
@@ -101,7 +101,7 @@ _scratch = _Scratch()
 
 
 def measured_voxels(
-    looked: Looked, limits_m: tuple[float, float, float], min_support: int
+    looked: DepthView, limits_m: tuple[float, float, float], min_support: int
 ) -> tuple[Pixels, npt.NDArray[np.uint64]]:
     """One pixel of each voxel where something stands or the ground drops, and what of the box was measured at all.
 
@@ -118,7 +118,7 @@ def measured_voxels(
     return pixels, seen[:-1]
 
 
-def voxels_of(looked: Looked, pixels: npt.NDArray[np.int64], high_m: float, min_support: int) -> Pixels:
+def voxels_of(looked: DepthView, pixels: npt.NDArray[np.int64], high_m: float, min_support: int) -> Pixels:
     """One pixel of each voxel in which enough of the (N,) ascending `pixels` lie, below `high_m` above the ground."""
     rows, cols = looked.shape
     if not rows * cols:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from navcore.errors import BadConfiguration
-from navcore.toml_config import between, from_table, read_toml
+from navcore.toml_config import from_table, ranged, read_toml
 
 NOTHING = 0
 """Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
@@ -29,13 +29,13 @@ OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label")
 class ColourRule:
     """Pixels of a colour, in HSV; the hue range may wrap around red, e.g. 345 to 15."""
 
-    hue_deg: tuple[float, float] = between(0.0, 360.0)
+    hue_deg: tuple[float, float] = ranged(0.0, 360.0)
     """First and last hue, going up."""
-    min_saturation: float = between(0.0, 1.0, default=0.5)
+    min_saturation: float = ranged(0.0, 1.0, default=0.5)
     """Least saturation, 0 (grey) to 1."""
-    min_value: float = between(0.0, 1.0, default=0.2)
+    min_value: float = ranged(0.0, 1.0, default=0.2)
     """Least brightness, 0 (black) to 1."""
-    max_height_m: float = between(0.0, 3.0, default=0.05)
+    max_height_m: float = ranged(0.0, 3.0, default=0.05)
     """Only points up to this height above the floor: a marking is flat, a red chair is no red zone."""
     fallback: bool = False
     """Only while no network knows the class: a blue chair leg is a cup to a rule, and need not be one to a network."""
@@ -47,22 +47,22 @@ class BewareClass:
 
     name: str
     """English name, unique in the list, e.g. `red floor`."""
-    class_id: int = between(1, LARGEST_CLASS_ID)
+    class_id: int = ranged(1, LARGEST_CLASS_ID)
     """What the map stores; stays with the name for ever."""
     enabled: bool = True
     """Whether its points are obstacles now."""
-    margin_m: float = between(0.0, MAX_MARGIN_M, default=0.0)
+    margin_m: float = ranged(0.0, MAX_MARGIN_M, default=0.0)
     """Room kept around it beyond the robot's own margin."""
-    min_confidence: float = between(0.0, 1.0, default=0.5)
+    min_confidence: float = ranged(0.0, 1.0, default=0.5)
     """Points the segmenter was less sure of are no obstacles."""
     colour: ColourRule | None = None
     """The rule that finds it by colour; None when only a network can."""
-    min_height_m: float | None = between(0.01, 2.0, default=None)
+    min_height_m: float | None = ranged(0.01, 2.0, default=None)
     """What a thing of this class rises above the floor at least; what is flat is a picture of it. None when it may be flat."""
-    max_height_m: float | None = between(0.01, 2.0, default=None)
+    max_height_m: float | None = ranged(0.01, 2.0, default=None)
     """How high a thing of this class is at most; what has something higher right above it is a part of that, as the foot of a
     chair, and that is in the way itself. None for a thing that may be as high as any."""
-    min_size_m: float | None = between(0.01, 2.0, default=None)
+    min_size_m: float | None = ranged(0.01, 2.0, default=None)
     """What is seen of a thing of this class at once is at least so long; a speck is none, whether a network or a rule of colour
     sees it: floors have red grains, and pictures noise. None for any size."""
     label: str | None = None

@@ -9,7 +9,7 @@ from navcore.mission.zone import Zone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class NavigationRequest:
     """What the operator wants at the moment of a tick."""
 
     goal: tuple[float, float] | None

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourRule
-from navcore.perception.depth_filter import Heights, heights_above_floor, without_specks
+from navcore.perception.depth_filter import Heights, heights_above_floor, remove_small_regions
 from navcore.perception.ground import ground_heights
-from navcore.perception.labels import Finder, Labels, certain
-from navcore.perception.overhang_filter import feet
+from navcore.perception.labels import Labels, LabelSource, with_full_confidence
+from navcore.perception.overhang_filter import base_regions
 from navcore.robot.frame import Frame
 
 STEEPEST = 0.2
@@ -26,7 +26,7 @@ UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 """Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds nobody who asks for a half."""
 
 
-Coat = tuple[BewareClass, npt.NDArray[np.bool_]]
+ColourMask = tuple[BewareClass, npt.NDArray[np.bool_]]
 """An entry of the list, and (H, W) the pixels that fit its colour rule."""
 
 
@@ -35,16 +35,16 @@ class ColourSegmenter:
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Exact: a pixel fits a rule or it does not, so its confidence is 1."""
-        coats = painted(frame, heights_above_floor(frame), beware.classes)
-        shown, claims = uppermost(coats, frame.depth_m.shape), by_colour(coats, frame.depth_m.shape)
-        return dataclasses.replace(certain(shown), claims=claims if len(claims) > 1 else ())
+        coats = colour_masks(frame, heights_above_floor(frame), beware.classes)
+        shown, hypotheses = topmost_label(coats, frame.depth_m.shape), by_colour(coats, frame.depth_m.shape)
+        return dataclasses.replace(with_full_confidence(shown), hypotheses=hypotheses if len(hypotheses) > 1 else ())
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """A rule, where the entry has one."""
-        return Finder.NOTHING if entry.colour is None else Finder.COLOUR
+        return LabelSource.NOTHING if entry.colour is None else LabelSource.COLOUR
 
 
-def uppermost(coats: Sequence[Coat], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+def topmost_label(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
     """(H, W) the class id of the first coat that is enabled, else of the first."""
     class_ids = np.full(shape, NOTHING, dtype=np.uint8)
     first_shows = sorted(coats, key=lambda coat: not coat[0].enabled)
@@ -53,7 +53,7 @@ def uppermost(coats: Sequence[Coat], shape: tuple[int, ...]) -> npt.NDArray[np.u
     return class_ids
 
 
-def by_colour(coats: Sequence[Coat], shape: tuple[int, ...]) -> tuple[Labels, ...]:
+def by_colour(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> tuple[Labels, ...]:
     """The coats as claims, as few as hold them all: those share one that lie beside each other."""
     layers: list[npt.NDArray[np.uint8]] = []
     for entry, fits in coats:
@@ -61,10 +61,10 @@ def by_colour(coats: Sequence[Coat], shape: tuple[int, ...]) -> tuple[Labels, ..
         if layer is None:
             layers.append(layer := np.full(shape, NOTHING, dtype=np.uint8))
         layer[fits] = entry.class_id
-    return tuple(map(certain, layers))
+    return tuple(map(with_full_confidence, layers))
 
 
-def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> list[Coat]:
+def colour_masks(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> list[ColourMask]:
     """Each entry whose colour rule some pixel fits, in their order, and (H, W) which pixels; none higher than the rule allows.
 
     Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of something of that colour.
@@ -80,10 +80,10 @@ def painted(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) ->
             above = heights_m - ground_heights(frame, STEEPEST)
             low = fits & ~(above > entry.colour.max_height_m)
         if entry.min_size_m is not None and low.any():
-            low = without_specks(low, frame, entry.min_size_m)
+            low = remove_small_regions(low, frame, entry.min_size_m)
         tall = fits & (above > entry.colour.max_height_m + TALL_M)
         if tall.any():
-            low &= ~feet(low, tall, frame)
+            low &= ~base_regions(low, tall, frame)
         if low.any():
             coats.append((entry, low))
     return coats

@@ -63,7 +63,7 @@ def _along(depth_m: Heights, across: Heights, down: Heights, eye_m: np.float32) 
     return heights
 
 
-def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
+def reject_flat_regions(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList) -> Mask:
     """(H, W) which pixels keep their class: all but flat pictures, specks, and the floor at the feet of tall things.
 
     Regions are connected pixels of one class that has a `min_height_m` or a `min_size_m`; `heights_m` is of
@@ -93,7 +93,7 @@ def without_pictures(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: 
     return keep
 
 
-def without_spills(class_ids: npt.NDArray[np.uint8], frame: Frame) -> Mask:
+def trim_label_bleed(class_ids: npt.NDArray[np.uint8], frame: Frame) -> Mask:
     """(H, W) which pixels keep their class: all but those near a label's rim that lie far behind what it labels beside them.
 
     A network rounds the outline of a thing; the floor that looks out behind it would be on the map a thing of its own.
@@ -145,7 +145,7 @@ def is_speck(box: npt.NDArray[np.int32], inside: Mask, frame: Frame, window: tup
     return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < least_m)
 
 
-def without_specks(mask: Mask, frame: Frame, least_m: float) -> Mask:
+def remove_small_regions(mask: Mask, frame: Frame, least_m: float) -> Mask:
     """The mask without the regions that `is_speck` says are some: all at once, for a floor may be full of them.
 
     Pixels that touch one another, at a corner too, or have one pixel between them, are a region.

@@ -25,7 +25,7 @@ Cells = frozenset[tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recognised:
+class Detection:
     """A connected region of one class in one picture."""
 
     class_id: int
@@ -42,7 +42,7 @@ class Recognised:
     """Squares (row, col) of `CELL_M`, counted from the map's origin, that it lies on."""
 
 
-def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Recognised, ...]:
+def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Detection, ...]:
     """The regions that bind the robot, the largest first; without those of too little measured depth, and without people."""
     binding = labels.mask(beware)
     found: list[tuple[int, int, npt.NDArray[np.bool_]]] = []
@@ -58,7 +58,7 @@ def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Recogn
     return tuple(region for region in regions if region is not None)
 
 
-def _placed(frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bool_]) -> Recognised | None:
+def _placed(frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bool_]) -> Detection | None:
     rows, cols = np.nonzero(mask & (frame.depth_m > 0) & (frame.depth_m <= RANGE_M))
     if len(rows) < MIN_PIXELS // 2:
         return None
@@ -70,7 +70,7 @@ def _placed(frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bo
     kept = squares[counts >= max(3, 0.02 * len(rows))]
     x_m, y_m = np.median(xy, axis=0)
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-    return Recognised(
+    return Detection(
         class_id=class_id,
         mask=mask,
         box=(left, top, left + width, top + height),

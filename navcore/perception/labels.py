@@ -21,22 +21,22 @@ class Labels:
     """(H, W) class id of the beware list, `NOTHING` for everything else."""
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is, 0 to 1."""
-    claims: tuple[Labels, ...] = ()
+    hypotheses: tuple[Labels, ...] = ()
     """Where several may claim a pixel, what each of them claims, whatever the list thinks of it: a network first, then the
     rules of colour. Of these the map is made, or an edit of the list would not bring back what another claim lay upon. Empty:
     nobody else claims anything."""
 
     @property
-    def claimed(self) -> tuple[Labels, ...]:
+    def all_hypotheses(self) -> tuple[Labels, ...]:
         """Its claims; itself, where it has none."""
-        return self.claims or (self,)
+        return self.hypotheses or (self,)
 
     def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
         """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its enabled classes."""
         return np.greater_equal(self.confidence, _least(beware)[self.class_ids])
 
 
-class Finder(StrEnum):
+class LabelSource(StrEnum):
     """What finds a class of the beware list in a picture."""
 
     NETWORK = "network"
@@ -51,11 +51,11 @@ class Segmenter(Protocol):
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Labels of the same height and width as the frame."""
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """What of this segmenter finds an entry; `NOTHING` when it will never be seen."""
 
 
-def certain(class_ids: npt.NDArray[np.uint8]) -> Labels:
+def with_full_confidence(class_ids: npt.NDArray[np.uint8]) -> Labels:
     """Labels of which nothing is in doubt."""
     return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 

@@ -66,7 +66,7 @@ def overhung(class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights,
     return surely, maybe
 
 
-def feet(low: Mask, tall: Mask, frame: Frame) -> Mask:
+def base_regions(low: Mask, tall: Mask, frame: Frame) -> Mask:
     """(H, W) pixels of the regions of `low` that lie wholly at the foot of what is `tall`.
 
     For colour rules, of what fits one: the foot of a red cupboard is no red floor. A marking that leads farther away is kept

@@ -30,7 +30,7 @@ Ints = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lifting:
+class Removal:
     """What has to go for a path to open."""
 
     keys: tuple[str, ...] | None
@@ -41,22 +41,22 @@ class Lifting:
     """No smaller number of rules opens a path. 0 when none exists whatever is lifted."""
 
 
-def smallest_lifting(rules: Rules, start: Cell, goal: Cell, *, max_labels: int = MAX_LABELS) -> Lifting:
+def minimum_removal(rules: Rules, start: Cell, goal: Cell, *, max_labels: int = MAX_LABELS) -> Removal:
     """The smallest set of rules without which there is a path from start to goal, (row, col) both; of several any one.
 
     The rules that close the start or the goal itself count too. No set helps where walls part the two.
     """
     regions, signatures = _regions(rules)
     if not all(0 <= cell[0] < rules.spec.rows and 0 <= cell[1] < rules.spec.cols for cell in (start, goal)):
-        return Lifting(keys=None, exact=True, at_least=0)
+        return Removal(keys=None, exact=True, at_least=0)
     first, last = int(regions[start]), int(regions[goal])
     if _WALL in (first, last):
-        return Lifting(keys=None, exact=True, at_least=0)
+        return Removal(keys=None, exact=True, at_least=0)
     lifted, exact, bound = _search(_neighbours(regions, len(signatures)), signatures, first, last, max_labels)
     if lifted is None:
-        return Lifting(keys=None, exact=exact, at_least=bound)
+        return Removal(keys=None, exact=exact, at_least=bound)
     keys = tuple(rule.key for index, rule in enumerate(rules.liftable) if lifted >> index & 1)
-    return Lifting(keys=keys, exact=True, at_least=len(keys))
+    return Removal(keys=keys, exact=True, at_least=len(keys))
 
 
 def _search(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled
 from navcore.geometry.polyline import metres_along
-from navcore.grid.bitplane import Plane
+from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import window
 from navcore.grid.grid import GridSpec
 
@@ -29,7 +29,7 @@ PUSH, PULL = 0.25, 0.5
 """Of what lacks in room, and of the way to the middle between its neighbours, so much a round."""
 
 
-def eased(track: Points, free: Plane, spec: GridSpec, *, stretch_m: float, wanted_m: float) -> Points:
+def relax(track: Points, free: BitPlane, spec: GridSpec, *, stretch_m: float, wanted_m: float) -> Points:
     """(K, 2) the track, metres of the map frame, with more room over its first stretch; its ends stay.
 
     The track's points are evenly apart, by more than half a cell and no more than one. `free` is the plane of the cells that

@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled
 from navcore.config.navigator import NavigatorConfig
-from navcore.costmap.costmap import Occupancy, box_around, nearest_free
-from navcore.costmap.local_costmap import areas_apart, hard_cells
+from navcore.costmap.costmap import Costmap, box_around, nearest_free
+from navcore.costmap.local_costmap import obstacle_masks, split_areas
 from navcore.geometry.transform import Pose2
-from navcore.grid.bitplane import Plane
-from navcore.grid.cell_mask import Mask
+from navcore.grid.bitplane import BitPlane
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, inflate
 from navcore.mission.zone import Zone
 from navcore.planning.path import NoPath, Path, Reason
@@ -29,7 +29,7 @@ NEAR_M = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exit:
+class EscapePath:
     """A way out, or why there is none, in the part of the map that had to be looked at for it."""
 
     outcome: Path | NoPath
@@ -38,7 +38,7 @@ class Exit:
     """The part."""
     corner: Cell
     """Its first cell, in those of the map."""
-    free: Plane
+    free: BitPlane
     """The cells of the part that the way may use."""
 
     @property
@@ -49,9 +49,9 @@ class Exit:
         return Path(cells=self.outcome.cells + np.array(self.corner), length=self.outcome.length)
 
 
-def nearest_exit(
-    occupancy: Occupancy, pose: Pose2, zones: Iterable[Zone], profile: RobotProfile, config: NavigatorConfig
-) -> Exit:
+def escape_path(
+    occupancy: Costmap, pose: Pose2, zones: Iterable[Zone], profile: RobotProfile, config: NavigatorConfig
+) -> EscapePath:
     """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own.
 
     `zones`: those that the occupancy was made with. What is near is looked at first, and taken if nothing farther away can be
@@ -60,7 +60,7 @@ def nearest_exit(
     spec, zones, within_m = occupancy.spec, tuple(zones), NEAR_M
     row, col = spec.cell(pose.x_m, pose.y_m)
     if not (0 <= row < spec.rows and 0 <= col < spec.cols):
-        return Exit(outcome=NoPath(reason=Reason.OUTSIDE), spec=spec, corner=(0, 0), free=occupancy.free.plane)
+        return EscapePath(outcome=NoPath(reason=Reason.OUTSIDE), spec=spec, corner=(0, 0), free=occupancy.free.plane)
     # What lies beyond the part tells upon its rim: as far as margins reach, and then the body.
     body_m = max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m) + 2 * spec.resolution_m
     rim_m = max(margin_m for _, margin_m, _ in occupancy.layers) + body_m
@@ -76,26 +76,26 @@ def nearest_exit(
 
 
 def _exit_within(
-    occupancy: Occupancy,
+    occupancy: Costmap,
     box: tuple[int, int, int, int],
     pose: Pose2,
     zones: tuple[Zone, ...],
     profile: RobotProfile,
     config: NavigatorConfig,
-) -> tuple[Exit, list[BoolGrid]]:
+) -> tuple[EscapePath, list[BoolGrid]]:
     """The way out in a part of the map, and the things that the robot stands on there; zones are known beyond it."""
     grid = occupancy.part(*box)
-    spec, (geometric, ruled) = grid.spec, hard_cells(grid)
-    own, _ = areas_apart(grid, (), profile, pose)
-    _, others = areas_apart(grid, zones, profile, pose)
+    spec, (geometric, ruled) = grid.spec, obstacle_masks(grid)
+    own, _ = split_areas(grid, (), profile, pose)
+    _, others = split_areas(grid, zones, profile, pose)
     half_width_m, beyond_m = profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m
     closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
     blocked = ~occupancy.free.window(*box)
     inside = blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
-    free = Mask.of(~closed)
+    free = CellMask.of(~closed)
     start = nearest_free(free, spec.cell(pose.x_m, pose.y_m), config.start_relief_m / spec.resolution_m)
     outcome = NoPath(reason=Reason.START_BLOCKED) if start is None else way_out(closed=closed, inside=inside, start=start)
-    return Exit(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
+    return EscapePath(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
 
 
 def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:

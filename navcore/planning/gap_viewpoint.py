@@ -15,19 +15,19 @@ from collections.abc import Collection
 import numpy as np
 
 from navcore.config.mapping import BODY_M
-from navcore.costmap.costmap import Occupancy
-from navcore.grid.bitplane import Plane, cells_of, complement, contains, plane_of
+from navcore.costmap.costmap import Costmap
+from navcore.grid.bitplane import BitPlane, cells_of, complement, contains, plane_of
 from navcore.grid.flood_fill import crossings, flood
 from navcore.grid.grid import Cell, inflation_radius
 from navcore.grid.inflation import inflated
 from navcore.mission.beware_list import NOTHING
 
-Area = tuple[Cell, Plane]
+Area = tuple[Cell, BitPlane]
 """The robot's nearest cell of what is connected, and all of it."""
 
 
-def mouth(
-    occupancy: Occupancy,
+def viewpoint_before_gap(
+    occupancy: Costmap,
     start: Cell,
     goal: Cell,
     *,
@@ -47,7 +47,7 @@ def mouth(
             return None if first == goal else (first, goal)
     if not areas:
         return None
-    within: Plane = np.bitwise_or.reduce([area for _, area in areas])
+    within: BitPlane = np.bitwise_or.reduce([area for _, area in areas])
     entries = cells_of(_entries(occupancy, within, goal, people, vehicle_width_m))
     if not len(entries):
         return None
@@ -56,7 +56,7 @@ def mouth(
     return None if first == (row, col) else (first, (row, col))
 
 
-def _areas(occupancy: Occupancy, start: Cell, relief_cells: float) -> list[Area]:
+def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
     """The areas that the robot is beside, each with its free cell nearest to the robot, and that with the nearest first."""
     free, reach = occupancy.free, int(relief_cells)
     top, left = max(start[0] - reach, 0), max(start[1] - reach, 0)
@@ -72,7 +72,7 @@ def _areas(occupancy: Occupancy, start: Cell, relief_cells: float) -> list[Area]
     return areas
 
 
-def _entries(occupancy: Occupancy, within: Plane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> Plane:
+def _entries(occupancy: Costmap, within: BitPlane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> BitPlane:
     """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells."""
     free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
     closed = free | solid
@@ -84,11 +84,11 @@ def _entries(occupancy: Occupancy, within: Plane, goal: Cell, people: Collection
     return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
 
 
-def _solid(occupancy: Occupancy, people: Collection[int], vehicle_width_m: float) -> Plane:
+def _solid(occupancy: Costmap, people: Collection[int], vehicle_width_m: float) -> BitPlane:
     """Where the body does not fit in even without a safety margin and without the people who are known to be some."""
     spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
     bodies = [mask.plane for class_id, _, mask in occupancy.layers if class_id in people and mask.plane.any()]
-    by_radius: dict[int, Plane] = {}
+    by_radius: dict[int, BitPlane] = {}
     for class_id, margin_m, mask in occupancy.layers:
         cells = mask.plane
         if class_id == NOTHING and bodies:

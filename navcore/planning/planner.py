@@ -13,7 +13,7 @@ from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell
 from navcore.planning.path import REASONS, NoPath, Path
 from navcore.planning.search.jump_point_search import FOUND, find
-from navcore.planning.search.open_list import Arena
+from navcore.planning.search.open_list import SearchWorkspace
 
 SQRT2 = math.sqrt(2.0)
 
@@ -30,10 +30,12 @@ def plan(blocked: BoolGrid, start: Cell, goal: Cell, *, max_expansions: int | No
     number of straight walks and diagonal steps, of which a query has some ten (free view) to some ten thousand (a maze).
     """
     space = FreeSpace.of(blocked)
-    return plan_in(space, Arena(space), start, goal, max_expansions=max_expansions)
+    return plan_in(space, SearchWorkspace(space), start, goal, max_expansions=max_expansions)
 
 
-def plan_in(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
+def plan_in(
+    space: FreeSpace, arena: SearchWorkspace, start: Cell, goal: Cell, *, max_expansions: int | None = None
+) -> Path | NoPath:
     """The same over a grid that is packed already, in memory that is kept from one search to the next."""
     budget = ENDLESS if max_expansions is None else max_expansions
     status, cells, diagonal = find(space, arena, start, goal, budget)

@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, lean
-from navcore.grid.bitplane import ONE, PAD, Plane, Planes
+from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import Cell
 from navcore.planning.path import REASONS, NoPath, Path, Reason
 from navcore.planning.planner import ENDLESS, SQRT2
 from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
-from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena, Memory, octile
-from navcore.planning.search.path_reconstruction import is_clear, lay
+from navcore.planning.search.open_list import FAR, ROOT, UNIT, Memory, SearchWorkspace, octile
+from navcore.planning.search.path_reconstruction import expand_leg, is_clear
 
 Ints = npt.NDArray[np.int64]
 
@@ -55,7 +55,7 @@ class Replanner:
 
     def __init__(self, space: FreeSpace) -> None:
         self._space = space
-        self._arena = Arena(space)
+        self._arena = SearchWorkspace(space)
         self._standing: Standing | None = None
         self._failure: tuple[Cell, Cell] | None = None
         self.searches = 0
@@ -85,7 +85,7 @@ class Replanner:
             space.across,
             space.along,
             space.sloping,
-            space.tripwire,
+            space.sentinel,
             space.notes,
             memory,
             cells,
@@ -149,10 +149,10 @@ def still_shortest(
 
 @compiled
 def searched(
-    across: Planes,
-    along: Planes,
-    sloping: Planes,
-    tripwire: Plane,
+    across: BitPlanes,
+    along: BitPlanes,
+    sloping: BitPlanes,
+    sentinel: BitPlane,
     notes: Ints,
     memory: Memory,
     cells: Ints,
@@ -183,7 +183,7 @@ def searched(
         back = joined(across, fresh, length, cells[at:], left[at:])
         fresh = back if len(back) else fresh
     common = alike(cells, fresh)
-    restring(tripwire, cells, fresh, common)
+    restring(sentinel, cells, fresh, common)
     notes[:] = 0
     lengths = np.empty(len(fresh), dtype=np.int64)
     lengths[len(fresh) - common :] = left[len(cells) - common :]
@@ -212,15 +212,15 @@ def alike(old: Ints, new: Ints) -> int:
 
 
 @compiled
-def restring(tripwire: Plane, old: Ints, new: Ints, common: int) -> None:
+def restring(sentinel: BitPlane, old: Ints, new: Ints, common: int) -> None:
     """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
     # The first cell of what is alike is come to in another way. No two other steps of a shortest path share a cell beside them.
-    string(tripwire, old, len(old) - common + 1, False)
-    string(tripwire, new, len(new) - common + 1, True)
+    string(sentinel, old, len(old) - common + 1, False)
+    string(sentinel, new, len(new) - common + 1, True)
 
 
 @lean
-def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
+def string(sentinel: BitPlane, cells: Ints, until: int, on: bool) -> None:
     """Set or clear the wire at all that has to stay free for the first cells: these and what is beside their diagonal steps."""
     for index in range(min(until, len(cells))):
         before = max(index - 1, 0)
@@ -231,13 +231,13 @@ def string(tripwire: Plane, cells: Ints, until: int, on: bool) -> None:
         ):
             bit = ONE << np.uint64(col & 63)
             if on:
-                tripwire[row + PAD, (col + PAD) >> 6] |= bit
+                sentinel[row + PAD, (col + PAD) >> 6] |= bit
             else:
-                tripwire[row + PAD, (col + PAD) >> 6] &= ~bit
+                sentinel[row + PAD, (col + PAD) >> 6] &= ~bit
 
 
 @compiled
-def joined(across: Planes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
+def joined(across: BitPlanes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
     """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and follows them; else (0, 2)."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
     for index in range(len(cells)):
@@ -251,7 +251,7 @@ def joined(across: Planes, fresh: Ints, length: int, cells: Ints, left: Ints) ->
             steps = max(abs(to_row - row), abs(to_col - col))
             path = np.empty((steps + len(cells) - index, 2), dtype=np.int64)
             path[0] = fresh[0]
-            lay(path, 0, there, not diagonal_first)
+            expand_leg(path, 0, there, not diagonal_first)
             path[steps:] = cells[index:]
             return path
     return np.empty((0, 2), dtype=np.int64)

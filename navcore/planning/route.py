@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import Points
-from navcore.geometry.polyline import evenly
-from navcore.grid.bitplane import Plane
+from navcore.geometry.polyline import resample
+from navcore.grid.bitplane import BitPlane
 from navcore.grid.grid import GridSpec
-from navcore.planning.elastic_band import eased
+from navcore.planning.elastic_band import relax
 from navcore.planning.path import NoPath, Path, Reason
-from navcore.planning.string_pulling import pull_taut
+from navcore.planning.string_pulling import shortcut
 from navcore.planning.waypoints import choose_waypoints
 from navcore.robot.profile import RobotProfile
 
@@ -47,10 +47,10 @@ class Route:
         return None if isinstance(self.outcome, NoPath) else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
 
 
-def lay(
+def build_route(
     outcome: Path | NoPath,
     goal: tuple[float, float],
-    free: Plane,
+    free: BitPlane,
     spec: GridSpec,
     profile: RobotProfile,
     config: NavigatorConfig,
@@ -59,17 +59,17 @@ def lay(
     if isinstance(outcome, NoPath):
         return no_route(outcome.reason)
     corners = choose_waypoints(outcome, spec, max_vertex_angle_rad=math.radians(config.max_vertex_angle_deg))
-    taut = pull_taut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
+    taut = shortcut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
     # The goal is a point, not a cell: the last centre gives way to it.
     points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
     kept_m = profile.width_m / 2 + config.safety_margin_m
     wanted_m = profile.circumscribed_radius_m + BAND_M - kept_m
-    track = eased(evenly(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
+    track = relax(resample(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
     return Route(
         outcome=outcome,
         points=read_only(points),
         waypoints=read_only(np.vstack([corners[:-1], goal])),
-        track=read_only(evenly(track, spec.resolution_m)),
+        track=read_only(resample(track, spec.resolution_m)),
     )
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.grid.bitplane import ONE, PAD, Plane
+from navcore.grid.bitplane import ONE, PAD, BitPlane
 
 Ints = npt.NDArray[np.int64]
 
 
-def pull_taut(cells: Ints, free: Plane, *, stretch: int) -> Ints:
+def shortcut(cells: Ints, free: BitPlane, *, stretch: int) -> Ints:
     """(M, 2) corners (row, col) of the taut path; from the first corner more than `stretch` cells along it is the path itself.
 
     `cells`: (N, 2) every cell of a path. `free`: plane of the cells that the robot's centre may be in. Between two corners the
@@ -25,14 +25,14 @@ def pull_taut(cells: Ints, free: Plane, *, stretch: int) -> Ints:
 
 
 @compiled
-def _corners(cells: Ints, free: Plane, stretch: int) -> Ints:
+def _corners(cells: Ints, free: BitPlane, stretch: int) -> Ints:
     """Indices of the cells that remain: from each the furthest that is seen without a break."""
     kept = np.empty(len(cells), dtype=np.int64)
     kept[0], count, at = 0, 1, 0
     while at < len(cells) - 1:
         further = at + 1
         if at < stretch:
-            while further < len(cells) - 1 and further < at + stretch and in_sight(free, cells[at], cells[further + 1]):
+            while further < len(cells) - 1 and further < at + stretch and line_of_sight(free, cells[at], cells[further + 1]):
                 further += 1
         at = further
         kept[count] = at
@@ -41,7 +41,7 @@ def _corners(cells: Ints, free: Plane, stretch: int) -> Ints:
 
 
 @compiled
-def in_sight(free: Plane, here: Ints, there: Ints) -> bool:
+def line_of_sight(free: BitPlane, here: Ints, there: Ints) -> bool:
     """Whether the straight line between the centres of two free cells crosses free cells only, beside corners too."""
     rows, cols = abs(there[0] - here[0]), abs(there[1] - here[1])
     row, col = here[0], here[1]
@@ -66,5 +66,5 @@ def in_sight(free: Plane, here: Ints, there: Ints) -> bool:
 
 
 @compiled
-def _is_free(free: Plane, row: int, col: int) -> bool:
+def _is_free(free: BitPlane, row: int, col: int) -> bool:
     return bool(free[row + PAD, (col + PAD) >> 6] >> np.uint64(col & 63) & ONE)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, camera_mount
-from navcore.toml_config import between, from_table, read_toml
+from navcore.toml_config import from_table, ranged, read_toml
 
 if TYPE_CHECKING:
     pass
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 class CameraMount:
     """Where the camera sits: in the robot's middle plane, looking ahead and down."""
 
-    x_m: float = between(-5.0, 5.0)
+    x_m: float = ranged(-5.0, 5.0)
     """Ahead of the middle of the footprint."""
-    z_m: float = between(0.05, 5.0)
+    z_m: float = ranged(0.05, 5.0)
     """Above the floor."""
-    pitch_down_deg: float = between(-45.0, 89.0)
+    pitch_down_deg: float = ranged(-45.0, 89.0)
     """Below the horizon."""
 
     @property
@@ -41,17 +41,17 @@ class RobotProfile:
 
     name: str
     """Platform, as in `robot` of reports."""
-    length_m: float = between(0.05, 5.0)
+    length_m: float = ranged(0.05, 5.0)
     """Footprint along x."""
-    width_m: float = between(0.05, 5.0)
+    width_m: float = ranged(0.05, 5.0)
     """Footprint along y; the vehicle width w_v of the paper's Algorithm 1."""
-    max_speed_mps: float = between(0.05, 5.0)
+    max_speed_mps: float = ranged(0.05, 5.0)
     """Largest forward speed."""
-    max_yaw_rate_radps: float = between(0.05, 10.0)
+    max_yaw_rate_radps: float = ranged(0.05, 10.0)
     """Largest yaw rate."""
-    max_accel_mps2: float = between(0.05, 20.0)
+    max_accel_mps2: float = ranged(0.05, 20.0)
     """Largest change of speed, both ways."""
-    max_yaw_accel_radps2: float = between(0.05, 50.0)
+    max_yaw_accel_radps2: float = ranged(0.05, 50.0)
     """Largest change of yaw rate."""
     camera: CameraMount
     """Its one camera."""

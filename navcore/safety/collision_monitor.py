@@ -56,7 +56,7 @@ def near_points(frame: Frame) -> NearPoints:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Nearby:
+class RecentObstacles:
     """What there is to run into; a value with its transition, one for each picture."""
 
     points: NearPoints = field(default_factory=lambda: NO_POINTS)
@@ -66,16 +66,16 @@ class Nearby:
     pose: Pose2 | None = None
     """T_map_base of the newest picture, by odometry."""
 
-    def after(self, frame: Frame) -> Nearby:
+    def after(self, frame: Frame) -> RecentObstacles:
         """With one more picture, one that passes `check_frame`: what it looks at no more stays for `REMEMBERED_NS`."""
         shown = near_points(frame)
         stamps = np.full(len(shown), frame.stamp_ns)
         if self.pose is None or not len(self.points):
-            return Nearby(points=shown, seen_ns=stamps, pose=frame.pose)
+            return RecentObstacles(points=shown, seen_ns=stamps, pose=frame.pose)
         moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
         age_ns = frame.stamp_ns - self.seen_ns
         kept = ~_in_sight(moved, frame) & (np.hypot(*moved.T) < REACH_M) & (age_ns >= 0) & (age_ns < REMEMBERED_NS)
-        return Nearby(
+        return RecentObstacles(
             points=np.vstack([shown, moved[kept].astype(np.float32)]),
             seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
             pose=frame.pose,

@@ -13,7 +13,7 @@ from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import CREEP_MPS, HORIZON_S, NO_POINTS, NearPoints, allowed_share, time_to_contact
-from navcore.safety.sensor_monitor import Doubt, Senses
+from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_LIFE_NS = 250_000_000
 FRAME_LIFE_NS = 500_000_000
@@ -48,7 +48,7 @@ class Cause(StrEnum):
 
 
 _SEVERITY = {cause: rank for rank, cause in enumerate(Cause)}
-_DOUBTS = {Doubt.STAMP: Cause.BAD_STAMP, Doubt.POSE: Cause.POSE_JUMP}
+_DOUBTS = {SensorFault.STAMP: Cause.BAD_STAMP, SensorFault.POSE: Cause.POSE_JUMP}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ class StopReason:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Facts:
+class GateInput:
     """What the gate judges by, all on the robot's monotonic clock; what is left out is not known to be wrong."""
 
     now_ns: int
@@ -73,7 +73,7 @@ class Facts:
     """Who latched the emergency stop; None when it is not latched."""
     command: Command | None
     """The newest command of the navigator; None when it asks for nothing."""
-    senses: Senses = field(default_factory=Senses)
+    senses: SensorMonitor = field(default_factory=SensorMonitor)
     """Whether the newest frame can be true."""
     near: NearPoints = field(default_factory=lambda: NO_POINTS)
     """(N, 2) what it shows to run into, base frame."""
@@ -82,7 +82,7 @@ class Facts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class GateDecision:
     """What is sent to the wheels, and why it is not what was asked."""
 
     twist: Twist
@@ -91,7 +91,7 @@ class Verdict:
     """Why it is zero, the most severe first; empty when the command was passed on."""
 
 
-def guard(facts: Facts, *, sent: Twist, period_s: float, profile: RobotProfile) -> Verdict:
+def gate(facts: GateInput, *, sent: Twist, period_s: float, profile: RobotProfile) -> GateDecision:
     """Judge the newest command. `sent` is what was sent last, `period_s` before now."""
     objections = _objections(facts)
     asked = STANDSTILL if facts.command is None or objections else facts.command.twist
@@ -100,8 +100,8 @@ def guard(facts: Facts, *, sent: Twist, period_s: float, profile: RobotProfile) 
     if slowed == STANDSTILL and asked != STANDSTILL:
         objections.append(_contact(asked, contact_s))
     if objections or facts.command is None:
-        return Verdict(twist=STANDSTILL, reasons=ranked(objections))
-    return Verdict(twist=_within_limits(slowed, sent, period_s, profile), reasons=())
+        return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
+    return GateDecision(twist=_within_limits(slowed, sent, period_s, profile), reasons=())
 
 
 def pushes_in_vain(sent: Twist, measured: Twist, profile: RobotProfile) -> bool:
@@ -115,7 +115,7 @@ def ranked(reasons: list[StopReason]) -> tuple[StopReason, ...]:
     return tuple(sorted(reasons, key=lambda reason: _SEVERITY[reason.cause]))
 
 
-def _objections(facts: Facts) -> list[StopReason]:
+def _objections(facts: GateInput) -> list[StopReason]:
     found = []
     if facts.stopped_by is not None:
         text = f"Emergency stop by {facts.stopped_by}; it holds until it is reset."
@@ -129,7 +129,7 @@ def _objections(facts: Facts) -> list[StopReason]:
     return found
 
 
-def _sensor_objections(facts: Facts) -> list[StopReason]:
+def _sensor_objections(facts: GateInput) -> list[StopReason]:
     found, senses = [], facts.senses
     if facts.frame_ns is None:
         found.append(StopReason(cause=Cause.STALE_FRAME, text="The camera has not delivered a picture yet."))
@@ -159,7 +159,7 @@ def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
     return found
 
 
-def _slowed(asked: Twist, contact_s: float, facts: Facts, profile: RobotProfile) -> Twist:
+def _slowed(asked: Twist, contact_s: float, facts: GateInput, profile: RobotProfile) -> Twist:
     """The same motion, no faster than it can be stopped before contact; a standstill when that is hardly any motion."""
     if not contact_s <= HORIZON_S:
         return asked

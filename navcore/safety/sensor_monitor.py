@@ -28,7 +28,7 @@ EVERY_PX = 13
 """Every so manieth pixel is compared: a camera that works never repeats them all, for the noise in it."""
 
 
-class Doubt(StrEnum):
+class SensorFault(StrEnum):
     """Why a frame is not believed."""
 
     STAMP = "stamp"
@@ -46,7 +46,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Senses:
+class SensorMonitor:
     """What is known of the sensors after some frames; none yet, as it is made."""
 
     newest: Frame | None = None
@@ -55,7 +55,7 @@ class Senses:
     """The last one that could be true, with a pose."""
     fresh_ns: int | None = None
     """Capture time of the first frame that showed what the newest shows; None before the first."""
-    doubt: Doubt | None = None
+    doubt: SensorFault | None = None
     """Why the newest is not believed; None when it is."""
     why: str = ""
     """The same for the operator, with figures."""
@@ -76,11 +76,11 @@ class Senses:
         return self.newest is not None and self.newest.stamp_ns != self.fresh_ns
 
     @property
-    def believes_newest(self) -> bool:
+    def newest_is_trusted(self) -> bool:
         """Whether the newest frame can be true: well formed, where and when the robot can be."""
         return self.newest is not None and self.doubt is None and not self.malformed
 
-    def after(self, frame: Frame, profile: RobotProfile) -> Senses:
+    def after(self, frame: Frame, profile: RobotProfile) -> SensorMonitor:
         """With one more frame; the same one again changes nothing."""
         if frame is self.newest:
             return self
@@ -92,31 +92,35 @@ class Senses:
             why = (
                 f"The camera's clock does not go on: a picture is dated {back_s:.3f} s back from the one before it, or like it."
             )
-            doubted = (self.doubt, self.why) if self.doubt is Doubt.POSE else (Doubt.STAMP, why)
+            doubted = (self.doubt, self.why) if self.doubt is SensorFault.POSE else (SensorFault.STAMP, why)
             return dataclasses.replace(self._shown(frame), doubt=doubted[0], why=doubted[1], steady=0)
         if self.trusted is None or not _is_somewhere(frame):
             # Without a pose there is none to doubt: the frame is refused for that.
-            return self._believe(frame) if self.doubt is not Doubt.POSE else dataclasses.replace(self._shown(frame), steady=0)
-        if self.doubt is Doubt.POSE:
+            return (
+                self._believe(frame)
+                if self.doubt is not SensorFault.POSE
+                else dataclasses.replace(self._shown(frame), steady=0)
+            )
+        if self.doubt is SensorFault.POSE:
             return self._still_in_doubt(self.newest, self.trusted, frame, profile)
         reach = _reach(self.trusted, frame, profile)
         if not _jumped(self.trusted, frame, reach):
             return self._believe(frame)
         why = _told(self.trusted, frame, reach)
-        return dataclasses.replace(self._shown(frame), doubt=Doubt.POSE, why=why, reach=reach, steady=0)
+        return dataclasses.replace(self._shown(frame), doubt=SensorFault.POSE, why=why, reach=reach, steady=0)
 
-    def _shown(self, frame: Frame) -> Senses:
+    def _shown(self, frame: Frame) -> SensorMonitor:
         """The same, but for what the newest frame shows."""
         depth, rgb = (pixels.reshape(-1)[::EVERY_PX].tobytes() for pixels in (frame.depth_m, frame.rgb))
         same = self.newest is not None and (depth == self.depth or rgb == self.rgb)
         fresh_ns = self.fresh_ns if same else frame.stamp_ns
         return dataclasses.replace(self, newest=frame, fresh_ns=fresh_ns, malformed=_malformed(frame), depth=depth, rgb=rgb)
 
-    def _believe(self, frame: Frame) -> Senses:
+    def _believe(self, frame: Frame) -> SensorMonitor:
         trusted = frame if _is_somewhere(frame) else self.trusted
         return dataclasses.replace(self._shown(frame), trusted=trusted, doubt=None, why="", steady=0)
 
-    def _still_in_doubt(self, before: Frame, trusted: Frame, frame: Frame, profile: RobotProfile) -> Senses:
+    def _still_in_doubt(self, before: Frame, trusted: Frame, frame: Frame, profile: RobotProfile) -> SensorMonitor:
         """Meanwhile the robot has gone as far as it measured, which is nothing once it stands."""
         gap_s = _gap_s(before, frame)
         speed = min(max(abs(before.twist.v_mps), abs(frame.twist.v_mps)), profile.max_speed_mps)

@@ -22,7 +22,9 @@ def random_errors(rng: np.random.Generator) -> StereoErrors:
     )
 
 
-def photograph(rgb: Rgb, depth_m: Depth, focal_px: float, rng: np.random.Generator, *, usual: bool) -> tuple[Rgb, Depth]:
+def apply_camera_effects(
+    rgb: Rgb, depth_m: Depth, focal_px: float, rng: np.random.Generator, *, usual: bool
+) -> tuple[Rgb, Depth]:
     """Colours and depth as the camera gives them; `usual` for exactly the simulator's camera."""
     errors = USUAL if usual else random_errors(rng)
     if not usual:

@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
-from sim.dataset.camera_effects import photograph
-from sim.dataset.renderer import PATTERNS, Labels, Studio
+from sim.dataset.camera_effects import apply_camera_effects
+from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import Scene
 from sim.sensors.egl import egl_works
@@ -71,18 +71,18 @@ def render_pictures(
             f"seed {seed}, {worlds} worlds, {poses_per_world} poses: expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
         )
     chosen = renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
-    with Studio(seed=seed, size=size, renderer=chosen) as studio:
+    with SceneRenderer(seed=seed, size=size, renderer=chosen) as studio:
         for i in range(worlds):
             yield from _of_world(studio, WORLDS_PER_SHARD * seed + i, poses_per_world)
 
 
-def _of_world(studio: Studio, world_seed: int, poses: int) -> Iterator[Picture]:
+def _of_world(studio: SceneRenderer, world_seed: int, poses: int) -> Iterator[Picture]:
     rng = np.random.default_rng((world_seed, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=studio.prints)
     studio.build(scene)
     for k in range(poses):
-        rgb, depth_m, labels = studio.shoot(_viewpoint(scene, rng, k), scene)
-        rgb, depth_m = photograph(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
+        rgb, depth_m, labels = studio.render(_viewpoint(scene, rng, k), scene)
+        rgb, depth_m = apply_camera_effects(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
         depth_mm = np.round(depth_m * 1000).astype(np.uint16)
         yield Picture(world_seed=world_seed, name=f"{world_seed:09d}_{k:02d}", rgb=rgb, depth_mm=depth_mm, labels=labels)
 

@@ -11,10 +11,10 @@ import numpy as np
 from navcore.geometry.transform import Pose2
 from sim.dataset import palette
 from sim.dataset.outlines import Corners, as_tuples, blob, zone
-from sim.dataset.scene import BACKGROUND, Patch, Piece, Sheet, Spot
+from sim.dataset.scene import BACKGROUND, Decal, Poster, SolidObject, Spot
 from sim.models.item_shapes import cable_solids
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
-from sim.models.person import USUAL, Look, person_solids
+from sim.models.person import USUAL, Appearance, person_solids
 from sim.models.solids import Solid, cylinder, facing, quaternion
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ STRETCH = {"cup": (0.85, 1.25), "book": (0.6, 1.25), "bottle": (0.8, 1.3), "box"
 """How sizes vary by kind; others by a tenth."""
 
 
-class Things:
+class ItemPlacer:
     """Fills a plan around one focus."""
 
     def __init__(self, plan: Plan, *, focus: tuple[float, float], patterns: tuple[int, int], prints: int) -> None:
@@ -69,7 +69,7 @@ class Things:
 
     def _put(self, label: str, solids: tuple[Solid, ...], at: tuple[float, float], radius_m: float, *, aim: bool) -> None:
         yaw = float(self._rng.uniform(-math.pi, math.pi))
-        self._plan.pieces.append(Piece(label=label, solids=solids, pose=Pose2(x_m=at[0], y_m=at[1], yaw_rad=yaw)))
+        self._plan.pieces.append(SolidObject(label=label, solids=solids, pose=Pose2(x_m=at[0], y_m=at[1], yaw_rad=yaw)))
         spot = Spot(x_m=at[0], y_m=at[1], radius_m=radius_m)
         self._plan.blocked.append(spot)
         if aim:
@@ -134,9 +134,9 @@ class Things:
             if at is not None:
                 self._put("person", person_solids(stride, look), at, 0.6, aim=True)
 
-    def _look(self) -> Look:
+    def _look(self) -> Appearance:
         rng = self._rng
-        return Look(
+        return Appearance(
             height_m=float(rng.uniform(1.5, 1.98)),
             girth=float(rng.uniform(0.85, 1.25)),
             skin=palette.skin(rng),
@@ -157,7 +157,7 @@ class Things:
         if rng.random() < 0.3:
             self._tape("red floor", corners, colour)
         else:
-            self._plan.patches.append(Patch(label="red floor", polygon=as_tuples(corners), colour=colour))
+            self._plan.patches.append(Decal(label="red floor", polygon=as_tuples(corners), colour=colour))
         self._plan.targets.append(Spot(x_m=x, y_m=y, radius_m=0.2))
 
     def _put_spills(self) -> None:
@@ -174,7 +174,7 @@ class Things:
             own = palette.spilt(rng, surface)
             mixed = tuple(round((1 - share) * a + share * b) for a, b in zip(own, ground, strict=True))
             self._plan.patches.append(
-                Patch(
+                Decal(
                     label="spill",
                     polygon=as_tuples(outline),
                     colour=(mixed[0], mixed[1], mixed[2]),
@@ -196,7 +196,7 @@ class Things:
                 rug = kind > 0.75 and not self._plan.plain
                 texture = int(rng.integers(self._patterns[0])) if rug else None
                 polygon, colour = as_tuples(corners), palette.other_marking(rng)
-                self._plan.patches.append(Patch(label=BACKGROUND, polygon=polygon, colour=colour, texture=texture))
+                self._plan.patches.append(Decal(label=BACKGROUND, polygon=polygon, colour=colour, texture=texture))
 
     def _tape(self, label: str, corners: Corners, colour: tuple[int, int, int]) -> None:
         """Strips along the edges of a polygon, or along some of them."""
@@ -206,7 +206,7 @@ class Things:
             along = (b - a) / max(float(np.hypot(*(b - a))), 1e-6)
             side, ahead = width / 2 * np.array([-along[1], along[0]]), width / 2 * along
             strip = np.array([a - ahead - side, b + ahead - side, b + ahead + side, a - ahead + side])
-            self._plan.patches.append(Patch(label=label, polygon=as_tuples(strip), colour=colour))
+            self._plan.patches.append(Decal(label=label, polygon=as_tuples(strip), colour=colour))
 
     def _put_prints(self) -> None:
         rng, (half_x, half_y) = self._rng, self._plan.half_m
@@ -228,6 +228,6 @@ class Things:
                 inwards = 1 - 0.03 / max(abs(wall[side][0]), abs(wall[side][1]))
                 at_m = (wall[side][0] * inwards, wall[side][1] * inwards, height)
                 turn = tuple(facing(side * math.pi / 2 + math.pi))
-            self._plan.sheets.append(Sheet(texture=texture, at_m=at_m, turn=turn, size_m=size))
+            self._plan.sheets.append(Poster(texture=texture, at_m=at_m, turn=turn, size_m=size))
             if rng.random() < 0.5:
                 self._plan.targets.append(Spot(x_m=at_m[0], y_m=at_m[1], radius_m=0.1))

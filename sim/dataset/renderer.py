@@ -15,9 +15,9 @@ from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
 from sim.dataset.patterns import pattern
-from sim.dataset.scene import Patch, Scene
+from sim.dataset.scene import Decal, Scene
 from sim.models.items import ITEM_SIZES, item_shapes, item_solids
-from sim.models.person import Look, person_solids
+from sim.models.person import Appearance, person_solids
 from sim.models.solids import quaternion
 from sim.models.textures import PRINT_PX, Texture, print_texture, spill_texture
 from sim.physics.bodies import NO_SHAPE, load_texture, put_texture, show_patch, show_solids, show_square
@@ -37,7 +37,7 @@ Labels = npt.NDArray[np.uint8]
 LABELS = {name: i + 1 for i, name in enumerate(BEWARE_CLASSES)}
 
 
-class Studio:
+class SceneRenderer:
     """Floor patterns and prints, all made from `seed`, and one world at a time; use it in a `with`."""
 
     def __init__(self, *, seed: int, size: tuple[int, int], renderer: Literal["auto", "tiny", "egl"]) -> None:
@@ -76,11 +76,11 @@ class Studio:
         for body, name in labels.items():
             self._labels[body + 1] = LABELS[name]
 
-    def shoot(self, T_map_camera: Matrix, scene: Scene) -> tuple[Rgb, Depth, Labels]:
+    def render(self, T_map_camera: Matrix, scene: Scene) -> tuple[Rgb, Depth, Labels]:
         """Colours, depth in metres and labels, all without errors."""
         if self._camera is None:
-            raise RuntimeError("no world was built, expected `build` before `shoot`")
-        rgb, depth, bodies = self._camera.shoot(T_map_camera, scene.light)
+            raise RuntimeError("no world was built, expected `build` before `render`")
+        rgb, depth, bodies = self._camera.render(T_map_camera, scene.light)
         rgb = rgb.copy()
         if scene.sky is not None:
             rgb[depth > 0.98 * FAR_M] = scene.sky
@@ -95,7 +95,7 @@ class Studio:
                 pybullet.disconnect(physicsClientId=self._client)
             self._client, self._camera = -1, None
 
-    def __enter__(self) -> Studio:
+    def __enter__(self) -> SceneRenderer:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -113,7 +113,7 @@ class Studio:
     def _put(self, shape: int, at: tuple[float, float, float], turn: list[float]) -> int:
         return int(pybullet.createMultiBody(0, NO_SHAPE, shape, at, turn, physicsClientId=self._client))
 
-    def _put_patch(self, patch: Patch, height_m: float) -> int:
+    def _put_patch(self, patch: Decal, height_m: float) -> int:
         shape = show_patch(self._client, patch.polygon, patch.colour, side_m=patch.texture_side_m)
         body = self._put(shape, (0.0, 0.0, height_m), [0.0, 0.0, 0.0, 1.0])
         if patch.texture is not None:
@@ -125,20 +125,20 @@ class Studio:
         taken = self._start("tiny")
         if kind == "person":
             solids = person_solids(
-                0.1, Look(shirt=palette.any_colour(rng), trousers=palette.any_colour(rng), hair=palette.hair(rng))
+                0.1, Appearance(shirt=palette.any_colour(rng), trousers=palette.any_colour(rng), hair=palette.hair(rng))
             )
             reach = 1.9
         else:
             solids = item_solids(kind, ITEM_SIZES[kind], palette.item(rng, kind), str(rng.choice(item_shapes(kind))))
             reach = 1.3 * max(ITEM_SIZES[kind])
         ground = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
-        self._put_patch(Patch(label="background", polygon=ground, colour=palette.any_colour(rng)), 0.0)
+        self._put_patch(Decal(label="background", polygon=ground, colour=palette.any_colour(rng)), 0.0)
         body = self._put(show_solids(self._client, solids), (0.0, 0.0, 0.0), quaternion(float(rng.uniform(-3, 3))))
         down = float(rng.uniform(0.45, 1.2)) if kind != "person" else 0.1
         away = 1.6 * reach
         camera = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
         height = away * math.sin(down) + (0.9 if kind == "person" else 0.09 * reach)
-        rgb, _, bodies = taken.shoot(camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT)
+        rgb, _, bodies = taken.render(camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT)
         rows, columns = np.nonzero(bodies == body)
         return _crop(rgb, rows, columns)
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from navcore.geometry.transform import Pose2
 from sim.dataset import palette
-from sim.dataset.item_placement import Things
-from sim.dataset.scene import BACKGROUND, Patch, Piece, Plan, Scene, Spot
+from sim.dataset.item_placement import ItemPlacer
+from sim.dataset.scene import BACKGROUND, Decal, Plan, Rng, Scene, SolidObject, Spot
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.solids import Colour, Solid, box
 from sim.sensors.camera import DAYLIGHT, Light
 
-Rng = np.random.Generator
 FLOOR: Colour = (196, 196, 194)
 WALL: Colour = (226, 223, 214)
 """Those of a scenario that does not say."""
@@ -31,7 +28,7 @@ def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:
     if plan.walled:
         _build_walls(plan)
     focus = tuple(float(rng.uniform(-1, 1) * max(0.3, half - 1.6)) for half in plan.half_m)
-    Things(plan, focus=(focus[0], focus[1]), patterns=patterns, prints=prints).put_all()
+    ItemPlacer(plan, focus=(focus[0], focus[1]), patterns=patterns, prints=prints).put_all()
     _furnish(plan)
     reach = (min(plan.half_m[0] - 0.35, 8.0), min(plan.half_m[1] - 0.35, 8.0))
     return Scene(
@@ -66,7 +63,7 @@ def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
     corners = ((-x, -y), (x, -y), (x, y), (-x, y))
     if plan.plain:
         colour = FLOOR if rng.random() < 0.6 else palette.floor(rng)
-        plan.patches.append(Patch(label=BACKGROUND, polygon=corners, colour=colour))
+        plan.patches.append(Decal(label=BACKGROUND, polygon=corners, colour=colour))
         return
     if plan.outdoor:
         colour = palette.hsv(rng.uniform(60, 120), rng.uniform(0.2, 0.6), rng.uniform(0.3, 0.8))
@@ -75,7 +72,7 @@ def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
     else:
         colour, texture = palette.floor(rng), int(rng.integers(patterns[0]))
     side_m = float(rng.uniform(1.2, 3.2))
-    plan.patches.append(Patch(label=BACKGROUND, polygon=corners, colour=colour, texture=texture, texture_side_m=side_m))
+    plan.patches.append(Decal(label=BACKGROUND, polygon=corners, colour=colour, texture=texture, texture_side_m=side_m))
 
 
 def _build_walls(plan: Plan) -> None:
@@ -156,8 +153,8 @@ def _clear(plan: Plan, x: float, y: float, radius: float) -> bool:
     return all(math.hypot(x - s.x_m, y - s.y_m) > 0.9 * radius + s.radius_m for s in others)
 
 
-def _piece(solids: tuple[Solid, ...], x: float, y: float, yaw: float) -> Piece:
-    return Piece(label=BACKGROUND, solids=solids, pose=Pose2(x_m=x, y_m=y, yaw_rad=yaw))
+def _piece(solids: tuple[Solid, ...], x: float, y: float, yaw: float) -> SolidObject:
+    return SolidObject(label=BACKGROUND, solids=solids, pose=Pose2(x_m=x, y_m=y, yaw_rad=yaw))
 
 
 def _light(rng: Rng) -> Light:

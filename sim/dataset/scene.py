@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from navcore.geometry.transform import Pose2
-from sim.dataset.room_generator import Rng
 from sim.models.solids import Colour, Solid
 from sim.sensors.camera import DAYLIGHT, Light
 
@@ -14,7 +15,7 @@ BACKGROUND = "background"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class SolidObject:
     """Something of solids that stands or lies on the floor."""
 
     label: str
@@ -26,7 +27,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patch:
+class Decal:
     """Something flat on the floor."""
 
     label: str
@@ -42,7 +43,7 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class Poster:
     """A picture on the floor or on a wall, which is background whatever it shows."""
 
     texture: int
@@ -68,11 +69,11 @@ class Spot:
 class Scene:
     """One random world."""
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[SolidObject, ...]
     """Walls, furniture, items, people."""
-    patches: tuple[Patch, ...]
+    patches: tuple[Decal, ...]
     """The ground first, then all that lies on it; the later lies higher."""
-    sheets: tuple[Sheet, ...]
+    sheets: tuple[Poster, ...]
     """Prints."""
     targets: tuple[Spot, ...]
     """What is worth looking at."""
@@ -97,9 +98,9 @@ class Plan:
     walled: bool
     outdoor: bool
     plain: bool
-    pieces: list[Piece] = field(default_factory=list)
-    patches: list[Patch] = field(default_factory=list)
-    sheets: list[Sheet] = field(default_factory=list)
+    pieces: list[SolidObject] = field(default_factory=list)
+    patches: list[Decal] = field(default_factory=list)
+    sheets: list[Poster] = field(default_factory=list)
     targets: list[Spot] = field(default_factory=list)
     blocked: list[Spot] = field(default_factory=list)
 
@@ -107,3 +108,6 @@ class Plan:
         """Whether a round thing fits in there, inside the room and off all others."""
         inside = abs(x_m) + radius_m < self.half_m[0] and abs(y_m) + radius_m < self.half_m[1]
         return inside and all(math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked)
+
+
+Rng = np.random.Generator

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.transform import Matrix, Pose2
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 Floats = npt.NDArray[np.float64]
 WAVES = 7
@@ -26,11 +26,11 @@ FLAT_SHARE = 1e-9
 class Relief:
     """How a ground rolls; where its hills are is the seed's choice."""
 
-    slope: float = between(0.0, 0.3)
+    slope: float = ranged(0.0, 0.3)
     """Rise per metre that it never exceeds."""
-    wave_m: float = between(5.0, 1000.0)
+    wave_m: float = ranged(5.0, 1000.0)
     """Length of its shortest wave; the longest is twice as long."""
-    seed: int = between(0, 1 << 53, default=0)
+    seed: int = ranged(0, 1 << 53, default=0)
     """Where its hills are; the run's own seed takes its place."""
 
 

@@ -8,7 +8,7 @@ from sim.models.solids import Colour, Solid, box, cylinder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Appearance:
     """How somebody is dressed and how tall."""
 
     height_m: float = 1.75
@@ -29,11 +29,11 @@ class Look:
     """Whether a skirt of the trousers' colour hangs over the legs, or a coat."""
 
 
-USUAL = Look()
+USUAL = Appearance()
 """Everybody in a scenario."""
 
 
-def person_solids(stride: float = 0.0, look: Look = USUAL) -> tuple[Solid, ...]:
+def person_solids(stride: float = 0.0, look: Appearance = USUAL) -> tuple[Solid, ...]:
     """A person who faces +x; `stride` is how far the left foot is ahead of the hip, in metres."""
     up, out = look.height_m / USUAL.height_m, look.girth
     legs = [cylinder(0.16 * out, 0.84 * up, (side * stride, side * 0.10 * out), look.trousers) for side in (1, -1)]
@@ -47,7 +47,7 @@ def person_solids(stride: float = 0.0, look: Look = USUAL) -> tuple[Solid, ...]:
     return (*legs, *shoes, torso, *arms, head, *_more(look, stride, up))
 
 
-def _more(look: Look, stride: float, up: float) -> tuple[Solid, ...]:
+def _more(look: Appearance, stride: float, up: float) -> tuple[Solid, ...]:
     """What not everybody has: hair, with hands of the skin's colour; a skirt or coat."""
     more: list[Solid] = []
     if look.hair is not None:

@@ -29,7 +29,7 @@ TOGETHER_M = 0.15
 """Cells no further apart than twice this are one thing of the map."""
 
 
-class Finds:
+class DetectionScore:
     """Follows what comes into view, by the true pose, and compares it with a map."""
 
     def __init__(self, scenario: Scenario) -> None:

@@ -34,7 +34,7 @@ class Intrusion:
     """How near the footprint was meanwhile for who believes the odometry; 0 = over it by that, too."""
 
 
-class Areas:
+class IntrusionMonitor:
     """Some named areas, and what happened on them."""
 
     def __init__(self, named: Sequence[tuple[str, Parts]]) -> None:
@@ -72,22 +72,22 @@ class Areas:
         self._now = [now for now, _ in states]
         self._excused = np.array([excused for _, excused in states], dtype=np.bool_)
 
-    def judge(self, body: Polygon, believed: Polygon, *, t_s: float, period_s: float, shoved: Mapping[int, Parts]) -> None:
+    def judge(self, body: Polygon, believed: Polygon, *, t_s: float, period_s: float, displaced: Mapping[int, Parts]) -> None:
         """Look at one step: the footprint where it is, and where odometry has it.
 
-        `shoved`: number of a thing that has moved → where it is now; judged there and where it was.
+        `displaced`: number of a thing that has moved → where it is now; judged there and where it was.
         """
         if not self._names:
             return
         inside, _ = self._outlines.near(body, 0.0, 0.0)
-        for number, parts in shoved.items():
+        for number, parts in displaced.items():
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
         self._excused &= inside
         on: npt.NDArray[np.bool_] = inside & ~self._excused
         self._now = [now if over else None for now, over in zip(self._now, on.tolist(), strict=True)]
         if on.any():
             self.seconds += period_s
-            self.m2s += period_s * self._covered_m2(body, np.flatnonzero(on), shoved)
+            self.m2s += period_s * self._covered_m2(body, np.flatnonzero(on), displaced)
             for number in map(int, np.flatnonzero(on)):
                 self._note(number, believed, t_s=t_s, period_s=period_s)
 
@@ -112,8 +112,8 @@ class Areas:
         gap_m = min(distance_m(believed, part) for part in self._parts[number])
         intrusion.gap_by_odometry_m = min(intrusion.gap_by_odometry_m, gap_m)
 
-    def _covered_m2(self, body: Polygon, numbers: npt.NDArray[np.intp], shoved: Mapping[int, Parts]) -> float:
-        parts = [part for number in numbers for part in (*self._parts[number], *shoved.get(int(number), ()))]
+    def _covered_m2(self, body: Polygon, numbers: npt.NDArray[np.intp], displaced: Mapping[int, Parts]) -> float:
+        parts = [part for number in numbers for part in (*self._parts[number], *displaced.get(int(number), ()))]
         return float(shapely.area(shapely.intersection(shapely.Polygon(body), shapely.union_all(_polygons(parts)))))
 
 

@@ -17,7 +17,7 @@ from sim.physics.movers import Moving
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.referee.clearance import Outlines, distance_m
 from sim.referee.contacts import Contacts
-from sim.referee.intrusions import Areas, Parts
+from sim.referee.intrusions import IntrusionMonitor, Parts
 from sim.referee.stops import StopLog
 from sim.scenario.layout import items, obstacles
 from sim.scenario.schema import Scenario
@@ -44,8 +44,8 @@ class Referee:
         self._fixed_names = [thing.name for thing in fixed]
         self._items = items(scenario)
         markings = [(marking.name, (np.array(marking.polygon),)) for marking in scenario.markings if marking.beware]
-        self._beware = Areas([*((item.name, item.outlines()) for item in self._items), *markings])
-        self._zones = Areas([])
+        self._beware = IntrusionMonitor([*((item.name, item.outlines()) for item in self._items), *markings])
+        self._zones = IntrusionMonitor([])
         person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
         self._person = (person, float(np.hypot(*person.T).max()))
         movers = [Moving(mover, 1.0).outline() for mover in scenario.movers]
@@ -88,8 +88,8 @@ class Referee:
         drives = abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m > STANDING_MPS
         self._judge_contacts(body, people, drives)
         believed = body if odometry is None else placed(self._footprint, odometry)
-        self._beware.judge(body, believed, t_s=self._t_s, period_s=period_s, shoved=self._shoved(items))
-        self._zones.judge(body, believed, t_s=self._t_s, period_s=period_s, shoved={})
+        self._beware.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced=self._shoved(items))
+        self._zones.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
         self._sample()
 
     def set_zones(self, polygons: Sequence[Polygon]) -> None:

@@ -12,7 +12,7 @@ CHASSIS: dict[str, Chassis] = {"husky": HUSKY_CHASSIS, "jackal": JACKAL_CHASSIS}
 """By the name of the profile."""
 
 
-def chassis_of(robot: RobotProfile) -> Chassis:
+def chassis_for(robot: RobotProfile) -> Chassis:
     """The model of a platform; raises `BadConfiguration` for one that has none."""
     if robot.name not in CHASSIS:
         known = ", ".join(CHASSIS)

@@ -10,7 +10,7 @@ import pybullet_data
 
 from sim.robot.skid_steer import Chassis
 from sim.robot.tyres import Tyres
-from sim.robot.urdf_cache import kept_urdf
+from sim.robot.urdf_cache import cached_urdf
 
 WHEELS = (2, 3, 4, 5)
 """Joints of the wheels: front left, front right, rear left, rear right."""
@@ -23,7 +23,7 @@ def husky_urdf() -> Path:
     """
     source = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
     text = _readable(source.read_text(encoding="utf-8"), source.parent)
-    return kept_urdf("husky", text)
+    return cached_urdf("husky", text)
 
 
 def _readable(urdf: str, folder: Path) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sim.robot.skid_steer import Chassis
 from sim.robot.tyres import Tyres
-from sim.robot.urdf_cache import kept_urdf
+from sim.robot.urdf_cache import cached_urdf
 
 WHEEL_RADIUS_M = 0.098
 WHEEL_WIDTH_M = 0.04
@@ -24,7 +24,7 @@ BODY_BOTTOM_M = 0.13
 @cache
 def jackal_urdf() -> Path:
     """The model in a file that any URDF reader loads, in the system's folder for temporary files."""
-    return kept_urdf("jackal", _urdf())
+    return cached_urdf("jackal", _urdf())
 
 
 def _urdf() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 FARTHEST_M = 100.0
 """Worlds are at most twice as large as this."""
@@ -19,7 +19,7 @@ class Room:
 
     kind: RoomKind
     """What it is used for."""
-    corners: tuple[tuple[float, float], tuple[float, float]] = between(-FARTHEST_M, FARTHEST_M)
+    corners: tuple[tuple[float, float], tuple[float, float]] = ranged(-FARTHEST_M, FARTHEST_M)
     """Its lowest and its highest x, y, on the middle lines of its walls."""
 
 
@@ -29,13 +29,13 @@ class Scatter:
 
     kind: Strewn
     """What they are."""
-    count: int = between(1, 5000)
+    count: int = ranged(1, 5000)
     """How many; fewer where they do not fit."""
-    least_m: tuple[float, float, float] = between(0.02, 30.0)
+    least_m: tuple[float, float, float] = ranged(0.02, 30.0)
     """Depth, width and height of the smallest; of what is round the depth is its diameter."""
-    most_m: tuple[float, float, float] = between(0.02, 30.0)
+    most_m: tuple[float, float, float] = ranged(0.02, 30.0)
     """The same of the largest."""
-    gap_m: float = between(0.0, 20.0)
+    gap_m: float = ranged(0.0, 20.0)
     """Room around each."""
-    corners: tuple[tuple[float, float], tuple[float, float]] | None = between(-FARTHEST_M, FARTHEST_M, default=None)
+    corners: tuple[tuple[float, float], tuple[float, float]] | None = ranged(-FARTHEST_M, FARTHEST_M, default=None)
     """Lowest and highest x, y of where they may be; anywhere when left out."""

@@ -11,7 +11,7 @@ from typing import Literal
 
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
@@ -39,9 +39,9 @@ SHEEN_SHARE = {"paint": 0.0, "water": 0.55, "mud": 0.1, "chemical": 0.3}
 class MapExtent:
     """The grid that navigation maps this world on, centred on the origin."""
 
-    size_m: tuple[float, float] = between(1.0, 2 * FARTHEST_M)
+    size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides along x and y."""
-    resolution_m: float = between(0.01, 1.0, default=0.05)
+    resolution_m: float = ranged(0.01, 1.0, default=0.05)
     """Side of a cell."""
 
 
@@ -49,17 +49,17 @@ class MapExtent:
 class Wall:
     """A run of straight walls; a door is a gap between two runs."""
 
-    points: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    points: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
     """Corners along the middle of the wall, two or more; equal ends close it."""
-    thickness_m: float = between(0.02, 2.0, default=0.12)
+    thickness_m: float = ranged(0.02, 2.0, default=0.12)
     """Half of it on either side of the line."""
-    height_m: float = between(0.1, 5.0, default=2.6)
+    height_m: float = ranged(0.1, 5.0, default=2.6)
     """From the floor."""
-    colour: tuple[int, int, int] = between(0, 255, default=(226, 223, 214))
+    colour: tuple[int, int, int] = ranged(0, 255, default=(226, 223, 214))
     """Red, green, blue."""
-    doors_m: tuple[float, ...] = between(0.0, 4 * FARTHEST_M, default=())
+    doors_m: tuple[float, ...] = ranged(0.0, 4 * FARTHEST_M, default=())
     """How far along the run the middle of each door is: a gap in it."""
-    door_m: float = between(0.1, 10.0, default=1.4)
+    door_m: float = ranged(0.1, 10.0, default=1.4)
     """How wide they are."""
 
 
@@ -69,13 +69,13 @@ class Furniture:
 
     kind: FurnitureKind
     """What it is."""
-    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
     """Its middle, x and y in metres."""
-    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """Where its front points, counter-clockwise from the map's x."""
-    size_m: tuple[float, float, float] | None = between(0.02, 20.0, default=None)
+    size_m: tuple[float, float, float] | None = ranged(0.02, 20.0, default=None)
     """Depth, width and height; usual for its kind when left out."""
-    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
     """Red, green, blue; usual for its kind when left out."""
 
     def solids(self) -> tuple[Solid, ...]:
@@ -90,11 +90,11 @@ class Marking:
 
     name: str
     """For reports."""
-    polygon: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    polygon: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
     """Its corners in metres, three or more, in either sense."""
     surface: Surface = "paint"
     """What it is of; all but paint shine, and the floor shows through."""
-    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
     """Red, green, blue; usual for its surface when left out."""
     beware: bool = True
     """Whether the robot must stay off it."""
@@ -116,15 +116,15 @@ class Item:
 
     kind: ItemKind
     """What it is."""
-    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
     """Its middle, x and y in metres."""
-    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """Its turn, counter-clockwise."""
     shape: str = ""
     """One of the shapes of its kind; the usual one when left out."""
-    size_m: tuple[float, float, float] | None = between(0.004, 3.0, default=None)
+    size_m: tuple[float, float, float] | None = ranged(0.004, 3.0, default=None)
     """Length, width and height of the upright thing; usual for its kind when left out."""
-    colour: tuple[int, int, int] | None = between(0, 255, default=None)
+    colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
     """Red, green, blue; usual for its kind when left out."""
 
     def solids(self) -> tuple[Solid, ...]:
@@ -146,15 +146,15 @@ class Print:
 
     shows: ItemKind
     """What is drawn on it."""
-    at: tuple[float, float] = between(-FARTHEST_M, FARTHEST_M)
+    at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
     """Its middle, x and y in metres; on a wall half the wall's thickness and a centimetre off its line."""
-    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """On the floor its turn, counter-clockwise; on a wall where it faces."""
-    size_m: tuple[float, float] = between(0.05, 5.0, default=(0.3, 0.3))
+    size_m: tuple[float, float] = ranged(0.05, 5.0, default=(0.3, 0.3))
     """Width and height."""
     on: Literal["floor", "wall"] = "floor"
     """What carries it."""
-    height_m: float = between(0.0, 5.0, default=1.2)
+    height_m: float = ranged(0.0, 5.0, default=1.2)
     """Of its middle, on a wall."""
 
     def turn(self) -> list[float]:
@@ -167,17 +167,17 @@ class Print:
 class Person:
     """Somebody who stands, or walks to and fro along a line of points."""
 
-    points: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M)
+    points: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
     """One point to stand on, or two and more to walk along and back."""
-    yaw_deg: float = between(-360.0, 360.0, default=0.0)
+    yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """Where somebody who stands looks."""
-    speed_mps: float = between(0.0, 3.0, default=0.8)
+    speed_mps: float = ranged(0.0, 3.0, default=0.8)
     """Of walking."""
     yields: bool = True
     """Whether a walker waits, or turns back, when the robot is right before him."""
-    begins_at: float | None = between(0.0, 1.0, default=None)
+    begins_at: float | None = ranged(0.0, 1.0, default=None)
     """Share of his line at which a walker begins, towards its end; anywhere and either way, by the seed, when left out."""
-    pauses_s: tuple[float, ...] = between(0.0, 3600.0, default=())
+    pauses_s: tuple[float, ...] = ranged(0.0, 3600.0, default=())
     """How long a walker stands at each of his points before he walks on; nowhere when left out."""
 
 
@@ -185,15 +185,15 @@ class Person:
 class Mover:
     """A cylinder that moves by a timetable and yields to nobody."""
 
-    keys: tuple[tuple[float, float, float], ...] = between(-86_400.0, 86_400.0)
+    keys: tuple[tuple[float, float, float], ...] = ranged(-86_400.0, 86_400.0)
     """Seconds, x and y in metres: where it is when; in between it goes straight. In order of time, one or more."""
-    period_s: float = between(0.1, 86_400.0)
+    period_s: float = ranged(0.1, 86_400.0)
     """After so long it is where it began, and does the same again."""
-    radius_m: float = between(0.02, 5.0, default=0.5)
+    radius_m: float = ranged(0.02, 5.0, default=0.5)
     """Of the cylinder."""
-    height_m: float = between(0.1, 5.0, default=1.5)
+    height_m: float = ranged(0.1, 5.0, default=1.5)
     """From the floor."""
-    colour: tuple[int, int, int] = between(0, 255, default=(120, 120, 125))
+    colour: tuple[int, int, int] = ranged(0, 255, default=(120, 120, 125))
     """Red, green, blue."""
 
 
@@ -203,15 +203,15 @@ class Scenario:
 
     name: str
     """For reports."""
-    size_m: tuple[float, float] = between(1.0, 2 * FARTHEST_M)
+    size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides of the floor along x and y; centred on the origin."""
     map: MapExtent
     """What navigation maps of it."""
-    start: tuple[float, float, float] = between(-FARTHEST_M, FARTHEST_M)
+    start: tuple[float, float, float] = ranged(-FARTHEST_M, FARTHEST_M)
     """Where the robot starts: x and y in metres, yaw in radians."""
-    goals: tuple[tuple[float, float], ...] = between(-FARTHEST_M, FARTHEST_M, default=())
+    goals: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M, default=())
     """Where the mission leads, in this order, x and y in metres."""
-    floor_colour: tuple[int, int, int] = between(0, 255, default=(196, 196, 194))
+    floor_colour: tuple[int, int, int] = ranged(0, 255, default=(196, 196, 194))
     """Red, green, blue."""
     floor_pattern: Pattern = "plain"
     """What its colour is multiplied with."""
@@ -245,6 +245,6 @@ class Scenario:
         return Pose2(x_m=x, y_m=y, yaw_rad=yaw)
 
 
-def map_of(scenario: Scenario) -> GridSpec:
+def map_grid(scenario: Scenario) -> GridSpec:
     """The map's grid for a world."""
     return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)

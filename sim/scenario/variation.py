@@ -44,7 +44,7 @@ def generator(seed: int, source: Source) -> np.random.Generator:
     return np.random.default_rng((seed, source))
 
 
-def vary(scenario: Scenario, seed: int) -> Scenario:
+def randomise(scenario: Scenario, seed: int) -> Scenario:
     """The scenario as it is found in this run."""
     rng = generator(seed, Source.WORLD)
     furniture = tuple(_nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture)

@@ -108,18 +108,18 @@ class Camera:
 
     def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """The same without the camera's errors; depth is that of the far plane where nothing is."""
-        rgb, depth, _ = self.shoot(self._placed(pose), flags=pybullet.ER_NO_SEGMENTATION_MASK)
+        rgb, depth, _ = self.render(self._placed(pose), flags=pybullet.ER_NO_SEGMENTATION_MASK)
         return rgb, depth
 
     def bodies(self, pose: Pose2) -> Bodies:
         """(H, W) the number of the body in each pixel from a true pose of the base, `NOTHING` where none is."""
-        return self.shoot(self._placed(pose))[2]
+        return self.render(self._placed(pose))[2]
 
     def _placed(self, pose: Pose2) -> Matrix:
         """T_map_camera."""
         return self._ground.lifted(pose) @ self.mount
 
-    def shoot(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:
+    def render(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:
         """Colours, depth and the (H, W) number of the body in each pixel, `NOTHING` where none is, without errors."""
         width, height = self.intrinsics.width, self.intrinsics.height
         *_, rgba, buffer, bodies = pybullet.getCameraImage(

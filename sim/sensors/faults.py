@@ -18,7 +18,7 @@ import numpy as np
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.robot.frame import Frame
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 Sensor = Literal["camera", "depth", "rgb", "odometry", "gyro", "wheels", "stamps", "planner", "segmentation"]
 Kind = Literal["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "hang"]
@@ -42,21 +42,21 @@ class Fault:
     """What; `wheels` are the motors, `stamps` the capture times, `camera` colours and depth together."""
     kind: Kind
     """How: no value, the same value again and again, nonsense, plausible but false, seldom, late, or now and then none."""
-    from_s: float = between(0.0, FOR_EVER_S)
+    from_s: float = ranged(0.0, FOR_EVER_S)
     """Simulated time at which it begins."""
-    until_s: float = between(0.0, FOR_EVER_S, default=FOR_EVER_S)
+    until_s: float = ranged(0.0, FOR_EVER_S, default=FOR_EVER_S)
     """And ends."""
-    delay_s: float = between(0.0, 10.0, default=0.3)
+    delay_s: float = ranged(0.0, 10.0, default=0.3)
     """`delayed`: how late. `slow` planner and segmentation: how long they take. `wrong` stamps: how far back."""
-    period_s: float = between(0.01, 60.0, default=1.0)
+    period_s: float = ranged(0.01, 60.0, default=1.0)
     """`slow`: a new value only so often."""
-    share: float = between(0.0, 1.0, default=0.5)
+    share: float = ranged(0.0, 1.0, default=0.5)
     """`intermittent`: how many values are lost."""
-    scale: float = between(0.0, 10.0, default=0.5)
+    scale: float = ranged(0.0, 10.0, default=0.5)
     """`wrong` depth and wheels: multiplied by this."""
-    shift_m: float = between(-100.0, 100.0, default=1.0)
+    shift_m: float = ranged(-100.0, 100.0, default=1.0)
     """`wrong` odometry: so far off along the map's x."""
-    turn_deg: float = between(-180.0, 180.0, default=0.0)
+    turn_deg: float = ranged(-180.0, 180.0, default=0.0)
     """`wrong` odometry: and turned by this. `wrong` gyro: this much a second too fast."""
 
     def holds(self, t_s: float) -> bool:
@@ -76,7 +76,7 @@ def check_faults(faults: Sequence[Fault], where: str) -> None:
             )
 
 
-class FaultLine:
+class FaultSchedule:
     """Passes values on, or what the faults make of them. Without faults it changes nothing and draws no random number."""
 
     def __init__(self, faults: Sequence[Fault], seed: Sequence[int]) -> None:
@@ -188,7 +188,7 @@ class _How:
     """Plausible, but false."""
     again: Callable[[Any, Any], Any] = _unchanged
     """The kept value where the second should be."""
-    between: Callable[[Any], Any] = _unchanged
+    ranged: Callable[[Any], Any] = _unchanged
     """What is there while no new value comes."""
 
 
@@ -245,7 +245,7 @@ _SPOIL: dict[str, _How] = {
         garbage=_bad_picture,
         wrong=_wrong_picture,
         again=lambda old, new: dataclasses.replace(new, rgb=old.rgb, depth_m=old.depth_m),
-        between=lambda frame: None,
+        ranged=lambda frame: None,
     ),
     "depth": _How(off=np.zeros_like, garbage=_bad_depth, wrong=lambda depth_m, fault: depth_m * np.float32(fault.scale)),
     "rgb": _How(

@@ -35,7 +35,7 @@ BIN_M = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surroundings:
+class VisibilityGraph:
     """Obstacles, grown, as the search needs them."""
 
     obstacles: shapely.Geometry
@@ -56,7 +56,7 @@ class Surroundings:
     """Lower left corner of the bins."""
 
     @staticmethod
-    def of(polygons: Sequence[Polygon], radius_m: float) -> Surroundings:
+    def of(polygons: Sequence[Polygon], radius_m: float) -> VisibilityGraph:
         """What is left to a disc of this radius among polygons in metres."""
         grown = shapely.union_all(shapely.buffer([shapely.Polygon(polygon) for polygon in polygons], radius_m, quad_segs=ARC))
         corners, beside = _corners(grown)
@@ -64,7 +64,7 @@ class Surroundings:
         low = sides.reshape(-1, 2).min(axis=0, initial=0.0) - BIN_M
         cols, rows = (int(n) for n in np.ceil((sides.reshape(-1, 2).max(axis=0, initial=0.0) - low) / BIN_M) + 1)
         starts, listed = _sorted_into_bins(sides, low, rows, cols)
-        return Surroundings(
+        return VisibilityGraph(
             obstacles=grown,
             corners=corners,
             beside=beside,
@@ -117,7 +117,7 @@ def shortest_way(polygons: Sequence[Polygon], radius_m: float, spec: GridSpec, s
 
     A first station nearer to a polygon than the radius is left by the nearest way out, if it is not far.
     """
-    around = Surroundings.of([*polygons, *_frame(spec, radius_m)], radius_m)
+    around = VisibilityGraph.of([*polygons, *_frame(spec, radius_m)], radius_m)
     start = around.nearest_free(stations[0], RELIEF_M)
     if start is None:
         return None

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 
+import numba
 import pytest
 
 import navcore
-from navcore import _keep_compiled_code, _version
+from navcore.compiled import _keep_compiled_code, _version
 
 SOURCE = Path(navcore.__file__).parent
 
@@ -26,7 +26,13 @@ def test_a_change_to_what_is_compiled_or_goes_into_it_makes_another_version(tmp_
     shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__", "*.safetensors"))
     first = _version(package)
     assert edited(package, "navigator.py") == first  # holds nothing that is compiled, and nothing compiled reads it
-    files = ("search/jump_points.py", "search/memory.py", "search/bits.py", "arcs.py", "beware.py")
+    files = (
+        "planning/search/jump_point_search.py",
+        "planning/search/open_list.py",
+        "grid/bitplane.py",
+        "control/primitives/arcs.py",
+        "mission/beware_list.py",
+    )
     assert len({first, *(edited(package, file) for file in files)}) == 1 + len(files)
 
 
@@ -34,7 +40,7 @@ def test_the_code_of_a_few_versions_is_kept_and_no_more(tmp_path: Path, monkeypa
     kernel = tmp_path / "kernel.py"
     for number in range(5):
         kernel.write_text(f"@compiled\ndef f():\n    return {number}\n", encoding="utf-8")
-        monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
         _keep_compiled_code(tmp_path)
     kept = list((tmp_path / "__pycache__").iterdir())
     assert len(kept) == 3
@@ -42,7 +48,7 @@ def test_the_code_of_a_few_versions_is_kept_and_no_more(tmp_path: Path, monkeypa
 
 
 def test_where_nothing_can_be_written_numba_is_left_to_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     (tmp_path / "__pycache__").write_text("no folder", encoding="utf-8")
     _keep_compiled_code(tmp_path)
-    assert "NUMBA_CACHE_DIR" not in os.environ
+    assert numba.config.CACHE_DIR == ""

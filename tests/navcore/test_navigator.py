@@ -7,17 +7,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from navcore.behaviours.lane_keep_out import Lanes
+from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Outcome
+from navcore.control.motion import ControllerState
 from navcore.costmap.costmap import nearest_free
 from navcore.errors import BadFrame
 from navcore.geometry.transform import STANDSTILL, Pose2
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision, Navigator
+from navcore.navigator import Navigator, TickResult
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.profile import HUSKY
@@ -27,7 +27,7 @@ SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
 GOAL = (4.0, 0.0)
 WALL = Box(x=(2.5, 2.7), y=(-0.8, 0.8), z=(0.0, 1.0))
 CARPET = Paint(x=(1.8, 2.6), y=(-0.5, 0.5))
-ORDER = Order(goal=GOAL, beware=RED_LIST, zones=())
+ORDER = NavigationRequest(goal=GOAL, beware=RED_LIST, zones=())
 RED_OFF = RED_LIST.edited("red floor", enabled=False)
 ZONE = Zone(id="z", name="z", polygon=((1.5, -0.6), (2.5, -0.6), (2.5, 0.6), (1.5, 0.6)))
 
@@ -37,7 +37,7 @@ def navigator() -> Navigator:
     return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
 
 
-def length_m(decision: Decision) -> float:
+def length_m(decision: TickResult) -> float:
     assert decision.route is not None
     assert isinstance(decision.route.outcome, Path)
     return decision.route.outcome.length * SPEC.resolution_m
@@ -77,7 +77,7 @@ def test_a_zone_drawn_under_the_robot_stops_it_and_says_so(navigator: Navigator)
     under = Zone(id="u", name="u", polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
     decision = navigator.tick(picture(), dataclasses.replace(ORDER, zones=(under,)))
     assert decision.motion.twist == STANDSTILL
-    assert decision.motion.outcome is Outcome.IN_ZONE
+    assert decision.motion.outcome is ControllerState.IN_ZONE
 
 
 def test_without_a_goal_the_robot_looks_and_stands(navigator: Navigator) -> None:
@@ -135,7 +135,7 @@ def test_a_goal_that_proves_to_be_taken_on_the_way_there_is_gone_up_to_and_looke
 def test_somebodys_lane_bends_the_path_and_is_told_to_whoever_looks(navigator: Navigator) -> None:
     straight = length_m(navigator.tick(picture(), ORDER))
     at = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    navigator._lanes = Lanes(zones=(ZONE,), walked=((0, 1, 2.0, 0.0),), at=at, before_m=straight)
+    navigator._lanes = LaneKeepOut(zones=(ZONE,), walked=((0, 1, 2.0, 0.0),), at=at, before_m=straight)
     decision = navigator.tick(picture(stamp_ns=1), ORDER)
     assert decision.closed == (ZONE,)
     assert length_m(decision) > straight + 0.2
@@ -156,7 +156,7 @@ def test_the_nearest_free_cell_is_the_nearest_by_brute_force() -> None:
     for _ in range(50):
         blocked = rng.random((20, 20)) < 0.9
         cell = (int(rng.integers(20)), int(rng.integers(20)))
-        found = nearest_free(Mask.of(~blocked), cell, 6.0)
+        found = nearest_free(CellMask.of(~blocked), cell, 6.0)
         free = np.argwhere(~blocked)
         least = np.hypot(*(free - cell).T).min(initial=np.inf)
         assert (found is None) == (least > 6.0)

@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import pytest
 
-from navcore.config.control import LocalRules
+from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig, config_for, load_config
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule, default_beware_list, load_beware_list
 from navcore.robot.profile import load_profile
-from navcore.toml_config import between, from_table
+from navcore.toml_config import from_table, ranged
 
 CUP = {"name": "cup", "class_id": 1}
 RED = {"name": "red floor", "class_id": 2, "colour": {"hue_deg": [345, 15]}}
@@ -68,8 +68,8 @@ def test_good_entries_are_read_with_their_defaults_and_whole_numbers_will_do() -
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
     mode: Literal["slow", "fast"] = "slow"
-    places: tuple[tuple[float, float], ...] = between(-1.0, 1.0, default=())
-    count: int = between(0, 5, default=0)
+    places: tuple[tuple[float, float], ...] = ranged(-1.0, 1.0, default=())
+    count: int = ranged(0, 5, default=0)
 
 
 def test_nested_tuples_and_choices_are_checked_down_to_the_number() -> None:
@@ -198,7 +198,7 @@ def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> N
     file, jackal = tmp_path / "nav.toml", load_profile("jackal")
     file.write_text('[local]\nprimitives = "falco"\n')
     usual = config_for(jackal)
-    assert usual.local.padding_m != LocalRules().padding_m
+    assert usual.local.padding_m != LocalPlannerConfig().padding_m
     assert load_config(file, jackal) == replace(usual, local=replace(usual.local, primitives="falco"))
     file.write_text('[local]\nprimitives = "dwa"\n')
     with pytest.raises(BadConfiguration, match=r"nav\.toml\.local\.primitives: expected one of 'arcs', 'falco'"):

@@ -14,8 +14,8 @@ from pathlib import Path
 import httpx
 
 from app.console.operations import LiveOperations
-from app.runtime.fault_injection import Sabotage
-from app.runtime.loop import Loop
+from app.runtime.fault_injection import FaultInjector
+from app.runtime.loop import ControlLoop
 from app.runtime.recorder import Recorder
 from app.runtime.segmentation import colour_perception
 from app.storage import Store
@@ -89,7 +89,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         store = Store(Path(folder))
         stack.callback(store.close)
-        Sabotage(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
+        FaultInjector(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
         recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
         operations = LiveOperations(
             robot=wheels,
@@ -102,7 +102,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             labelling=Path(folder) / "labelling",
             config=NavigatorConfig(),
         )
-        loop = Loop(wheels, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
+        loop = ControlLoop(wheels, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
         loop.start()
         stack.callback(loop.stop)
         stack.callback(ended.set)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from app.episode.episode import Episode
-from app.runtime.fault_injection import Sabotage
-from app.runtime.loop import Loop
-from app.runtime.pilot import Intent, Pilot
+from app.runtime.fault_injection import FaultInjector
+from app.runtime.loop import ControlLoop
+from app.runtime.robot_controller import OperatorState, RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import default_beware_list
@@ -23,10 +23,10 @@ from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import Cause, Verdict
+from navcore.safety.gate import Cause, GateDecision
 from navcore.warmup import warm_up
 from sim.scenario.load import load_scenario
-from sim.scenario.schema import MapExtent, Scenario, map_of
+from sim.scenario.schema import MapExtent, Scenario, map_grid
 from sim.sensors.faults import Fault
 from sim.simulator import Simulator
 
@@ -72,7 +72,7 @@ class Drill:
     """Called after each of them."""
     _shown: tuple[object, int] = (None, 0)
 
-    def note(self, t_s: float, verdict: Verdict) -> None:
+    def note(self, t_s: float, verdict: GateDecision) -> None:
         """One more command."""
         newest = self.episode.simulator.newest_frame()
         if newest is not None and newest.depth_m is not self._shown[0]:
@@ -120,11 +120,13 @@ def first_picture(seed: int = 0) -> Frame:
         return simulator.capture()
 
 
-def standing_pilot(config: NavigatorConfig | None = None) -> Pilot:
+def standing_pilot(config: NavigatorConfig | None = None) -> RobotController:
     """A pilot in the room, with no goal yet."""
-    spec = map_of(load_scenario(ROOM))
+    spec = map_grid(load_scenario(ROOM))
     navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=config or NavigatorConfig())
-    return Pilot(navigator=navigator, profile=HUSKY, intent=Intent(mission=Mission(), beware=default_beware_list()))
+    return RobotController(
+        navigator=navigator, profile=HUSKY, intent=OperatorState(mission=Mission(), beware=default_beware_list())
+    )
 
 
 @dataclass
@@ -133,7 +135,7 @@ class Bench:
 
     scene: Frame
     """What it sees."""
-    pilot: Pilot | None = None
+    pilot: RobotController | None = None
     """Whose commands it gets."""
     ages_s: list[float] = field(default_factory=list)
     """How old each command was that was not zero, as it was sent."""
@@ -186,9 +188,9 @@ def bench(faults: Sequence[Fault]) -> Iterator[tuple[Bench, Callable[[], float]]
     def now_s() -> float:
         return time.monotonic() - began_s if not ended.is_set() else float("inf")
 
-    Sabotage(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
+    FaultInjector(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
     pilot.change_mission(lambda mission: mission.add(2.0, 2.5, pilot.navigator.map.spec).start())
-    loop = Loop(robot, pilot, on_decision=lambda decision: None, on_verdict=lambda verdict: None)
+    loop = ControlLoop(robot, pilot, on_decision=lambda decision: None, on_verdict=lambda verdict: None)
     loop.start()
     try:
         yield robot, now_s

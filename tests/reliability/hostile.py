@@ -24,7 +24,7 @@ from navcore.errors import BadConfiguration
 from navcore.perception.esanet.weights.weights_file import load
 from navcore.robot.profile import HUSKY
 from tests.reliability.console_rig import BenchConsole, bench_console
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 from tests.reliability.routes import PARAMETER, STRANGERS, ask, routes_of
 from web.access import Access
 from web.server import create_app
@@ -40,7 +40,7 @@ PAGE = "0123456789abcdef"
 VISER = Subprotocol("viser-v1.1.1")
 
 
-def hostile_requests(trials: int) -> Figure:
+def hostile_requests(trials: int) -> Measurement:
     """Row 22: random nonsense to every route that takes a body; answers of 500 and more, or none."""
     failed, refused = 0, 0
     with bench_console() as console, console.client() as stranger:
@@ -58,10 +58,10 @@ def hostile_requests(trials: int) -> Figure:
             failed += status >= HTTPStatus.INTERNAL_SERVER_ERROR
             refused += HTTPStatus.BAD_REQUEST <= status < HTTPStatus.INTERNAL_SERVER_ERROR
         alive = stranger.get("/healthz").is_success
-    return Figure(trials=trials, measured=f"{refused} refused, {failed} answers of 5xx or none", met=failed == 0 and alive)
+    return Measurement(trials=trials, measured=f"{refused} refused, {failed} answers of 5xx or none", met=failed == 0 and alive)
 
 
-def hostile_frames(trials: int) -> Figure:
+def hostile_frames(trials: int) -> Measurement:
     """Row 23: nonsense on every websocket; others go on, and no command leaves the platform's limits."""
     with bench_console() as console, console.client() as program:
         address = console.server.url.replace("http", "ws")
@@ -84,10 +84,10 @@ def hostile_frames(trials: int) -> Figure:
         )
         alive = program.get("/healthz").is_success and program.get("/viewer/").is_success and told == ["state"] * 5
     said = f"{'others went on' if alive else 'THE OTHERS SUFFERED'}, {beyond} commands beyond the limits"
-    return Figure(trials=trials, measured=said, met=alive and beyond == 0)
+    return Measurement(trials=trials, measured=said, met=alive and beyond == 0)
 
 
-def strangers(trials: int) -> Figure:
+def foreign_requests(trials: int) -> Measurement:
     """Row 24: every route of the app, for every kind of stranger and for somebody not logged in; as many as there are."""
     let_in, asked = [], 0
     with bench_console() as console, tempfile.TemporaryDirectory() as folder:
@@ -102,10 +102,10 @@ def strangers(trials: int) -> Figure:
                         let_in.append(f"{who}: {' '.join(route)} {status}")
         database.close()
     first = f"; the first: {let_in[0]}" if let_in else ""
-    return Figure(trials=asked, measured=f"{len(let_in)} let in{first}", met=not let_in and asked >= trials)
+    return Measurement(trials=asked, measured=f"{len(let_in)} let in{first}", met=not let_in and asked >= trials)
 
 
-def escapes(trials: int) -> Figure:
+def path_traversal(trials: int) -> Measurement:
     """Row 25: paths that lead out of every folder there is, and weights that would run a program."""
     escaped, executed = 0, _run_by_weights()
     with bench_console() as console, console.client() as stranger:
@@ -113,7 +113,7 @@ def escapes(trials: int) -> Figure:
             answer = stranger.get(_path(random.Random(number)))
             escaped += answer.status_code not in (400, 404, 405, 422) or "root:" in answer.text
     measured = f"{escaped} paths escaped, {executed} of 1 pickles executed"
-    return Figure(trials=trials, measured=measured, met=escaped == 0 and executed == 0)
+    return Measurement(trials=trials, measured=measured, met=escaped == 0 and executed == 0)
 
 
 def _app(console: BenchConsole, access: Access | None = None) -> Any:

@@ -18,11 +18,11 @@ from tests.reliability import startup as start_figures
 from tests.reliability import stopping as stop_figures
 from tests.reliability import storage as keeping_figures
 from tests.reliability import teleop as hand_figures
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class Promise:
     """One promise."""
 
     number: int
@@ -31,175 +31,175 @@ class Row:
     """What goes wrong."""
     promise: str
     """What holds then."""
-    measure: Callable[[int], Figure]
+    measure: Callable[[int], Measurement]
     """Takes the number of trials."""
     trials: int
     """As many as the table is made of, unless it is asked for more."""
 
 
 ROWS = (
-    Row(
+    Promise(
         number=1,
         fault="camera off, stuck, slow, late, intermittent",
         promise="zero when what is shown is older than 0.5 s, and driving again afterwards",
         measure=stop_figures.silent_camera,
         trials=10,
     ),
-    Row(
+    Promise(
         number=2,
         fault="planner hangs (wall clock)",
         promise="no command is sent that is older than 0.25 s",
         measure=stop_figures.hung_planner,
         trials=10,
     ),
-    Row(
+    Promise(
         number=3,
         fault="console frozen or killed while driving",
         promise="still within 0.25 s and braking",
         measure=stop_figures.frozen_console,
         trials=50,
     ),
-    Row(
+    Promise(
         number=4,
         fault="NaN, Inf, zero, negative, wrong-shape depth, nonsense in pose and lens",
         promise="refused; nothing non-finite in map, grid or velocity",
         measure=stop_figures.malformed_frames,
         trials=10_000,
     ),
-    Row(
+    Promise(
         number=5,
         fault="odometry jump, yaw flip, repeated and backward stamp",
         promise="zero within 0.25 s, nothing put on the map",
         measure=stop_figures.jumping_odometry,
         trials=12,
     ),
-    Row(
+    Promise(
         number=5,
         fault="none: 10 s of driving at random",
         promise="no false alarm",
         measure=stop_figures.false_alarms,
         trials=60,
     ),
-    Row(
+    Promise(
         number=6,
         fault="segmentation raises, takes 2 s, gives NaN",
         promise="the loop survives, the robot stands meanwhile and drives on afterwards",
         measure=stop_figures.failing_segmentation,
         trials=6,
     ),
-    Row(
+    Promise(
         number=7,
         fault="planner over its budget of work",
         promise='"time budget exceeded", and the robot is held; within 10 ms of a whole search',
         measure=plan_figures.over_budget,
         trials=50,
     ),
-    Row(
+    Promise(
         number=8,
         fault="goal in an obstacle, in a zone, outside, walled in; start blocked",
         promise="five different reasons within 200 ms, no motion",
         measure=plan_figures.impossible_goals,
         trials=5,
     ),
-    Row(
+    Promise(
         number=9,
         fault="zone drawn under the robot",
         promise="stands, and moves only when told to leave",
         measure=plan_figures.zone_under_robot,
         trials=50,
     ),
-    Row(
+    Promise(
         number=10,
         fault="zone drawn across the path while driving",
         promise="the footprint is never inside",
         measure=plan_figures.zone_across_path,
         trials=10,
     ),
-    Row(
+    Promise(
         number=11,
         fault="an obstacle appears at stopping distance + 0.3 m, the planner is blind",
         promise="no contact",
         measure=plan_figures.sudden_obstacle,
         trials=10,
     ),
-    Row(
+    Promise(
         number=12,
         fault="emergency stop while somebody pushes on by hand; planner hung, database locked, cloud streaming",
         promise="latched zero, p99 within 50 ms idle and 150 ms loaded (wall clock)",
         measure=hand_figures.emergency_stops,
         trials=40,
     ),
-    Row(
+    Promise(
         number=13,
         fault="page closed, frozen, or its words held up, while it drives by hand",
         promise="standstill within 0.5 s (wall clock)",
-        measure=hand_figures.silent_hands,
+        measure=hand_figures.lost_teleop,
         trials=50,
     ),
-    Row(
+    Promise(
         number=14,
         fault="kill -9 while saving zones",
         promise="no acknowledged save is lost",
         measure=keeping_figures.kills,
         trials=1000,
     ),
-    Row(
+    Promise(
         number=15,
         fault="disk full, read-only, database locked",
         promise="refused with its reason, old data whole",
         measure=keeping_figures.refusing_disks,
         trials=30,
     ),
-    Row(
+    Promise(
         number=16,
         fault="two operators edit one zone",
         promise="the second is refused with both versions, no update lost",
         measure=keeping_figures.two_editors,
         trials=50,
     ),
-    Row(
+    Promise(
         number=17,
         fault="wall clock an hour off, and jumping by another",
         promise="not one command is another",
         measure=keeping_figures.jumping_clocks,
         trials=4,
     ),
-    Row(
+    Promise(
         number=18,
         fault="the port is taken",
         promise="ends with code 2, names port and remedy, within 2 s (wall clock)",
         measure=start_figures.busy_ports,
         trials=3,
     ),
-    Row(
+    Promise(
         number=19,
         fault="every key of world, robot and beware list mistyped, out of range or unknown",
         promise="refused, and the key is named",
         measure=start_figures.bad_values,
         trials=100,
     ),
-    Row(
+    Promise(
         number=22,
         fault="NaN, 1e999, lone surrogates, depth and size to every route",
         promise="a refusal, never 5xx",
         measure=hostile_figures.hostile_requests,
         trials=10_000,
     ),
-    Row(
+    Promise(
         number=23,
         fault="nonsense on every websocket",
         promise="the others go on, every command is within the limits",
         measure=hostile_figures.hostile_frames,
         trials=1000,
     ),
-    Row(
+    Promise(
         number=24,
         fault="foreign host, foreign origin, no log-in, on every route",
         promise="refused before any handler runs",
         measure=hostile_figures.strangers,
         trials=100,
     ),
-    Row(
+    Promise(
         number=25,
         fault="paths that lead elsewhere, weights that are a program",
         promise="nothing outside is read, nothing is executed",

@@ -9,8 +9,8 @@ import time
 import numpy as np
 
 from app.episode.episode import Episode
-from app.runtime.pilot import COMMAND_PERIOD_S, Pilot
-from navcore.control.motion import Motion, Outcome
+from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
+from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.zone import Zone
@@ -22,7 +22,7 @@ from navcore.safety.collision_monitor import REACTION_S
 from navcore.safety.gate import StopReason
 from sim.scenario.schema import Mover
 from tests.reliability.drills import OPEN, drill, first_picture, standing_pilot
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 Corners = tuple[tuple[float, float], ...]
 BUDGET = 200
@@ -39,7 +39,7 @@ def _square(x_m: float, y_m: float, half_m: float, turn_rad: float = 0.0) -> Cor
     return tuple((x_m + reach * math.cos(angle), y_m + reach * math.sin(angle)) for angle in angles)
 
 
-def over_budget(trials: int) -> Figure:
+def over_budget(trials: int) -> Measurement:
     """Row 7: searches on grids of noise that are given up, and how long that took next to the whole search."""
     rng, given_up, over_ms = np.random.default_rng(7), 0, []
     for _ in range(trials):
@@ -54,7 +54,7 @@ def over_budget(trials: int) -> Figure:
         given_up += early or cut == NoPath(reason=Reason.TIMEOUT)
     held = _held_over_budget()
     p99_ms = float(np.percentile(over_ms, 99))
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"{given_up} given up, p99 {p99_ms:+.1f} ms against the whole search; held: {'yes' if held else 'NO'}",
         met=given_up == trials and held and p99_ms <= 10.0,
@@ -74,7 +74,7 @@ def _held_over_budget() -> bool:
     return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
 
 
-def _answer(pilot: Pilot, frame: Frame, goal: tuple[float, float]) -> tuple[bool, tuple[StopReason, ...], float]:
+def _answer(pilot: RobotController, frame: Frame, goal: tuple[float, float]) -> tuple[bool, tuple[StopReason, ...], float]:
     """Whether the robot moves when sent to a goal, why not, and after how many seconds of thinking that is known."""
     began_s = time.perf_counter()
     pilot.change_mission(lambda mission: mission.add(*goal, pilot.navigator.map.spec).start())
@@ -83,14 +83,14 @@ def _answer(pilot: Pilot, frame: Frame, goal: tuple[float, float]) -> tuple[bool
     return verdict.twist != STANDSTILL, verdict.reasons, time.perf_counter() - began_s
 
 
-def _pilot_with(areas: tuple[Corners, ...]) -> Pilot:
+def _pilot_with(areas: tuple[Corners, ...]) -> RobotController:
     pilot = standing_pilot()
     zones = tuple(_zone(corners, f"zone {number}") for number, corners in enumerate(areas))
     pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
     return pilot
 
 
-def impossible_goals(trials: int) -> Figure:
+def impossible_goals(trials: int) -> Measurement:
     """Row 8: whether each is told apart, how soon, and without a motion.
 
     The robot looks along x from (-2.5, -2.5), and a box stands at (0.5, -2.4).
@@ -121,14 +121,14 @@ def impossible_goals(trials: int) -> Figure:
         moved += moves
         slowest_s = max(slowest_s, took_s)
         told.update(reason.text for reason in reasons[:1])
-    return Figure(
+    return Measurement(
         trials=max(trials, len(cases)),
         measured=f"{len(told)} different reasons, answered within {slowest_s * 1e3:.0f} ms, {moved} moved",
         met=len(told) == len(cases) and moved == 0 and slowest_s <= 0.2,
     )
 
 
-def zone_under_robot(trials: int) -> Figure:
+def zone_under_robot(trials: int) -> Measurement:
     """Row 9: zones of any size drawn over some part of the robot while it is told to drive."""
     rng, frame = np.random.default_rng(9), first_picture()
     stood = left = 0
@@ -142,10 +142,12 @@ def zone_under_robot(trials: int) -> Figure:
         pilot.think(frame, clock=lambda: frame.stamp_ns)
         verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
         left += verdict.twist != STANDSTILL
-    return Figure(trials=trials, measured=f"{stood} stood with a reason; {left} moved once told to leave", met=stood == trials)
+    return Measurement(
+        trials=trials, measured=f"{stood} stood with a reason; {left} moved once told to leave", met=stood == trials
+    )
 
 
-def zone_across_path(trials: int, *, told: bool = True) -> Figure:
+def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
     """Row 10: a zone appears on the path ahead of the driving robot, no nearer than it can brake; the referee watches it."""
     intrusions = drawn = 0
     for seed in range(trials):
@@ -169,12 +171,12 @@ def zone_across_path(trials: int, *, told: bool = True) -> Figure:
         _, report = drill(seed=seed, until_s=7.0, on_command=draw)
         drawn += len(zones)
         intrusions += int(str(report["zone_intrusions"]))
-    return Figure(
+    return Measurement(
         trials=trials, measured=f"{intrusions} intrusions, {drawn} zones drawn", met=intrusions == 0 and drawn == trials
     )
 
 
-def sudden_obstacle(trials: int) -> Figure:
+def sudden_obstacle(trials: int) -> Measurement:
     """Row 11: at full speed, with a planner that sees nothing and drives straight on, so that only the gate can help."""
     track: list[tuple[float, float]] = []
 
@@ -201,7 +203,7 @@ def sudden_obstacle(trials: int) -> Figure:
         contacts += int(str(report["collisions"]))
         fastest_mps = max(fastest_mps, *speeds)
         nearest_m = min(nearest_m, float(str(report["min_clearance_m"])))
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"{contacts} contacts from {fastest_mps:.2f} m/s, nearest {nearest_m:.2f} m",
         met=contacts == 0 and fastest_mps > 0.95,
@@ -210,5 +212,5 @@ def sudden_obstacle(trials: int) -> Figure:
 
 def drive_blindly(episode: Episode) -> None:
     """Replace the local planner by one that drives straight on at full speed."""
-    full = Motion(twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=Outcome.FOLLOW)
+    full = Motion(twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=ControllerState.FOLLOW)
     episode.pilot.navigator.move = lambda *_, **named: full  # type: ignore[method-assign]

@@ -17,14 +17,14 @@ from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import as_toml, default_beware_list, load_beware_list
 from navcore.robot.profile import ROBOTS, load_profile
 from sim.scenario.load import load_scenario
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 Table = dict[str, Any]
 LONGEST_S = 2.0
 BAD_VALUES: tuple[object, ...] = ("nonsense", -1e12, {"nonsense": 1})
 
 
-def busy_ports(trials: int) -> Figure:
+def busy_ports(trials: int) -> Measurement:
     """Row 18: from the program's start to its end, and what it said; the first, which fills caches, is not counted."""
     said, slowest_s = 0, 0.0
     with socket.socket() as busy:
@@ -38,14 +38,14 @@ def busy_ports(trials: int) -> Figure:
             if number:
                 slowest_s = max(slowest_s, time.monotonic() - began_s)
                 said += ended.returncode == 2 and port in ended.stderr and "--port" in ended.stderr
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"ended with code 2, port and remedy in {said}; at most {slowest_s:.1f} s",
         met=said == trials and slowest_s <= LONGEST_S,
     )
 
 
-def bad_values(trials: int) -> Figure:
+def bad_values(trials: int) -> Measurement:
     """Row 19: every key of the shipped world, robot and beware list gets a value of another kind, or one out of range, or a
     neighbour that nobody knows. `trials` is the least number of such files; there are as many as there are keys.
     """
@@ -61,7 +61,7 @@ def bad_values(trials: int) -> Figure:
                 except BadConfiguration as refusal:
                     if key.split(".")[-1] not in str(refusal):
                         silent.append(f"{name}: {key} is not named in: {refusal}")
-    return Figure(
+    return Measurement(
         trials=count,
         measured=f"refused by name: {count - len(silent)} of {count}" + (f"; not {silent[0]}" if silent else ""),
         met=not silent and count >= trials,

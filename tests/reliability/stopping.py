@@ -10,16 +10,16 @@ from itertools import product
 
 import numpy as np
 
-from app.runtime.pilot import COMMAND_PERIOD_S
+from app.runtime.robot_controller import COMMAND_PERIOD_S
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.sensor_monitor import Senses
+from navcore.safety.sensor_monitor import SensorMonitor
 from sim.scenario.schema import MapExtent, Scenario
 from sim.sensors.faults import Fault
 from sim.simulator import STEPS_PER_S, Simulator
 from tests.reliability.drills import Drill, bench, drill, first_picture, standing_pilot
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 FROM_S, UNTIL_S, END_S = 1.2, 2.7, 3.7
 """A drill drives, then something goes wrong, then it is over and the robot drives on."""
@@ -45,7 +45,7 @@ def _drives(record: Drill, from_s: float, until_s: float) -> bool:
     return any(sent.moving for sent in record.between(from_s, until_s))
 
 
-def silent_camera(trials: int) -> Figure:
+def silent_camera(trials: int) -> Measurement:
     """Row 1: how old the content of the newest picture was, in truth, when the robot still was told to move."""
     span = {"sensor": "camera", "from_s": FROM_S, "until_s": UNTIL_S}
     faults = [
@@ -64,7 +64,7 @@ def silent_camera(trials: int) -> Figure:
         said += named
         # An intermittent camera may show something in time by chance: then there is nothing to name.
         unsaid += not named and any(sent.content_age_s > 0.5 + COMMAND_PERIOD_S for sent in record.sent)
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"moved on content at most {oldest_s:.2f} s old; camera named in {said}, not named though late in {unsaid}, "
         f"drove before and after in {drove}",
@@ -72,7 +72,7 @@ def silent_camera(trials: int) -> Figure:
     )
 
 
-def hung_planner(trials: int) -> Figure:
+def hung_planner(trials: int) -> Measurement:
     """Row 2: the age of the oldest command that was sent while the planner hung, in real time."""
     faults: list[Fault] = []
     with bench(faults) as (robot, now_s):
@@ -82,7 +82,7 @@ def hung_planner(trials: int) -> Figure:
             faults.append(Fault(sensor="planner", kind="hang", from_s=now_s(), until_s=now_s() + 0.6))
             time.sleep(0.7)
     oldest_s = max(robot.ages_s)
-    return Figure(trials=trials, measured=f"oldest command sent {oldest_s * 1e3:.0f} ms", met=oldest_s <= 0.25 + LATE_S)
+    return Measurement(trials=trials, measured=f"oldest command sent {oldest_s * 1e3:.0f} ms", met=oldest_s <= 0.25 + LATE_S)
 
 
 def _patiently(holds: object, patience_s: float = 20.0) -> None:
@@ -91,7 +91,7 @@ def _patiently(holds: object, patience_s: float = 20.0) -> None:
         time.sleep(0.01)
 
 
-def frozen_console(trials: int) -> Figure:
+def frozen_console(trials: int) -> Measurement:
     """Row 3: how long the robot rolls on after the last command it got."""
     world = Scenario(name="open", size_m=(40.0, 40.0), map=MapExtent(size_m=(40.0, 40.0)), start=(-15.0, 0.0, 0.0))
     longest_s, rng = 0.0, np.random.default_rng(0)
@@ -110,7 +110,7 @@ def frozen_console(trials: int) -> Figure:
                 simulator.step()
             longest_s = max(longest_s, (simulator.now_ns() - last_ns) / 1e9)
     allowed_s = 0.25 + max(HUSKY.max_speed_mps / HUSKY.max_accel_mps2, 1.0 / HUSKY.max_yaw_accel_radps2) + 0.15
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"stood at most {longest_s:.2f} s after the last command (braking from 1 m/s takes 0.33 s)",
         met=longest_s <= allowed_s,
@@ -121,7 +121,7 @@ def _standing_at(stamp_ns: int) -> Callable[[], int]:
     return lambda: stamp_ns
 
 
-def malformed_frames(trials: int) -> Figure:
+def malformed_frames(trials: int) -> Measurement:
     """Row 4: frames with something wrong in them, and what got through."""
     pilot, rng, good = standing_pilot(), np.random.default_rng(4), first_picture()
     pilot.change_mission(lambda mission: mission.add(0.0, 2.5, pilot.navigator.map.spec).start())
@@ -140,7 +140,7 @@ def malformed_frames(trials: int) -> Figure:
         numbers = (verdict.twist.v_mps, verdict.twist.w_radps)
         escaped += not all(map(math.isfinite, numbers)) or decision is not None
         escaped += not np.isfinite(pilot.navigator.map.points.points_map).all() if number % 500 == 0 else 0
-    return Figure(trials=trials, measured=f"{refused} refused with a reason, {escaped} escaped", met=escaped == 0)
+    return Measurement(trials=trials, measured=f"{refused} refused with a reason, {escaped} escaped", met=escaped == 0)
 
 
 def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
@@ -171,7 +171,7 @@ def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
     return dataclasses.replace(frame, depth_m=depth_m)
 
 
-def jumping_odometry(trials: int) -> Figure:
+def jumping_odometry(trials: int) -> Measurement:
     """Row 5: how long after the fault the robot was last told to move, and what came on the map meanwhile."""
     faults = [
         Fault(sensor="odometry", kind="wrong", shift_m=1.0, from_s=FROM_S, until_s=UNTIL_S),
@@ -185,17 +185,17 @@ def jumping_odometry(trials: int) -> Figure:
         during = record.between(fault.from_s, UNTIL_S)
         longest_s = max([longest_s, *(sent.t_s - fault.from_s + COMMAND_PERIOD_S for sent in during if sent.moving)])
         mapped += sum(late.map_version != during[0].map_version for late in during[-1:])
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"zero after at most {longest_s:.2f} s; the map changed in {mapped}",
         met=longest_s <= 0.25 and mapped == 0,
     )
 
 
-def false_alarms(trials: int) -> Figure:
+def false_alarms(trials: int) -> Measurement:
     """Row 5's clean run, each trial 10 s of driving at random: frames that were doubted."""
     world = Scenario(name="open", size_m=(200.0, 200.0), map=MapExtent(size_m=(10.0, 10.0)), start=(0.0, 0.0, 0.0))
-    rng, doubted, frames, senses, frame = np.random.default_rng(5), 0, 0, Senses(), None
+    rng, doubted, frames, senses, frame = np.random.default_rng(5), 0, 0, SensorMonitor(), None
     with Simulator(world, seed=0, renderer="tiny", camera_size=(32, 24), camera_rate_hz=10.0) as simulator:
         twist = Twist(v_mps=0.0, w_radps=0.0)
         for step in range(trials * 10 * STEPS_PER_S):
@@ -210,11 +210,13 @@ def false_alarms(trials: int) -> Figure:
                 senses = senses.after(frame, HUSKY)
                 frames += 1
                 doubted += senses.doubt is not None
-                senses = senses if senses.doubt is None else Senses()
-    return Figure(trials=trials, measured=f"{doubted} of {frames} frames doubted in {frames / 600:.1f} min", met=doubted == 0)
+                senses = senses if senses.doubt is None else SensorMonitor()
+    return Measurement(
+        trials=trials, measured=f"{doubted} of {frames} frames doubted in {frames / 600:.1f} min", met=doubted == 0
+    )
 
 
-def failing_segmentation(trials: int) -> Figure:
+def failing_segmentation(trials: int) -> Measurement:
     """Row 6: loops that died, robots that were told to move meanwhile, and those that drove on."""
     span = {"sensor": "segmentation", "from_s": FROM_S, "until_s": UNTIL_S}
     faults = [
@@ -231,7 +233,7 @@ def failing_segmentation(trials: int) -> Figure:
             continue
         moved += _drives(record, fault.from_s + 0.36, UNTIL_S)
         drove_on += _drives(record, UNTIL_S, END_S + 0.6)
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"{deaths} loops died, {moved} moved meanwhile, {drove_on} drove on",
         met=deaths == 0 and moved == 0 and drove_on == trials,

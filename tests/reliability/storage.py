@@ -23,19 +23,19 @@ from navcore.errors import StorageFailed
 from navcore.mission.zone import Zone
 from tests.reliability.console_rig import BenchConsole, bench_console
 from tests.reliability.drills import drill
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 MARKS = 4
 HOUR_S = 3600.0
 
 
-def kills(trials: int, *, kind: str = "store") -> Figure:
+def kills(trials: int, *, kind: str = "store") -> Measurement:
     """Row 14: acknowledged saves that are gone after `kill -9`; `kind` "file" is the control."""
     with tempfile.TemporaryDirectory() as folder:
         worker = [sys.executable, "-m", "tests.reliability.kill_worker", folder, str(trials), "0", kind]
         counts = json.loads(subprocess.run(worker, check=True, capture_output=True, text=True).stdout)
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"{counts['lost']} of {counts['acknowledged']} acknowledged saves lost",
         met=counts["lost"] == 0 and counts["acknowledged"] >= trials,
@@ -69,7 +69,7 @@ TROUBLES = (
 )
 
 
-def refusing_disks(trials: int) -> Figure:
+def refusing_disks(trials: int) -> Measurement:
     """Row 15: the disk is full, read-only, or the database locked by another process."""
     kept = 0
     for number in range(trials):
@@ -85,7 +85,7 @@ def refusing_disks(trials: int) -> Figure:
             kept += refused and store.zones() == (*zones, more)
             store.close()
     measured = f"refused with a reason, old data whole, and saved again afterwards: {kept}"
-    return Figure(trials=trials, measured=measured, met=kept == trials)
+    return Measurement(trials=trials, measured=measured, met=kept == trials)
 
 
 @contextmanager
@@ -110,7 +110,7 @@ def _is_refused(store: Store, number: int) -> bool:
     return False
 
 
-def two_editors(trials: int, *, careful: bool = True) -> Figure:
+def two_editors(trials: int, *, careful: bool = True) -> Measurement:
     """Row 16: two operators add marks to one zone's name at random moments; a lost update is a mark that is missing."""
     lost, collisions = 0, 0
     with bench_console() as console:
@@ -126,7 +126,7 @@ def two_editors(trials: int, *, careful: bool = True) -> Figure:
             lost += 2 * MARKS - sum(name.count(mark) for mark in "ab")
             collisions += sum(editor.collisions for editor in editors)
             console.operations.zones.delete(zone_id)
-    return Figure(trials=trials, measured=f"{collisions} edits refused with both versions, {lost} lost", met=lost == 0)
+    return Measurement(trials=trials, measured=f"{collisions} edits refused with both versions, {lost} lost", met=lost == 0)
 
 
 def _new_zone(console: BenchConsole) -> str:
@@ -166,13 +166,13 @@ class _Editor:
         return True
 
 
-def jumping_clocks(trials: int) -> Figure:
+def jumping_clocks(trials: int) -> Measurement:
     """Row 17: the same drive with the wall clock an hour off, and off by another hour in the middle of it."""
     differences = 0
     for seed in range(trials):
         plain, jumped = _commands(seed, 0.0), _commands(seed, HOUR_S if seed % 2 else -HOUR_S)
         differences += plain != jumped
-    return Figure(trials=trials, measured=f"{differences} drives with another command", met=differences == 0)
+    return Measurement(trials=trials, measured=f"{differences} drives with another command", met=differences == 0)
 
 
 def _commands(seed: int, off_s: float) -> list[object]:

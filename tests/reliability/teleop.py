@@ -20,7 +20,7 @@ from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import braking_s
 from sim.sensors.faults import Fault
 from tests.reliability.console_rig import BenchConsole, bench_console, patiently
-from tests.reliability.result import Figure
+from tests.reliability.result import Measurement
 
 SLOWLY = Twist(v_mps=0.3, w_radps=0.0)
 SEND_S = 0.08
@@ -28,7 +28,7 @@ WATCH_S = 0.8
 IDLE_S, LOADED_S = 0.05, 0.15
 
 
-def emergency_stops(trials: int) -> Figure:
+def emergency_stops(trials: int) -> Measurement:
     """Row 12: from the press to the first zero, with nothing else to do and with everything at once; and nothing after it."""
     waits: dict[bool, list[float]] = {False: [], True: []}
     missed = 0
@@ -46,14 +46,14 @@ def emergency_stops(trials: int) -> Figure:
             waits[loaded].append(stood_s - pressed_s)
             button.post("/api/v1/stop/reset").raise_for_status()
     p99_s = {loaded: float(np.quantile(values, 0.99)) if values else 0.0 for loaded, values in waits.items()}
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"p99 {p99_s[False] * 1000:.0f} ms idle, {p99_s[True] * 1000:.0f} ms loaded, {missed} missed",
         met=p99_s[False] <= IDLE_S and p99_s[True] <= LOADED_S and missed == 0,
     )
 
 
-def silent_hands(trials: int) -> Figure:
+def lost_teleop(trials: int) -> Measurement:
     """Row 13: from a page's last word, or the last that is not late, to standstill; closed, frozen, and held up on the way."""
     worst_s, drove = 0.0, 0
     with bench_console() as console:
@@ -67,7 +67,7 @@ def silent_hands(trials: int) -> Figure:
             worst_s = max(worst_s, stood_s - last_s + braking_s(SLOWLY, HUSKY))
             patiently(lambda: console.wheels.last == STANDSTILL)
             console.wheels.sent.clear()
-    return Figure(
+    return Measurement(
         trials=trials,
         measured=f"stood at most {worst_s:.2f} s after the page's last word, braking included; drove before in {drove}",
         met=worst_s <= 0.5 and drove == trials,

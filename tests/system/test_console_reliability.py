@@ -33,19 +33,19 @@ def test_row_12_without_the_latch_the_hand_drives_on(monkeypatch: pytest.MonkeyP
 
 
 def test_row_13_a_page_that_is_closed_frozen_or_cut_off_moves_nothing() -> None:
-    figure = hand_figures.silent_hands(3)
+    figure = hand_figures.lost_teleop(3)
     assert "drove before in 3" in figure.measured, figure.measured
     worst_s = float(figure.measured.split()[3])
     assert worst_s < hand_figures.WATCH_S, figure.measured
 
 
 def test_row_13_without_expiry_it_goes_on_moving(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.runtime.pilot.HAND_LIFE_NS", NEVER_NS)
+    monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", NEVER_NS)
     monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", NEVER_NS)
     monkeypatch.setattr(control_api.Hand, "let_go", lambda self: None)
     monkeypatch.setattr("tests.reliability.console_rig.PATIENCE_S", 2.0)
     with pytest.raises(RuntimeError, match="does not come to work"):
-        hand_figures.silent_hands(1)
+        hand_figures.lost_teleop(1)
 
 
 def test_row_16_no_update_is_lost_when_two_edit_one_zone() -> None:

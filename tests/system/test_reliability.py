@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from app.runtime import pilot
-from app.runtime.pilot import Pilot
+from app.runtime import robot_controller as pilot
+from app.runtime.robot_controller import RobotController
 from navcore import navigator
 from navcore.mission.zone import Zone
 from navcore.safety import gate as safety
@@ -90,10 +90,10 @@ def test_row_6_a_segmentation_that_fails_is_outlived() -> None:
 
 
 def test_row_6_without_the_catch_the_loop_dies(monkeypatch: pytest.MonkeyPatch) -> None:
-    def die(self: Pilot, frame: object, error: Exception) -> None:
+    def die(self: RobotController, frame: object, error: Exception) -> None:
         raise error
 
-    monkeypatch.setattr(Pilot, "note_failure", die)
+    monkeypatch.setattr(RobotController, "note_failure", die)
     assert not stop_figures.failing_segmentation(1).met
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from app.insight.event_log import Journal
-from app.insight.explanation import Case, alternative, explained
+from app.insight.explanation import ExplanationQuery, alternative, explained
 from app.insight.time_series import COLUMNS, Series
 from navcore.errors import NotKnown
 from navcore.geometry.transform import Pose2
@@ -20,7 +20,7 @@ from web.pictures import camera_jpg
 class FakeInsight:
     """Satisfies `web.insight.Insight`."""
 
-    def __init__(self, case: Callable[[], Case], place: Callable[[], Pose2]) -> None:
+    def __init__(self, case: Callable[[], ExplanationQuery], place: Callable[[], Pose2]) -> None:
         self._case, self._place = case, place
         self.log = Journal(wall_clock=lambda: 1_700_000_000.0)
         self.figures = Series()

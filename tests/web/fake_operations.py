@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.console.beware_editor import BewareDesk
+from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
 from app.console.path_preview import compared, place_on, standing_at, under
-from app.console.saved_missions import MissionShelf
-from app.console.zone_editor import ZoneBook
-from app.insight.explanation import Case
-from navcore.config.control import LocalRules
+from app.console.saved_missions import SavedMissions
+from app.console.zone_editor import ZoneEditor
+from app.insight.explanation import ExplanationQuery
+from navcore.config.control import LocalPlannerConfig
 from navcore.control.speed_limits import travel_time_s
-from navcore.costmap.cell_description import check_standable
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.cell_description import check_goal_free
+from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist, camera_mount
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
@@ -61,16 +61,16 @@ class FakeOperations:
         shelf, self.calendar_s = MemoryShelf(), 1e9
         self.goals = Goals(
             spec=SPEC,
-            shelf=MissionShelf(shelf),
+            shelf=SavedMissions(shelf),
             present=lambda: self._mission,
             change=self._change,
-            check=lambda x, y: check_standable(self._picture.grid, self._picture.blocked, (x, y), robot=self._pose),
+            check=lambda x, y: check_goal_free(self._picture.grid, self._picture.blocked, (x, y), robot=self._pose),
         )
-        self.zones = ZoneBook(
+        self.zones = ZoneEditor(
             (), spec=SPEC, shelf=shelf, bind=self._bound, calendar_s=lambda: self.calendar_s, new_id=_ids().__next__
         )
         self._beware = default_beware_list()
-        self.beware = BewareDesk(
+        self.beware = BewareEditor(
             present=lambda: self._beware, save=lambda _: None, put=self._put, finds=ColourSegmenter().finds
         )
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
@@ -211,7 +211,7 @@ class FakeOperations:
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
                 outcome, points = _planned(_inflated(grid), pose, goal)
                 length = self._length(points)
-                time_s = None if length is None else travel_time_s(points, zones, HUSKY, LocalRules())
+                time_s = None if length is None else travel_time_s(points, zones, HUSKY, LocalPlannerConfig())
                 return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
 
             return compared(self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
@@ -242,12 +242,12 @@ class FakeOperations:
 
     # ---------------------------------------------------------------------------------------------------------- inside
 
-    def _case(self) -> Case:
+    def _case(self) -> ExplanationQuery:
         with self._lock:
             if not self._mission.queue:
                 raise Refused("there is no goal, so there is no path to explain; add a goal first")
             goal = self._mission.queue[0]
-            return Case(
+            return ExplanationQuery(
                 occupancy=self._picture.occupancy,
                 beware=self._beware,
                 zones=self.zones.stored,
@@ -315,8 +315,8 @@ class FakeOperations:
             rgb=rgb,
             labels=labels,
             confidence=np.full(labels.shape, 0.9, dtype=np.float32),
-            occupancy=Occupancy.of(grid, blocked, version=counts["grid"]),
-            seen_mask=Mask.of(self._seen),
+            occupancy=Costmap.of(grid, blocked, version=counts["grid"]),
+            seen_mask=CellMask.of(self._seen),
             grid_version=counts["grid"],
             path=self._path,
             waypoints=waypoints,

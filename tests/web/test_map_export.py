@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.formats.nav2_map import Nav2Map, State, load
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import rasterise
@@ -26,7 +26,7 @@ def handed_out(folder: Path, pgm: bytes, yaml: str) -> Nav2Map:
 
 
 def with_grid(picture: Picture, grid: OccupancyGrid) -> Picture:
-    return dataclasses.replace(picture, occupancy=Occupancy.of(grid, picture.blocked, version=0))
+    return dataclasses.replace(picture, occupancy=Costmap.of(grid, picture.blocked, version=0))
 
 
 def assert_says_the_same(nav2_map: Nav2Map, picture: Picture) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from navcore.errors import BadConfiguration
 from navcore.learning.data.images import DepthArray, LabelArray, RgbArray
 from navcore.perception.esanet.network.preprocess import DepthStatistics
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 Split = Literal["train", "valid", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)
@@ -30,9 +30,9 @@ Files = tuple[str, str, str]
 class Counts:
     """Pictures per split."""
 
-    train: int = between(0, MAX_PICTURES, default=0)
-    valid: int = between(0, MAX_PICTURES, default=0)
-    test: int = between(0, MAX_PICTURES, default=0)
+    train: int = ranged(0, MAX_PICTURES, default=0)
+    valid: int = ranged(0, MAX_PICTURES, default=0)
+    test: int = ranged(0, MAX_PICTURES, default=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

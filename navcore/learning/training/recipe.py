@@ -18,7 +18,7 @@ from navcore.learning.data.card import DatasetCard
 from navcore.perception.esanet.network.model import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
 from navcore.perception.esanet.network.variants import stem_channels, variant_named
-from navcore.toml_config import between, from_table, read_toml
+from navcore.toml_config import from_table, ranged, read_toml
 
 REFERENCE_BATCH = 8
 """The learning rate is said for this many pictures and grows with the batch."""
@@ -32,13 +32,13 @@ MOMENTUM, LEAST_MOMENTUM = 0.95, 0.85
 class Augmentation:
     """How a picture is changed before the network sees it."""
 
-    scale: tuple[float, float] = between(1.0, 4.0, default=(1.0, 1.4))
+    scale: tuple[float, float] = ranged(1.0, 4.0, default=(1.0, 1.4))
     """Enlarged by a factor between these two, then cropped to the working size."""
-    hsv: tuple[float, float] = between(0.0, 4.0, default=(0.9, 1.1))
+    hsv: tuple[float, float] = ranged(0.0, 4.0, default=(0.9, 1.1))
     """Hue, saturation and value are each multiplied by a factor between these two."""
-    flip: float = between(0.0, 1.0, default=0.5)
+    flip: float = ranged(0.0, 1.0, default=0.5)
     """Share of the pictures that are mirrored."""
-    focus: float = between(0.0, 1.0, default=0.0)
+    focus: float = ranged(0.0, 1.0, default=0.0)
     """Share of the pictures that are cropped around a pixel of a random class in them, small classes first."""
 
     def __post_init__(self) -> None:
@@ -53,19 +53,19 @@ class Recipe:
 
     variant: str = "r18-nbt1d"
     """As `navcore.esanet.build` takes it."""
-    width: float = between(0.0, 2.0, default=0.5)
+    width: float = ranged(0.0, 2.0, default=0.5)
     """Channels relative to the paper's, in steps of 1/8."""
     size: Size = field(default_factory=lambda: Size(height=480, width=640))
     """What pictures are resized to; the size the network works at."""
     crop: Size | None = None
     """What a step sees of a resized picture; the whole size if not said. Smaller ones train faster."""
-    epochs: int = between(1, 100_000, default=100)
+    epochs: int = ranged(1, 100_000, default=100)
     """Times that the train split is seen."""
-    batch: int = between(2, 4096, default=8)
+    batch: int = ranged(2, 4096, default=8)
     """Pictures per step, over all processes together; batch norm needs two per process."""
-    learning_rate: float = between(1e-9, 10.0, default=0.01)
+    learning_rate: float = ranged(1e-9, 10.0, default=0.01)
     """The largest one, for 8 pictures per step; scaled with the batch."""
-    weight_decay: float = between(0.0, 1.0, default=1e-4)
+    weight_decay: float = ranged(0.0, 1.0, default=1e-4)
     """On all weights."""
     schedule: Literal["epoch", "batch"] = "epoch"
     """How often the learning rate changes. The reference does it per epoch; with few epochs `batch` is smoother."""
@@ -73,23 +73,23 @@ class Recipe:
     """Whether the momentum runs from 0.95 to 0.85 and back, else it is 0.9."""
     class_weights: Literal["median", "logarithmic", "none"] = "median"
     """How rare classes are made to count: by median frequency, by 1/ln(1.02 + share), or not at all."""
-    weight_power: float = between(0.0, 1.0, default=1.0)
+    weight_power: float = ranged(0.0, 1.0, default=1.0)
     """Power the class weights are raised to; below 1 rare classes count for less, so fewer false alarms."""
-    jaccard: float = between(0.0, 10.0, default=0.0)
+    jaccard: float = ranged(0.0, 10.0, default=0.0)
     """Weight of the soft Jaccard loss beside the cross entropies; for rare and thin classes."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Changes to the pictures."""
     he_init: bool = True
     """Whether to start from He's initialisation, else from torch's own."""
-    averaging: float = between(0.0, 0.99999, default=0.0)
+    averaging: float = ranged(0.0, 0.99999, default=0.0)
     """Decay per step of an exponential average of the weights, which is then validated and kept; 0 = off."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Of the arithmetic while training: `auto` is bfloat16 where the machine is fast at it. Weights stay float32."""
     selection: Literal["valid", "test", "last"] = "valid"
     """The split whose mIoU chooses the epoch that is kept (the reference takes `test`), or simply the last epoch."""
-    validate_every: int = between(1, 100_000, default=1)
+    validate_every: int = ranged(1, 100_000, default=1)
     """Epochs between two validations; the last epoch always has one."""
-    seed: int = between(0, 2**32 - 1, default=0)
+    seed: int = ranged(0, 2**32 - 1, default=0)
     """The same seed gives the same run on the same machine."""
 
     def __post_init__(self) -> None:

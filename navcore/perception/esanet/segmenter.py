@@ -15,7 +15,7 @@ from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.model import STRIDE
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size, check_size
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
-from navcore.perception.labels import Finder, Labels
+from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 
 OFFICIAL_SIZE = Size(height=480, width=640)
@@ -54,9 +54,9 @@ class NetworkSegmenter:
         winners, confidence = most_likely(logits[0], height=height, width=width)
         return Labels(class_ids=self._class_ids(beware)[winners], confidence=confidence)
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """Whether the network has a class for it."""
-        return Finder.NETWORK if entry.name.casefold() in self._entry_names else Finder.NOTHING
+        return LabelSource.NETWORK if entry.name.casefold() in self._entry_names else LabelSource.NOTHING
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
         """(C,) class id of the beware list by output of the network; of two entries of one name the first wins."""

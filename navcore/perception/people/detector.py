@@ -80,7 +80,7 @@ class Cluster:
     """Whether it reaches the border of the picture, so that a part of it may be beyond."""
 
 
-class Ground:
+class PersonDetector:
     """Remembers, cell by cell about the camera, when floor was seen and since when something has been there."""
 
     def __init__(self) -> None:
@@ -118,7 +118,7 @@ class Ground:
         slots = cells[:, 0] % SIDE, cells[:, 1] % SIDE
         self._held_s[slots] = np.where(np.isinf(self._held_s[slots]), np.inf, now_s)
 
-    def newly_held(self, cells: Cells, now_s: float) -> Cells:
+    def newly_occupied(self, cells: Cells, now_s: float) -> Cells:
         """(N, 2) those of the cells (K, 2) that hold something, and have not for long."""
         since_s = now_s - self._held_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE]
         return cells[(since_s >= 0) & (since_s < FIXED_S)]
@@ -129,7 +129,7 @@ class Ground:
         wide = np.unique((cells[:, None] + beside[None]).reshape(-1, 2), axis=0)
         return np.asarray(wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S])
 
-    def is_bare(self, places: Floats) -> npt.NDArray[np.bool_]:
+    def is_free_floor(self, places: Floats) -> npt.NDArray[np.bool_]:
         """(N,) at which of (N, 2) places of the map frame the newest frame shows floor amid floor, and nothing above it.
 
         They lie no farther from the camera than the grid reaches.

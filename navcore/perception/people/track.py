@@ -84,13 +84,13 @@ class Track:
 
 
 @dataclass(slots=True)
-class Followed:
+class KalmanTrack:
     """A Kalman filter at constant velocity, the same along x and y, and what is known of whom it follows."""
 
     id: int
     first: Cluster
     now_ns: int
-    heedless: bool = False
+    non_cooperative: bool = False
     """Whether whatever moves is taken for somebody who walks, without asking whether it came where floor was seen."""
     x_m: float = 0.0
     y_m: float = 0.0
@@ -207,7 +207,7 @@ class Followed:
             return speed > WALKS_MPS and (speed > 2 * math.sqrt(self.P[1, 1]) or came_m > MOVED_M)
         came_m = math.hypot(out_x, out_y)
         along = out_x * self.vx_mps + out_y * self.vy_mps > 0.7 * came_m * speed
-        came = self.fresh > FRESH or self.heedless
+        came = self.fresh > FRESH or self.non_cooperative
         return came and along and speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first))
 
 

@@ -16,8 +16,8 @@ from navcore.mission.beware_list import PERSON, BewareList
 from navcore.perception.colour_segmenter import PERSON_SURE
 from navcore.perception.ground import Image
 from navcore.perception.labels import Labels
-from navcore.perception.people.detector import CELL_M, Cells, Cluster, Ground, cells_within, looks_at
-from navcore.perception.people.track import Followed, Track
+from navcore.perception.people.detector import CELL_M, Cells, Cluster, PersonDetector, cells_within, looks_at
+from navcore.perception.people.track import KalmanTrack, Track
 from navcore.robot.frame import Frame
 
 GATE_M = 0.45
@@ -35,17 +35,17 @@ LONGEST_GAP_S = 2.0
 class PeopleTracker:
     """All that is followed: everything of a person's size; `follow` returns what of it is a person."""
 
-    def __init__(self, *, heedless: bool = False) -> None:
-        """`heedless`: as in `PeopleRules`; better take something for a walker that is none than notice one late."""
-        self._heedless = heedless
-        self._ground, self._followed, self._next_id = Ground(), list[Followed](), 1
+    def __init__(self, *, non_cooperative: bool = False) -> None:
+        """`non_cooperative`: as in `PeopleConfig`; better take something for a walker that is none than notice one late."""
+        self._heedless = non_cooperative
+        self._ground, self._followed, self._next_id = PersonDetector(), list[KalmanTrack](), 1
         self._now_ns, self._trail = 0, list[Cells]()
 
     def follow(self, frame: Frame, labels: Labels, beware: BewareList, ground_m: Image | None = None) -> tuple[Track, ...]:
         """Everybody, after one more frame; somebody out of sight where he should be by now. `ground_m`: see `terrain.py`."""
         now_s, step_s = frame.stamp_ns / 1e9, (frame.stamp_ns - self._now_ns) / 1e9
         if not 0 <= step_s <= LONGEST_GAP_S:
-            self._ground, self._followed = Ground(), []
+            self._ground, self._followed = PersonDetector(), []
         before_ns, self._now_ns, self._trail = self._now_ns, frame.stamp_ns, []
         clusters = self._ground.look(frame, _named(labels, beware), ground_m)
         for followed in self._followed:
@@ -61,7 +61,7 @@ class PeopleTracker:
                 one.on_map = []
                 if frame.stamp_ns - one.seen_ns < UNSEEN_S * 1e9:
                     # A leg at the border of the picture is too little to be told for him, and yet on the map.
-                    self._trail.append(self._ground.newly_held(cells_within(one.x_m, one.y_m, one.radius_m), now_s))
+                    self._trail.append(self._ground.newly_occupied(cells_within(one.x_m, one.y_m, one.radius_m), now_s))
         return tuple(one.track(frame.stamp_ns) for one in self._followed if one.is_person)
 
     def trail(self, spec: GridSpec) -> npt.NDArray[np.int64]:
@@ -77,9 +77,9 @@ class PeopleTracker:
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
         return np.unique((rows * spec.cols + cols)[inside])
 
-    def is_bare(self, places: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    def is_free_floor(self, places: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """(N,) at which of (N, 2) places of the map frame nobody stands: the newest frame shows their floor."""
-        return self._ground.is_bare(places)
+        return self._ground.is_free_floor(places)
 
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
         """Each cluster to the nearest that is followed, known people first; what is left over is followed from now on."""
@@ -95,10 +95,12 @@ class PeopleTracker:
                 taken.add(index)
         for index, cluster in enumerate(clusters):
             if index not in taken:
-                self._followed.append(Followed(id=self._next_id, first=cluster, now_ns=now_ns, heedless=self._heedless))
+                self._followed.append(
+                    KalmanTrack(id=self._next_id, first=cluster, now_ns=now_ns, non_cooperative=self._heedless)
+                )
                 self._next_id += 1
 
-    def _is_back(self, lost: Followed) -> bool:
+    def _is_back(self, lost: KalmanTrack) -> bool:
         """Whether somebody who was lost from sight has come back into it as another."""
         x_m, y_m = lost.lost_at(self._now_ns)
         for one in self._followed:
@@ -108,7 +110,7 @@ class PeopleTracker:
                 return True
         return False
 
-    def _is_lost(self, one: Followed, frame: Frame) -> bool:
+    def _is_lost(self, one: KalmanTrack, frame: Frame) -> bool:
         unseen_s = (frame.stamp_ns - one.seen_ns) / 1e9
         if not one.is_person:
             return unseen_s >= GONE_S
@@ -125,6 +127,6 @@ def _named(labels: Labels, beware: BewareList) -> npt.NDArray[np.bool_]:
     """(H, W) pixels that are surely a person's, whether the list is on about people or not: nobody is driven into unseen."""
     for entry in beware.classes:
         if entry.name == PERSON:
-            claims = [(one.class_ids == entry.class_id) & (one.confidence >= PERSON_SURE) for one in labels.claimed]
+            claims = [(one.class_ids == entry.class_id) & (one.confidence >= PERSON_SURE) for one in labels.all_hypotheses]
             return np.asarray(np.logical_or.reduce(claims))
     return np.zeros(labels.class_ids.shape, dtype=np.bool_)

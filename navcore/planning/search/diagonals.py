@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.compiled import inlined, lean
-from navcore.grid.bitplane import ALL, ONE, Planes, highest, lowest, mirrored, ones
-from navcore.grid.free_space import PATIENCE, SQUARE, VAIN_AHEAD, VAIN_BACK, bit_of, look_along
+from navcore.grid.bitplane import ALL, ONE, BitPlanes, highest, lowest, mirrored, ones
+from navcore.grid.free_space import DEAD_END_AHEAD, PATIENCE, SQUARE, VAIN_BACK, bit_of, look_along
 
 OWNER = 0
 TRIED = np.uint64(6)
@@ -26,23 +26,23 @@ FEW = 8
 
 
 @lean
-def settle(across: Planes, along: Planes) -> None:
+def settle(across: BitPlanes, along: BitPlanes) -> None:
     """Before a search: have no diagonal surveyed if the bits of too many cells do not count any more."""
     lost = 0
     for word in range(across.shape[2]):
-        lost += ones(across[VAIN_AHEAD, 0, word])
+        lost += ones(across[DEAD_END_AHEAD, 0, word])
     for word in range(along.shape[2]):
-        lost += ones(along[VAIN_AHEAD, 0, word])
+        lost += ones(along[DEAD_END_AHEAD, 0, word])
     if lost * FEW > across.shape[1] + along.shape[1]:
         for word in range(across.shape[2]):
-            across[VAIN_AHEAD, 0, word] = 0
+            across[DEAD_END_AHEAD, 0, word] = 0
         for word in range(along.shape[2]):
-            along[VAIN_AHEAD, 0, word] = 0
+            along[DEAD_END_AHEAD, 0, word] = 0
         across[VAIN_BACK, 0, OWNER] += ONE
 
 
 @inlined
-def slot_of(across: Planes, sloping: Planes, rising: int, line: int) -> int:
+def slot_of(across: BitPlanes, sloping: BitPlanes, rising: int, line: int) -> int:
     """Where a diagonal's words are; those of another that were there are cleared."""
     slot: int = line & (sloping.shape[1] - 1)
     owner = across[VAIN_BACK, 0, OWNER] << np.uint64(32) | np.uint64(line)
@@ -52,7 +52,7 @@ def slot_of(across: Planes, sloping: Planes, rising: int, line: int) -> int:
 
 
 @lean
-def clear(sloping: Planes, rising: int, slot: int, owner: np.uint64) -> None:
+def clear(sloping: BitPlanes, rising: int, slot: int, owner: np.uint64) -> None:
     """Give the words of a slot to another diagonal."""
     for plane in range(2 * rising, 2 * rising + 2):
         for word in range(sloping.shape[2]):
@@ -61,19 +61,21 @@ def clear(sloping: Planes, rising: int, slot: int, owner: np.uint64) -> None:
 
 
 @inlined
-def doubtful(across: Planes, along: Planes, rising: int, line: int, word: int) -> np.uint64:
+def doubtful(across: BitPlanes, along: BitPlanes, rising: int, line: int, word: int) -> np.uint64:
     """The cells of a diagonal's word whose row or column has been forgotten since all diagonals were last surveyed anew."""
     col = line - 64 * word - 63 if rising else line - across.shape[1] + 64 * word
     at, shift = np.uint64(col >> 6), np.uint64(col & 63)
-    cols = across[VAIN_AHEAD, 0, at] >> shift | across[VAIN_AHEAD, 0, at + ONE] << ONE << (np.uint64(63) - shift)
+    cols = across[DEAD_END_AHEAD, 0, at] >> shift | across[DEAD_END_AHEAD, 0, at + ONE] << ONE << (np.uint64(63) - shift)
     if rising:
         cols = mirrored(cols)
-    lost: np.uint64 = along[VAIN_AHEAD, 0, np.uint64(word)] | cols
+    lost: np.uint64 = along[DEAD_END_AHEAD, 0, np.uint64(word)] | cols
     return lost
 
 
 @lean
-def passable(across: Planes, along: Planes, sloping: Planes, row: int, col: int, west: int, north: int, most: int) -> int:
+def passable(
+    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, row: int, col: int, west: int, north: int, most: int
+) -> int:
     """Steps, at most so many, from a cell from which one can step on diagonally to the next that has to be looked at."""
     rising = west ^ north
     line = row + col if rising else col - row + across.shape[1]
@@ -102,7 +104,9 @@ def passable(across: Planes, along: Planes, sloping: Planes, row: int, col: int,
 
 
 @lean
-def survey(across: Planes, along: Planes, sloping: Planes, row: int, col: int, west: int, north: int, goal: int) -> None:
+def survey(
+    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, row: int, col: int, west: int, north: int, goal: int
+) -> None:
     """A walk was held up at a cell for nothing: once that has happened often enough, survey the diagonal's word there.
 
     The goal's row and column stop at a goal of today (`navcore.search.jump_points.mark_goal`) and are left as they are.
@@ -128,12 +132,12 @@ def survey(across: Planes, along: Planes, sloping: Planes, row: int, col: int, w
         open_south, open_north = bit_of(across, SQUARE, row, col - rising), bit_of(across, SQUARE, row - 1, col - 1 + rising)
         if open_south | open_north == 0:
             continue
-        if row != goal >> 16 and across[VAIN_AHEAD, row, 0] < PATIENCE:
+        if row != goal >> 16 and across[DEAD_END_AHEAD, row, 0] < PATIENCE:
             look_along(across, row)
-        if col != goal & 0xFFFF and along[VAIN_AHEAD, col, 0] < PATIENCE:
+        if col != goal & 0xFFFF and along[DEAD_END_AHEAD, col, 0] < PATIENCE:
             look_along(along, col)
-        east, beyond = bit_of(across, VAIN_AHEAD, row, col), bit_of(across, VAIN_BACK, row, col)
-        open_south &= bit_of(along, VAIN_AHEAD, col, row) & (beyond if rising else east)
+        east, beyond = bit_of(across, DEAD_END_AHEAD, row, col), bit_of(across, VAIN_BACK, row, col)
+        open_south &= bit_of(along, DEAD_END_AHEAD, col, row) & (beyond if rising else east)
         open_north &= bit_of(along, VAIN_BACK, col, row) & (east if rising else beyond)
         passed_south |= open_south << np.uint64(bit)
         passed_north |= open_north << np.uint64(bit)

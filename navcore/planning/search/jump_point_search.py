@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
-from navcore.grid.bitplane import ONE, PAD, Planes, highest, lowest
-from navcore.grid.free_space import AHEAD, BACK, FREE, PATIENCE, SQUARE, VAIN_AHEAD, FreeSpace, bit_of, look_along
+from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
+from navcore.grid.free_space import AHEAD, BACK, DEAD_END_AHEAD, FREE, PATIENCE, SQUARE, FreeSpace, bit_of, look_along
 from navcore.grid.grid import Cell
 from navcore.planning.search.diagonals import passable, settle, survey
 from navcore.planning.search.open_list import (
@@ -44,8 +44,8 @@ from navcore.planning.search.open_list import (
     UNIT,
     WAITING,
     WALKS,
-    Arena,
     Memory,
+    SearchWorkspace,
     begin,
     claim,
     octile,
@@ -53,7 +53,7 @@ from navcore.planning.search.open_list import (
     row_of,
     want,
 )
-from navcore.planning.search.path_reconstruction import fewest_turns, lay
+from navcore.planning.search.path_reconstruction import expand_leg, fewest_turns
 
 EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (1 << bit for bit in range(8))
 ANYWHERE = 255
@@ -67,7 +67,9 @@ ON_FOOT, FARTHER = 2, 32
 """Steps of a diagonal taken cell by cell: at first, since there are seldom more among many obstacles; where not surveyed."""
 
 
-def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -> tuple[int, npt.NDArray[np.int64], int]:
+def find(
+    space: FreeSpace, arena: SearchWorkspace, start: Cell, goal: Cell, budget: int
+) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
 
     There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
@@ -82,9 +84,9 @@ def find(space: FreeSpace, arena: Arena, start: Cell, goal: Cell, budget: int) -
 
 @compiled
 def search(
-    across: Planes,
-    along: Planes,
-    sloping: Planes,
+    across: BitPlanes,
+    along: BitPlanes,
+    sloping: BitPlanes,
     memory: Memory,
     start_row: int,
     start_col: int,
@@ -120,7 +122,7 @@ def search(
 
 
 @inlined
-def number_of(across: Planes, memory: Memory, row: int, col: int) -> int:
+def number_of(across: BitPlanes, memory: Memory, row: int, col: int) -> int:
     """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it is blocked, -1 if outside."""
     if not (0 <= row < memory[ROWS] and 0 <= col < memory[COLS]):
         return -1
@@ -128,7 +130,7 @@ def number_of(across: Planes, memory: Memory, row: int, col: int) -> int:
 
 
 @compiled
-def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+def mark_goal(across: BitPlanes, along: BitPlanes, goal: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Make every straight walk stop at the goal; returns what the words were."""
     row, col = goal >> 16, goal & 0xFFFF
     saved = (
@@ -144,7 +146,9 @@ def mark_goal(across: Planes, along: Planes, goal: int) -> tuple[np.uint64, np.u
 
 
 @compiled
-def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]) -> None:
+def unmark_goal(
+    across: BitPlanes, along: BitPlanes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+) -> None:
     """Undo `mark_goal`."""
     row, col = goal >> 16, goal & 0xFFFF
     across[AHEAD, row, col >> 6], across[BACK, row, col >> 6] = saved[0], saved[1]
@@ -152,7 +156,7 @@ def unmark_goal(across: Planes, along: Planes, goal: int, saved: tuple[np.uint64
 
 
 @lean
-def run(across: Planes, along: Planes, sloping: Planes, memory: Memory, budget: int) -> int:
+def run(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, budget: int) -> int:
     """Open bucket after bucket until none can hold a shorter path, or none is known to exist."""
     while memory[WAITING] > 0:
         at = pop(memory)
@@ -172,7 +176,7 @@ def run(across: Planes, along: Planes, sloping: Planes, memory: Memory, budget: 
 
 
 @inlined
-def open_cell(across: Planes, along: Planes, sloping: Planes, memory: Memory, at: int, todo: int) -> int:
+def open_cell(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, at: int, todo: int) -> int:
     """Walk from a cell in the directions asked for; returns how many straight walks and diagonal steps that took."""
     cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
     row, col = cell >> 16, cell & 0xFFFF
@@ -193,7 +197,7 @@ def open_cell(across: Planes, along: Planes, sloping: Planes, memory: Memory, at
 
 
 @inlined
-def stop_ahead(planes: Planes, line: int, at: int) -> int:
+def stop_ahead(planes: BitPlanes, line: int, at: int) -> int:
     """The first cell behind `at` on a line where a walk towards higher cells stops."""
     word = np.uint64(at >> 6)
     bits = planes[AHEAD, np.uint64(line), word] & (np.uint64(0xFFFFFFFFFFFFFFFE) << np.uint64(at & 63))
@@ -204,7 +208,7 @@ def stop_ahead(planes: Planes, line: int, at: int) -> int:
 
 
 @inlined
-def stop_back(planes: Planes, line: int, at: int) -> int:
+def stop_back(planes: BitPlanes, line: int, at: int) -> int:
     """The same towards lower cells."""
     word = np.uint64(at >> 6)
     bits = planes[BACK, np.uint64(line), word] & ((ONE << np.uint64(at & 63)) - ONE)
@@ -216,7 +220,7 @@ def stop_back(planes: Planes, line: int, at: int) -> int:
 
 @inlined
 def walk_row(
-    across: Planes,
+    across: BitPlanes,
     memory: Memory,
     row: int,
     col: int,
@@ -242,7 +246,7 @@ def walk_row(
 
 @inlined
 def walk_col(
-    along: Planes,
+    along: BitPlanes,
     memory: Memory,
     row: int,
     col: int,
@@ -268,9 +272,9 @@ def walk_col(
 
 @inlined
 def walk_diagonal(
-    across: Planes,
-    along: Planes,
-    sloping: Planes,
+    across: BitPlanes,
+    along: BitPlanes,
+    sloping: BitPlanes,
     memory: Memory,
     row: int,
     col: int,
@@ -301,8 +305,8 @@ def walk_diagonal(
         if row == goal_row and col == goal_col:
             claim(memory, row << 16 | col, parent, length)
             return count
-        vain_row = row != goal_row and is_vain(across, VAIN_AHEAD + west, row, col)
-        vain_col = col != goal_col and is_vain(along, VAIN_AHEAD + north, col, row)
+        vain_row = row != goal_row and is_vain(across, DEAD_END_AHEAD + west, row, col)
+        vain_col = col != goal_col and is_vain(along, DEAD_END_AHEAD + north, col, row)
         if not vain_row:
             walk_row(across, memory, row, col, west, parent, length)
         if not vain_col:
@@ -315,10 +319,10 @@ def walk_diagonal(
 
 
 @inlined
-def slide(across: Planes, along: Planes, row: int, col: int, west: int, north: int, most: int) -> int:
+def slide(across: BitPlanes, along: BitPlanes, row: int, col: int, west: int, north: int, most: int) -> int:
     """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or where the way ends."""
     step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
-    plane_row, plane_col = np.uint64(VAIN_AHEAD + west), np.uint64(VAIN_AHEAD + north)
+    plane_row, plane_col = np.uint64(DEAD_END_AHEAD + west), np.uint64(DEAD_END_AHEAD + north)
     line, at, steps = np.uint64(row), np.uint64(col), 0
     up, left = np.uint64(north), np.uint64(west)
     low, shift = np.uint64(63), np.uint64(6)
@@ -341,11 +345,11 @@ def steps_until(at: int, goal: int, step: int) -> int:
 
 
 @inlined
-def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
+def is_vain(planes: BitPlanes, plane: int, line: int, at: int) -> bool:
     """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
-    asked = planes[VAIN_AHEAD, line, 0]
+    asked = planes[DEAD_END_AHEAD, line, 0]
     if asked < PATIENCE:
-        planes[VAIN_AHEAD, line, 0] = asked + ONE
+        planes[DEAD_END_AHEAD, line, 0] = asked + ONE
         if asked + ONE < PATIENCE:
             return False
         look_along(planes, line)
@@ -353,7 +357,7 @@ def is_vain(planes: Planes, plane: int, line: int, at: int) -> bool:
 
 
 @compiled
-def trace(across: Planes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
+def trace(across: BitPlanes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
     """(N, 2) every cell from start to goal, with as few turns as the jump points allow."""
     corners = np.empty(memory[REACHED] + 1, dtype=np.int64)
     corners[-1] = goal
@@ -370,5 +374,5 @@ def trace(across: Planes, memory: Memory, start: int, goal: int) -> npt.NDArray[
     cells[0, 0], cells[0, 1] = (start >> 16) - PAD, (start & 0xFFFF) - PAD
     at = 0
     for leg in range(len(corners) - 1):
-        at = lay(cells, at, corners[leg + 1], straight_first[leg])
+        at = expand_leg(cells, at, corners[leg + 1], straight_first[leg])
     return cells

@@ -40,7 +40,7 @@ FINE = 4
 """Buckets to a cell of length: 2^4."""
 
 
-class Arena:
+class SearchWorkspace:
     """The memory of a search, kept from one to the next; it grows when a search needs more."""
 
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:

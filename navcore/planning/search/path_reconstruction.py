@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
-from navcore.grid.bitplane import PAD, Planes
+from navcore.grid.bitplane import PAD, BitPlanes
 from navcore.grid.free_space import FREE, SQUARE, bit_of
 
 
 @compiled
-def lay(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool) -> int:
+def expand_leg(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool) -> int:
     """Write the cells of one leg, diagonal and straight part in the order asked for; returns where its last cell is."""
     rows, cols = (corner >> 16) - PAD - cells[at, 0], (corner & 0xFFFF) - PAD - cells[at, 1]
     diagonal = min(abs(rows), abs(cols))
@@ -44,7 +44,7 @@ def sign(number: int) -> int:
 
 
 @compiled
-def fewest_turns(across: Planes, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def fewest_turns(across: BitPlanes, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """For each leg between two jump points whether to walk its straight part first; equally long, if it is free.
 
     The search knows each leg diagonally first. Which order turns less depends on the legs before and after, so the fewest turns
@@ -85,7 +85,7 @@ def headings(here: int, there: int) -> tuple[int, int]:
 
 
 @lean
-def is_clear(across: Planes, here: int, there: int) -> bool:
+def is_clear(across: BitPlanes, here: int, there: int) -> bool:
     """Whether one can walk from one cell to another, first straight and then diagonally."""
     row, col = here >> 16, here & 0xFFFF
     rows, cols = (there >> 16) - row, (there & 0xFFFF) - col

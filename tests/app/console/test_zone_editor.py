@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.console.path_preview import compared
-from app.console.zone_editor import ZoneBook
+from app.console.zone_editor import ZoneEditor
 from app.storage import Store
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.grid.grid import GridSpec, OccupancyGrid, inflate_layers
@@ -36,7 +36,7 @@ class Desk:
         self.now_s = 1e9
         self.store = Store(folder)
         self.bound: tuple[Zone, ...] = self.store.zones()
-        self.book = ZoneBook(self.bound, spec=SPEC, shelf=self.store, bind=self.bind, calendar_s=lambda: self.now_s)
+        self.book = ZoneEditor(self.bound, spec=SPEC, shelf=self.store, bind=self.bind, calendar_s=lambda: self.now_s)
 
     def bind(self, zones: tuple[Zone, ...]) -> None:
         self.bound = zones

@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from app.episode.informed_baseline import Eyes, TrueGrids, ideal_way_m
+from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_way_m
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
-CAMERA = Eyes(ahead_m=0.3, angle_rad=math.radians(87), range_m=4.0)
-ALL_ROUND = Eyes(ahead_m=0.0, angle_rad=2 * math.pi, range_m=40.0)
+CAMERA = SensorModel(ahead_m=0.3, angle_rad=math.radians(87), range_m=4.0)
+ALL_ROUND = SensorModel(ahead_m=0.0, angle_rad=2 * math.pi, range_m=40.0)
 EAST = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
 GOAL = (6.0, 0.0)
 INFLATION_M = 0.4
@@ -29,7 +29,7 @@ POCKET = cells((2.0, -5.0, 2.2, 5.0), (-2.0, 5.0, 2.2, 5.2), (-2.0, -5.2, 2.2, -
 
 
 def way_m(
-    *, tall: BoolGrid | None = None, low: BoolGrid | None = None, known: BoolGrid | None = None, eyes: Eyes = CAMERA
+    *, tall: BoolGrid | None = None, low: BoolGrid | None = None, known: BoolGrid | None = None, eyes: SensorModel = CAMERA
 ) -> float | None:
     nothing = cells()
     grids = TrueGrids(

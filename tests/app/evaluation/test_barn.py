@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from app.evaluation.barn import Judge, drive_world, evaluate_barn, verdict
+from app.evaluation.barn import ChallengeRules, drive_world, evaluate_barn, verdict
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Twist
@@ -60,7 +60,7 @@ def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_cam
 def judged(tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, **meta: object) -> dict[str, Any]:
     """Drive straight on, blindly, from the start."""
     (barn,) = load_worlds(a_file(tmp_path, world, **meta), scale=1.0)
-    judge, robot = Judge(barn), load_profile("jackal")
+    judge, robot = ChallengeRules(barn), load_profile("jackal")
     with Simulator(
         barn.scenario, seed=0, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001, robot=robot
     ) as simulator:

@@ -17,7 +17,7 @@ import pytest
 from app.episode.ablation import pursue
 from app.evaluation.campaign import Campaign
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Outcome
+from navcore.control.motion import ControllerState
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.planning.path import NoPath, Reason
@@ -92,9 +92,9 @@ def route(*points: tuple[float, float]) -> Route:
 def test_a_path_is_pursued_ahead_turned_to_behind_and_ended_at_its_goal() -> None:
     here, config = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), NavigatorConfig()
     straight = pursue(route(*((0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
-    assert straight.outcome is Outcome.FOLLOW and straight.twist.v_mps > 0.5 and abs(straight.twist.w_radps) < 1e-9
+    assert straight.outcome is ControllerState.FOLLOW and straight.twist.v_mps > 0.5 and abs(straight.twist.w_radps) < 1e-9
     left = pursue(route(*((0.05 * i, 0.03 * i) for i in range(100))), here, HUSKY, config)
     assert left.twist.w_radps > 0.1
     behind = pursue(route(*((-0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
-    assert behind.outcome is Outcome.TURN and behind.twist.v_mps == 0.0
-    assert pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome is Outcome.ARRIVED
+    assert behind.outcome is ControllerState.TURN and behind.twist.v_mps == 0.0
+    assert pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome is ControllerState.ARRIVED

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.insight.detections import Sighted, packed
+from app.insight.detections import DetectionGallery, packed
 from app.insight.labelling import LabellingFolder, region_in
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.geometry.camera import Intrinsics
@@ -55,7 +55,7 @@ def labels(frame: Frame, x_m: float, y_m: float, *, class_id: int = CUP, sure: f
 
 
 def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() -> None:
-    sighted, new = Sighted(), []
+    sighted, new = DetectionGallery(), []
     for step, (x_m, yaw) in enumerate([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1), (0.4, 0.0)]):
         frame = picture(x_m, yaw)
         new += sighted.look(float(step), frame, labels(frame, 1.5, 0.2), BEWARE)
@@ -71,7 +71,7 @@ def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() ->
 
 
 def test_people_and_what_is_not_sure_enough_are_no_sightings() -> None:
-    sighted, frame = Sighted(), picture()
+    sighted, frame = DetectionGallery(), picture()
     assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
     assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
 

@@ -9,18 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.insight.event_detector import Chronicle
+from app.insight.event_detector import EventDetector
 from app.insight.event_log import Journal
-from app.runtime.pilot import Intent
+from app.runtime.robot_controller import OperatorState
 from navcore.control.motion import IDLE
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone, rasterise
-from navcore.navigator import Decision
+from navcore.navigator import TickResult
 from navcore.perception.labels import Labels
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
@@ -40,12 +40,12 @@ def box(left: float, right: float, low: float, high: float) -> BoolGrid:
     return rasterise(((left, low), (right, low), (right, high), (left, high)), SPEC)
 
 
-def intent(*, zones: tuple[Zone, ...] = (), beware: BewareList = BEWARE, driving: bool = True) -> Intent:
+def intent(*, zones: tuple[Zone, ...] = (), beware: BewareList = BEWARE, driving: bool = True) -> OperatorState:
     mission = Mission().add(*GOAL, SPEC)
-    return Intent(mission=mission.start() if driving else mission, beware=beware, zones=zones)
+    return OperatorState(mission=mission.start() if driving else mission, beware=beware, zones=zones)
 
 
-def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone, ...] = ()) -> Decision:
+def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone, ...] = ()) -> TickResult:
     """What a tick makes of a map."""
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     drawn = np.logical_or.reduce([nothing, *(rasterise(zone.polygon, SPEC) for zone in zones)])
@@ -63,10 +63,10 @@ def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone
         pose=Pose2(x_m=HERE[0], y_m=HERE[1], yaw_rad=0.0),
         twist=STANDSTILL,
     )
-    return Decision(
+    return TickResult(
         frame=frame,
         labels=Labels(class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)),
-        occupancy=Occupancy.of(grid, blocked, version=1),
+        occupancy=Costmap.of(grid, blocked, version=1),
         route=Route(outcome=outcome, points=points, waypoints=points, track=points),
         motion=IDLE,
     )
@@ -88,9 +88,9 @@ def written(journal: Journal) -> list[tuple[str, str]]:
         (decision(box(-0.5, 0.5, -3.0, 3.0)), "There is no path"),
     ],
 )
-def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(after: Decision, said: str) -> None:
+def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(after: TickResult, said: str) -> None:
     journal, will = Journal(), intent()
-    chronicle = Chronicle(journal, will)
+    chronicle = EventDetector(journal, will)
     chronicle.look(0.0, will, decision(EMPTY), HERE)
     chronicle.look(5.0, will, after, HERE)
     assert [kind for kind, _ in written(journal)] == ["replanned", "replanned"]
@@ -101,7 +101,7 @@ def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(after
 
 def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
     journal, will = Journal(), intent()
-    chronicle = Chronicle(journal, will)
+    chronicle = EventDetector(journal, will)
     wall = box(-0.5, 0.5, -1.0, 1.0)
     for second in range(4):
         chronicle.look(2.0 * second, will, decision(wall), HERE)
@@ -113,8 +113,8 @@ def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
 def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
     journal = Journal()
     before = intent(driving=False)
-    chronicle = Chronicle(journal, before)
-    edits: list[Intent] = [dataclasses.replace(before, zones=(ZONE,))]
+    chronicle = EventDetector(journal, before)
+    edits: list[OperatorState] = [dataclasses.replace(before, zones=(ZONE,))]
     edits.append(dataclasses.replace(edits[-1], zones=(dataclasses.replace(ZONE, enabled=False),)))
     edits.append(dataclasses.replace(edits[-1], zones=()))
     edits.append(dataclasses.replace(edits[-1], beware=BEWARE.edited("cup", enabled=False)))
@@ -130,10 +130,10 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
 
 def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
     journal = Journal()
-    chronicle = Chronicle(journal, intent())
+    chronicle = EventDetector(journal, intent())
     yielding = (StopReason(cause=Cause.YIELDING, text="Somebody is in the way."),)
     for tenth in range(10):
-        chronicle.hear(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
+        chronicle.on_gate(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
     chronicle.look(3.0, intent(), None, HERE)
     assert [kind for kind, _ in written(journal)] == ["stopped", "released"]
     assert "yielding lasted 0.9 s" in written(journal)[1][1]

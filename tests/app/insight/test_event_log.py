@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 from app.insight.event_log import Journal
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.pilot import Pilot
 from app.runtime.recorder import Recorder
+from app.runtime.robot_controller import RobotController
 from app.storage import Store
 from app.storage.database import Database
 from app.storage.events import DecisionTable
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import StorageFailed
 from navcore.geometry.transform import STANDSTILL
-from navcore.safety.gate import Cause, StopReason, Verdict
+from navcore.safety.gate import Cause, GateDecision, StopReason
 from tests.navcore.scene import picture
 from tests.reliability.drills import standing_pilot
 from web.insight import Entry, Kind
@@ -55,7 +55,7 @@ def test_a_restart_goes_on_counting_and_tells_what_is_from_earlier(tmp_path: Pat
     store.close()
 
 
-def insight_of(store: Store, folder: Path, pilot: Pilot | None = None) -> LiveInsight:
+def insight_of(store: Store, folder: Path, pilot: RobotController | None = None) -> LiveInsight:
     pilot = pilot or standing_pilot()
     return LiveInsight(
         pilot=pilot,
@@ -72,7 +72,7 @@ def test_what_the_console_has_said_by_its_end_is_said_by_the_next(tmp_path: Path
     store = Store(tmp_path / "data")
     insight = insight_of(store, tmp_path)
     insight.start()
-    insight.note_verdict(Verdict(twist=STANDSTILL, reasons=(StopReason(cause=Cause.PAUSED, text="Paused."),)))
+    insight.note_verdict(GateDecision(twist=STANDSTILL, reasons=(StopReason(cause=Cause.PAUSED, text="Paused."),)))
     while not insight.journal(kinds=(), since=0, limit=1).entries:
         time.sleep(0.01)
     insight.stop()
@@ -183,7 +183,7 @@ def test_a_disk_that_hangs_holds_up_nobody_who_notes_or_reads() -> None:
     assert [entry.id for entry in disk.entries] == [8, 9, 10]
 
 
-def driven(pilot: Pilot, recorder: Recorder, *, from_s: float, to_s: float) -> None:
+def driven(pilot: RobotController, recorder: Recorder, *, from_s: float, to_s: float) -> None:
     """Ticks of a standing robot, one a second, as the recorder hears of them."""
     for second in range(int(from_s), int(to_s)):
         frame = picture(stamp_ns=(second + 1) * 1_000_000_000)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.storage import Store
-from navcore.behaviours.lane_keep_out import Lanes
+from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.app.insight.test_event_log import insight_of
 from tests.reliability.drills import first_picture, standing_pilot
@@ -19,7 +19,7 @@ def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(
     pilot.change_mission(lambda mission: mission.add(x + 5.0, y, pilot.navigator.map.spec).start())
     across = ((x + 2.0, y - 0.5), (x + 2.4, y - 0.5), (x + 2.4, y + 0.5), (x + 2.0, y + 0.5))
     lane = Zone(id="lane 0", name="where somebody walks to and fro", polygon=across, colour=OWN_COLOUR)
-    pilot.navigator._lanes = Lanes(zones=(lane,))
+    pilot.navigator._lanes = LaneKeepOut(zones=(lane,))
     decision = pilot.think(frame, clock=lambda: frame.stamp_ns)
     assert decision is not None and decision.closed == (lane,)
     insight.note_decision(decision)

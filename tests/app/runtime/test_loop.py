@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.runtime.loop import Loop
-from app.runtime.pilot import Intent, Pilot
+from app.runtime.loop import ControlLoop
+from app.runtime.robot_controller import OperatorState, RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
@@ -25,7 +25,7 @@ from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety import gate as safety
-from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, GateDecision
 from navcore.warmup import warm_up
 from tests.navcore.scene import Box, picture
 
@@ -98,9 +98,9 @@ class Bench:
 @dataclass
 class Rig:
     robot: Bench
-    pilot: Pilot
+    pilot: RobotController
     segmenter: HangingSegmenter
-    verdicts: list[Verdict]
+    verdicts: list[GateDecision]
 
     def reasons(self) -> set[Cause]:
         return {reason.cause for reason in self.verdicts[-1].reasons}
@@ -110,11 +110,13 @@ class Rig:
 def rig() -> Iterator[Rig]:
     """A loop that drives towards a goal ahead."""
     warm_up()
-    segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[Verdict]()
+    segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[GateDecision]()
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     mission = Mission().add(2.5, 0.0, SPEC).start()
-    pilot = Pilot(navigator=navigator, profile=HUSKY, intent=Intent(mission=mission, beware=default_beware_list()))
-    loop = Loop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
+    pilot = RobotController(
+        navigator=navigator, profile=HUSKY, intent=OperatorState(mission=mission, beware=default_beware_list())
+    )
+    loop = ControlLoop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
     loop.start()
     yield Rig(robot=robot, pilot=pilot, segmenter=segmenter, verdicts=verdicts)
     segmenter.go_on.set()

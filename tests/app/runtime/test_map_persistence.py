@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.runtime.map_persistence import keep, recall
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
+from app.runtime.map_persistence import load_map, save_map
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
 from navcore.formats import nav2_map
 from navcore.formats.nav2_map import drawn
 from navcore.mapping.map_file import load
 from navcore.mapping.observation import observe
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
 from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture
@@ -21,24 +21,24 @@ from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture
 EMPTY = BewareList(classes=())
 
 
-def looked(cloud: CloudMap, *things: Paint) -> None:
+def looked(cloud: PointMap, *things: Paint) -> None:
     frame = picture(*things)
     labels = ColourSegmenter().segment(frame, RED_LIST)
-    cloud.insert(observe(frame, labels, RED_LIST, SPEC, PointRules()), frame, labels)
+    cloud.insert(observe(frame, labels, RED_LIST, SPEC, ObservationConfig()), frame, labels)
 
 
 def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_come_back(tmp_path: Path) -> None:
     kept = tmp_path / "kept.map"
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     looked(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
-    keep(cloud, RED_LIST, kept)
+    save_map(cloud, RED_LIST, kept)
     for beware in (EMPTY, RED_LIST):
-        again = CloudMap(SPEC, MapRules())
-        recall(again, beware, prior=None, kept=kept)
-        keep(again, beware, kept)
+        again = PointMap(SPEC, MappingConfig())
+        load_map(again, beware, prior=None, kept=kept)
+        save_map(again, beware, kept)
         assert load(kept).class_names[RED_ID] == "red floor"
     never_kept = tmp_path / "other.map"
-    keep(cloud, RED_LIST.replaced(()), never_kept)
+    save_map(cloud, RED_LIST.replaced(()), never_kept)
     assert load(never_kept).class_names == {RED_ID: "red floor"}
     assert again.grid(RED_LIST, ()).beware[RED_ID].any()
 
@@ -50,10 +50,10 @@ def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(tm
     before[row, 3] = True  # behind it
     nav2_map.save(drawn(occupied=before, known=np.ones_like(before), spec=SPEC), tmp_path / "prior.yaml")
     for session in range(2):
-        cloud = CloudMap(SPEC, MapRules())
-        recall(cloud, EMPTY, prior=tmp_path / "prior.yaml", kept=tmp_path / "kept.map")
+        cloud = PointMap(SPEC, MappingConfig())
+        load_map(cloud, EMPTY, prior=tmp_path / "prior.yaml", kept=tmp_path / "kept.map")
         assert cloud.grid(EMPTY, ()).geometric[row, col] == (session == 0)
         assert cloud.grid(EMPTY, ()).geometric[row, 3]
         looked(cloud)
         assert not cloud.grid(EMPTY, ()).geometric[row, col]
-        keep(cloud, EMPTY, tmp_path / "kept.map")
+        save_map(cloud, EMPTY, tmp_path / "kept.map")

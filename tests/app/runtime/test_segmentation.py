@@ -16,11 +16,11 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference.network_file import open_network
-from navcore.perception.esanet.inference.selection import Trial, open_inference
+from navcore.perception.esanet.inference.selection import EngineBenchmark, open_inference
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
-from navcore.perception.fused_segmenter import JointSegmenter
-from navcore.perception.labels import Finder
+from navcore.perception.fused_segmenter import FusedSegmenter
+from navcore.perception.labels import LabelSource
 from tests.navcore.scene import picture
 
 NAMES = ("background", "books", "cup", "red floor")
@@ -70,13 +70,13 @@ def test_a_network_asked_for_by_name_is_refused_when_it_is_not_there(tmp_path: P
 
 def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_alias(tmp_path: Path) -> None:
     perception = compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1))
-    assert isinstance(perception.segmenter, JointSegmenter)
+    assert isinstance(perception.segmenter, FusedSegmenter)
     assert perception.warning is None
     assert "torch f32" in perception.title
     beware = default_beware_list()
     found = {entry.name: perception.segmenter.finds(entry) for entry in beware.classes}
-    assert (found["red floor"], found["book"], found["cup"]) == (Finder.BOTH, Finder.NETWORK, Finder.NETWORK)
-    assert found["person"] is Finder.NOTHING
+    assert (found["red floor"], found["book"], found["cup"]) == (LabelSource.BOTH, LabelSource.NETWORK, LabelSource.NETWORK)
+    assert found["person"] is LabelSource.NOTHING
     labels = perception.segmenter.segment(picture(), beware)
     assert labels.class_ids.shape == labels.confidence.shape == picture().depth_m.shape
 
@@ -125,6 +125,8 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_sma
 def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = open_network(weights(tmp_path), camera=CAMERA)
     engine, _ = open_inference(file, "torch", threads=1)
-    trials = tuple(Trial(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0)))
+    trials = tuple(
+        EngineBenchmark(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0))
+    )
     monkeypatch.setattr("app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials))
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title

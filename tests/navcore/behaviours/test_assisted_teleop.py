@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navcore.behaviours.assisted_teleop import keeps_out
-from navcore.costmap.costmap import Occupancy
+from navcore.behaviours.assisted_teleop import stays_out
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import Zone, ZoneKind, rasterise
@@ -32,7 +32,7 @@ def zone(name: str, box: Box, *, margin_m: float = 0.0) -> Zone:
     return Zone(id=name, name=name, polygon=((left, low), (right, low), (right, high), (left, high)), margin_m=margin_m)
 
 
-def seen(*, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: float = 0.0) -> Occupancy:
+def seen(*, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: float = 0.0) -> Costmap:
     """A map that holds these."""
     layers = []
     for boxes in (mines, walls):
@@ -42,11 +42,11 @@ def seen(*, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: 
         layers.append(layer)
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     grid = OccupancyGrid(spec=SPEC, geometric=layers[1], beware={7: layers[0]}, zones=nothing, margins_m={7: margin_m})
-    return Occupancy.of(grid, nothing, version=1)
+    return Costmap.of(grid, nothing, version=1)
 
 
-def keeps(twist: Twist, *zones: Zone, pose: Pose2 | None = None, known: Occupancy | None = None) -> bool:
-    return keeps_out(twist, pose or HERE, HUSKY, zones=zones, spec=SPEC, seen=known)
+def keeps(twist: Twist, *zones: Zone, pose: Pose2 | None = None, known: Costmap | None = None) -> bool:
+    return stays_out(twist, pose or HERE, HUSKY, zones=zones, spec=SPEC, seen=known)
 
 
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)

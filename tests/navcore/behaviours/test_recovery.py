@@ -8,16 +8,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from navcore.behaviours.recovery import Means, Recovery, closed_way, trail_with
-from navcore.config.behaviours import RecoveryRules
-from navcore.config.control import LocalRules
+from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
+from navcore.config.behaviours import RecoveryConfig
+from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import Points, plan_motion
-from navcore.control.motion import IDLE, Motion, Outcome
+from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path, Reason
@@ -25,10 +25,10 @@ from navcore.planning.route import Route
 from navcore.robot.profile import HUSKY
 from tests.navcore.scene import picture
 
-RULES = RecoveryRules()
+RULES = RecoveryConfig()
 NONE: Points = np.empty((0, 2))
 PERIOD_S = 0.1
-STUCK = Motion(twist=STANDSTILL, outcome=Outcome.BOXED_IN)
+STUCK = Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
 
 
 def wall(x: tuple[float, float], y: tuple[float, float]) -> Points:
@@ -47,7 +47,7 @@ class Drive:
     trail: Points = dataclasses.field(default_factory=lambda: NONE)
     recovery: Recovery = dataclasses.field(default_factory=Recovery)
     motion: Motion = IDLE
-    seen: list[tuple[float, Means, Motion, Pose2]] = dataclasses.field(default_factory=list)
+    seen: list[tuple[float, RecoveryAction, Motion, Pose2]] = dataclasses.field(default_factory=list)
 
     def run(self, until_s: float) -> None:
         """Ten ticks a second, as the navigator does them."""
@@ -63,23 +63,27 @@ class Drive:
                 pose=self.pose,
                 previous=self.motion,
                 profile=HUSKY,
-                rules=LocalRules(),
+                rules=LocalPlannerConfig(),
                 cell_m=0.05,
-                retreat_map=self.trail if means is Means.BACK else None,
-                look_round=means is Means.LOOK,
+                retreat_map=self.trail if means is RecoveryAction.BACK else None,
+                look_round=means is RecoveryAction.LOOK,
             )
             self.trail = trail_with(self.trail, self.pose)
             self.recovery = self.recovery.after(motion, self.pose, round(t_s * 1e9), RULES)
-            if self.recovery.means in (Means.WAIT, Means.GIVE_UP):
+            if self.recovery.means in (RecoveryAction.WAIT, RecoveryAction.GIVE_UP):
                 motion = STUCK
             self.seen.append((t_s, self.recovery.means, motion, self.pose))
             half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * PERIOD_S / 2)
             self.pose = self.pose @ half @ Pose2(x_m=motion.twist.v_mps * PERIOD_S, y_m=0.0, yaw_rad=0.0) @ half
 
-    def means(self) -> list[Means]:
+    def means(self) -> list[RecoveryAction]:
         """Those that were tried, in their order."""
         found = [means for _, means, _, _ in self.seen]
-        return [means for before, means in zip([None, *found], found, strict=False) if means != before and means != Means.NONE]
+        return [
+            means
+            for before, means in zip([None, *found], found, strict=False)
+            if means != before and means != RecoveryAction.NONE
+        ]
 
 
 def pocket(front_m: float) -> Points:
@@ -98,17 +102,17 @@ def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_
     drive = Drive(HERE, AHEAD, lambda t_s: SHUT if t_s < 1.45 else NONE)
     drive.run(1.45)
     assert drive.pose == HERE
-    assert drive.means() == [Means.WAIT]
+    assert drive.means() == [RecoveryAction.WAIT]
     drive.run(4.0)
-    assert drive.means() == [Means.WAIT]
+    assert drive.means() == [RecoveryAction.WAIT]
     assert drive.pose.x_m > 0.5
 
 
 def test_the_robot_backs_off_along_the_path_it_came_by() -> None:
     drive = Drive(Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), wall((-3.0, 6.0), (0.0, 0.0)), lambda t_s: pocket(0.8))
     drive.run(40.0)
-    assert Means.BACK in drive.means()
-    backing = [(motion, pose) for _, means, motion, pose in drive.seen if means is Means.BACK]
+    assert RecoveryAction.BACK in drive.means()
+    backing = [(motion, pose) for _, means, motion, pose in drive.seen if means is RecoveryAction.BACK]
     assert all(motion.twist.v_mps <= 0 for motion, _ in backing)
     assert backing[0][1].x_m - backing[-1][1].x_m > 0.8
     assert max(abs(pose.y_m) for _, pose in backing) < 0.05  # where it had come, in the middle between the walls
@@ -121,17 +125,22 @@ def test_where_there_is_no_way_back_the_robot_turns_once_round_and_looks() -> No
     drive = Drive(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), AHEAD, lambda t_s: wide)
     drive.run(60.0)
     tried = drive.means()
-    assert [means for means in tried if means is not Means.WAIT] == [Means.BACK, Means.LOOK, Means.CLOSE, Means.GIVE_UP]
-    yaws = np.array([pose.yaw_rad for _, means, _, pose in drive.seen if means is Means.LOOK])
+    assert [means for means in tried if means is not RecoveryAction.WAIT] == [
+        RecoveryAction.BACK,
+        RecoveryAction.LOOK,
+        RecoveryAction.CLOSE,
+        RecoveryAction.GIVE_UP,
+    ]
+    yaws = np.array([pose.yaw_rad for _, means, _, pose in drive.seen if means is RecoveryAction.LOOK])
     assert np.abs(np.diff(np.unwrap(yaws))).sum() > 1.9 * math.pi
     _, means, motion, _ = drive.seen[-1]
-    assert (means, motion.twist) == (Means.GIVE_UP, STANDSTILL)
+    assert (means, motion.twist) == (RecoveryAction.GIVE_UP, STANDSTILL)
 
 
 def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
     drive = Drive(HERE, AHEAD, lambda t_s: SHUT if t_s < 30 else NONE)
     drive.run(30.0)
-    assert drive.seen[-1][1] is Means.GIVE_UP
+    assert drive.seen[-1][1] is RecoveryAction.GIVE_UP
     drive.run(36.0)
     assert drive.pose.x_m > 3.0
     assert drive.recovery == Recovery()  # far enough from there to begin anew the next time
@@ -139,12 +148,12 @@ def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
 GOAL = (5.0, 0.0)
-ORDER = Order(goal=GOAL, beware=BewareList(classes=()), zones=())
+ORDER = NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=())
 
 
-def stuck_for(navigator: Navigator, pose: Pose2, start_s: float, seconds: float) -> tuple[Route, list[Outcome]]:
+def stuck_for(navigator: Navigator, pose: Pose2, start_s: float, seconds: float) -> tuple[Route, list[ControllerState]]:
     """A navigator whose local planner finds no motion at a pose; the last route, and what it reports."""
-    outcomes, route = list[Outcome](), None
+    outcomes, route = list[ControllerState](), None
     for k in range(round(seconds / PERIOD_S)):
         frame = picture(pose=pose, stamp_ns=round((start_s + k * PERIOD_S) * 1e9))
         route = navigator.route(navigator.occupancy(ORDER), pose, ORDER)
@@ -172,7 +181,7 @@ def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_t
     second = Pose2(x_m=0.35, y_m=4.0, yaw_rad=0.0)
     stuck_for(navigator, Pose2(x_m=-3.0, y_m=2.0, yaw_rad=0.0), 8.1, 0.1)
     route, outcomes = stuck_for(navigator, second, 8.2, 10.0)
-    assert outcomes[-1] is Outcome.GIVEN_UP
+    assert outcomes[-1] is ControllerState.GIVEN_UP
     assert not isinstance(route.outcome, NoPath)  # the goal is not called unreachable
 
 
@@ -182,7 +191,7 @@ def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again(
     first, _ = stuck_for(navigator, here, 0.0, 7.0)
     assert navigator._closed
     last, outcomes = stuck_for(navigator, here, 7.0, 40.0)
-    assert outcomes[-1] is Outcome.GIVEN_UP
+    assert outcomes[-1] is ControllerState.GIVEN_UP
     assert not navigator._closed
     np.testing.assert_array_equal(last.track[-1], first.track[-1])
 
@@ -214,22 +223,22 @@ def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it(
     assert min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon) > HUSKY.circumscribed_radius_m
 
 
-TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=Outcome.TURN)
+TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN)
 
 
 def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_begins_anew() -> None:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     _, outcomes = stuck_for(navigator, here, 0.0, 47.0)
-    assert outcomes[-1] is Outcome.GIVEN_UP
+    assert outcomes[-1] is ControllerState.GIVEN_UP
     frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator._recovery
     route = navigator.route(navigator.occupancy(ORDER), here, ORDER)
     assert navigator.recover(TURNS, frame, route, ORDER) == TURNS
     navigator._recovery = gave_up
     other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
     route = navigator.route(navigator.occupancy(other), here, other)
-    assert navigator.recover(STUCK, frame, route, other).outcome is Outcome.BOXED_IN  # it waits, as at first
-    assert navigator._recovery.tried is Means.NONE
+    assert navigator.recover(STUCK, frame, route, other).outcome is ControllerState.BOXED_IN  # it waits, as at first
+    assert navigator._recovery.tried is RecoveryAction.NONE
 
 
 def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:

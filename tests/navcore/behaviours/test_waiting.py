@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from navcore.behaviours.waiting import HERE_M, STEP_S, Patience
-from navcore.control.motion import Motion, Outcome
-from navcore.control.social import MANNERS
+from navcore.behaviours.waiting import HERE_M, STEP_S, WaitingTimer
+from navcore.control.motion import ControllerState, Motion
+from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 
-YIELDS = Motion(twist=STANDSTILL, outcome=Outcome.YIELD)
-DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=Outcome.FOLLOW)
+YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
+DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
 TICK_S = 0.1
 
 
-def after(patience: Patience, seconds: float, motion: Motion = YIELDS, x_m: float = 0.0, tick_s: float = TICK_S) -> Patience:
+def after(
+    patience: WaitingTimer, seconds: float, motion: Motion = YIELDS, x_m: float = 0.0, tick_s: float = TICK_S
+) -> WaitingTimer:
     """After so many more seconds at one place."""
     for _ in range(round(seconds / tick_s)):
         patience = patience.after(motion, Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), patience.now_ns + round(tick_s * 1e9))
@@ -20,18 +22,18 @@ def after(patience: Patience, seconds: float, motion: Motion = YIELDS, x_m: floa
 
 
 def test_it_is_over_after_so_long_in_all_at_one_place() -> None:
-    assert not after(Patience(), MANNERS.patience_s - 0.5).is_over(MANNERS)
-    waited = after(after(Patience(), MANNERS.patience_s / 2), 5.0, DRIVES, x_m=0.3 * HERE_M)
-    assert not waited.is_over(MANNERS)
-    assert after(waited, MANNERS.patience_s / 2 + 0.5, x_m=0.5 * HERE_M).is_over(MANNERS)
+    assert not after(WaitingTimer(), PEOPLE_CONFIG.patience_s - 0.5).is_over(PEOPLE_CONFIG)
+    waited = after(after(WaitingTimer(), PEOPLE_CONFIG.patience_s / 2), 5.0, DRIVES, x_m=0.3 * HERE_M)
+    assert not waited.is_over(PEOPLE_CONFIG)
+    assert after(waited, PEOPLE_CONFIG.patience_s / 2 + 0.5, x_m=0.5 * HERE_M).is_over(PEOPLE_CONFIG)
 
 
 def test_it_stays_over_until_the_robot_has_come_away() -> None:
-    over = after(Patience(), MANNERS.patience_s + 1.0)
-    assert after(over, 5.0, DRIVES, x_m=0.9 * HERE_M).is_over(MANNERS)
+    over = after(WaitingTimer(), PEOPLE_CONFIG.patience_s + 1.0)
+    assert after(over, 5.0, DRIVES, x_m=0.9 * HERE_M).is_over(PEOPLE_CONFIG)
     gone = after(over, 1.0, DRIVES, x_m=1.1 * HERE_M)
-    assert not gone.is_over(MANNERS) and gone.waited_s == 0.0
+    assert not gone.is_over(PEOPLE_CONFIG) and gone.waited_s == 0.0
 
 
 def test_time_without_pictures_is_no_waiting() -> None:
-    assert after(Patience(), 60.0, tick_s=5.0).waited_s <= 12 * STEP_S
+    assert after(WaitingTimer(), 60.0, tick_s=5.0).waited_s <= 12 * STEP_S

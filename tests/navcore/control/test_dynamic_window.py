@@ -8,17 +8,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.control import LocalRules
-from navcore.config.people import PeopleRules
+from navcore.config.control import LocalPlannerConfig
+from navcore.config.people import PeopleConfig
 from navcore.control.local_planner import plan_motion
-from navcore.control.motion import IDLE, Outcome
-from navcore.control.social import Bodies
+from navcore.control.motion import IDLE, ControllerState
+from navcore.control.social import PeopleState
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 
 JACKAL = load_profile("jackal")
-HEEDLESS = PeopleRules(heedless=True)
+HEEDLESS = PeopleConfig(non_cooperative=True)
 NONE: npt.NDArray[np.float64] = np.empty((0, 2))
 RADIUS_M, STEP_S = 0.5, 0.1
 
@@ -64,15 +64,15 @@ def meeting(
         if drives:
             motion = plan_motion(
                 geometric=pose.from_parent(walls), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
-                profile=profile, rules=LocalRules(), cell_m=0.05, people=Bodies.of((person,), pose, HEEDLESS),
-                manners=HEEDLESS, now=twist,
+                profile=profile, rules=LocalPlannerConfig(), cell_m=0.05, people=PeopleState.of((person,), pose, HEEDLESS),
+                people_config=HEEDLESS, now=twist,
             )  # fmt: skip
             twist = limited(motion.twist, twist, profile)
             pose = driven_on(pose, twist)
         x, y = x + STEP_S * vx, y + STEP_S * vy
         near_walker = min(near_walker, gap_m(pose, x, y, profile) - RADIUS_M)
         near_wall = min([near_wall, *(gap_m(pose, wall_x, wall_y, profile) for wall_x, wall_y in walls.tolist())])
-        assert step < 79 or motion.outcome is not Outcome.BOXED_IN
+        assert step < 79 or motion.outcome is not ControllerState.BOXED_IN
     return near_walker, near_wall, pose
 
 
@@ -117,10 +117,10 @@ def test_who_yields_as_ever_stands_before_the_same_walker() -> None:
     person = Track(id=1, x_m=1.6, y_m=0.0, vx_mps=-1.0, vy_mps=0.0, radius_m=0.3, age_s=2.0, last_seen_ns=0, pace_mps=1.0)
     path = np.column_stack([np.linspace(0.0, 5.0, 51), np.zeros(51)])
     outcomes = {}
-    for manners in (PeopleRules(), HEEDLESS):
+    for people_config in (PeopleConfig(), HEEDLESS):
         motion = plan_motion(
             geometric=NONE, ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=IDLE, profile=JACKAL,
-            rules=LocalRules(), cell_m=0.05, people=Bodies.of((person,), pose, manners), manners=manners,
+            rules=LocalPlannerConfig(), cell_m=0.05, people=PeopleState.of((person,), pose, people_config), people_config=people_config,
         )  # fmt: skip
-        outcomes[manners.heedless] = (motion.outcome, motion.twist == STANDSTILL)
-    assert outcomes == {False: (Outcome.YIELD, True), True: (Outcome.DODGE, False)}
+        outcomes[people_config.non_cooperative] = (motion.outcome, motion.twist == STANDSTILL)
+    assert outcomes == {False: (ControllerState.YIELD, True), True: (ControllerState.DODGE, False)}

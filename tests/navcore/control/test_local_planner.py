@@ -11,12 +11,12 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.control import LocalRules
-from navcore.control.collision_checker import Surroundings, candidates
+from navcore.config.control import LocalPlannerConfig
+from navcore.control.collision_checker import CollisionChecker, candidates
 from navcore.control.local_planner import Points, plan_motion
-from navcore.control.motion import IDLE, Motion, Outcome
-from navcore.control.social import MANNERS, NOBODY, Bodies
-from navcore.costmap.local_costmap import hard_cells, nearby, outside
+from navcore.control.motion import IDLE, ControllerState, Motion
+from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState
+from navcore.costmap.local_costmap import nearby, obstacle_masks, outside
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
@@ -24,13 +24,13 @@ from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
-RULES, FALCO = LocalRules(), LocalRules(primitives="falco")
+RULES, FALCO = LocalPlannerConfig(), LocalPlannerConfig(primitives="falco")
 BOTH = pytest.mark.parametrize("rules", [RULES, FALCO], ids=["arcs", "falco"])
 NONE: Points = np.empty((0, 2))
 AHEAD: Points = np.column_stack([np.linspace(0, 3, 31), np.zeros(31)])
 ORIGIN = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 HOLD_S = 0.25
-TURNING = Motion(twist=STANDSTILL, outcome=Outcome.TURN)
+TURNING = Motion(twist=STANDSTILL, outcome=ControllerState.TURN)
 
 
 def decide(
@@ -40,10 +40,10 @@ def decide(
     unseen: Points = NONE,
     path: Points = AHEAD,
     previous: Motion = IDLE,
-    rules: LocalRules = RULES,
-    people: Bodies = NOBODY,
+    rules: LocalPlannerConfig = RULES,
+    people: PeopleState = NOBODY,
     goal_yaw_rad: float | None = None,
-    insists: bool = False,
+    ignore_predictions: bool = False,
     pose: Pose2 = ORIGIN,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
@@ -59,11 +59,11 @@ def decide(
         cell_m=0.1,
         people=people,
         goal_yaw_rad=goal_yaw_rad,
-        insists=insists,
+        ignore_predictions=ignore_predictions,
     )
 
 
-def stands(motion: Motion, outcome: Outcome) -> bool:
+def stands(motion: Motion, outcome: ControllerState) -> bool:
     return motion.twist == STANDSTILL and motion.outcome is outcome
 
 
@@ -131,7 +131,7 @@ def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
     return pose, mask & ~ruled, ruled, path, TURNING if rng.random() < 0.3 else IDLE
 
 
-def decision_in(seed: int, rules: LocalRules = RULES) -> tuple[Motion, Pose2, BoolGrid]:
+def decision_in(seed: int, rules: LocalPlannerConfig = RULES) -> tuple[Motion, Pose2, BoolGrid]:
     pose, geometric, ruled, path, previous = world(seed)
     grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
     motion = decide(
@@ -145,7 +145,7 @@ def decision_in(seed: int, rules: LocalRules = RULES) -> tuple[Motion, Pose2, Bo
 
 
 @pytest.mark.parametrize(("batch", "rules"), [*((batch, RULES) for batch in range(6)), (0, FALCO)])
-def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int, rules: LocalRules) -> None:
+def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int, rules: LocalPlannerConfig) -> None:
     touched = {}
     for seed in range(200 * batch, 200 * (batch + 1)):
         motion, pose, mask = decision_in(seed, rules)
@@ -156,11 +156,11 @@ def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int,
 
 
 @BOTH
-def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules: LocalRules) -> None:
+def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules: LocalPlannerConfig) -> None:
     driven = 0
     for seed in range(120):
         motion, pose, _ = decision_in(seed, rules)
-        if motion.outcome is not Outcome.FOLLOW:
+        if motion.outcome is not ControllerState.FOLLOW:
             assert motion.arc is None
             continue
         _, geometric, ruled, _, _ = world(seed)
@@ -182,8 +182,14 @@ def test_falcos_paths_begin_at_the_headings_that_the_body_can_turn_to() -> None:
     """Where the body fits beside a thing its corners may still not get past it."""
 
     def headings(*posts: tuple[float, float]) -> list[int]:
-        near = Surroundings(
-            obstacles=np.array(posts), unseen=NONE, reach_m=0.07, profile=HUSKY, rules=FALCO, people=NOBODY, manners=MANNERS
+        near = CollisionChecker(
+            obstacles=np.array(posts),
+            unseen=NONE,
+            reach_m=0.07,
+            profile=HUSKY,
+            rules=FALCO,
+            people=NOBODY,
+            people_config=PEOPLE_CONFIG,
         )
         return [10 * (at - 18) for at in np.flatnonzero(near.falco_headings()).tolist()]
 
@@ -203,7 +209,7 @@ def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:
         kinds.add(motion.outcome)
     assert reckless > 30
     assert moving > 50
-    assert kinds >= {Outcome.FOLLOW, Outcome.TURN, Outcome.BACK, Outcome.BOXED_IN}
+    assert kinds >= {ControllerState.FOLLOW, ControllerState.TURN, ControllerState.BACK, ControllerState.BOXED_IN}
 
 
 @law(200)
@@ -216,7 +222,7 @@ def test_every_twist_is_finite_and_within_the_platforms_limits(seed: int) -> Non
 
 def test_an_open_path_is_followed_straight_ahead() -> None:
     motion = decide()
-    assert motion.outcome is Outcome.FOLLOW
+    assert motion.outcome is ControllerState.FOLLOW
     assert motion.twist.v_mps > 0.7
     assert motion.twist.w_radps == pytest.approx(0.0, abs=0.05)
 
@@ -224,7 +230,7 @@ def test_an_open_path_is_followed_straight_ahead() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_robot_turns_in_place_towards_a_path_that_leads_back(side: float) -> None:
     motion = decide(path=AHEAD * [-1.0, 1.0] + [0.0, side * 0.3])
-    assert motion.outcome is Outcome.TURN
+    assert motion.outcome is ControllerState.TURN
     assert motion.twist.v_mps == 0.0
     assert math.copysign(1.0, motion.twist.w_radps) == side
 
@@ -232,8 +238,8 @@ def test_the_robot_turns_in_place_towards_a_path_that_leads_back(side: float) ->
 def test_the_robot_does_not_turn_in_place_where_its_corners_would_touch() -> None:
     walls = np.array([(x, y) for x in np.arange(-2, 2.01, 0.1) for y in (0.5, -0.5)])
     motion = decide(geometric=walls, path=AHEAD * -1.0)
-    assert motion.outcome is not Outcome.TURN
-    assert decide(geometric=walls * [1.0, 2.0], path=AHEAD * -1.0).outcome is Outcome.TURN
+    assert motion.outcome is not ControllerState.TURN
+    assert decide(geometric=walls * [1.0, 2.0], path=AHEAD * -1.0).outcome is ControllerState.TURN
 
 
 def test_the_robot_turns_the_long_way_round_when_the_short_way_is_blocked() -> None:
@@ -242,13 +248,13 @@ def test_the_robot_turns_the_long_way_round_when_the_short_way_is_blocked() -> N
     corner = np.array([[0.36, 0.5]])
     motion = decide(geometric=corner, path=path)
     assert decide(path=path).twist.w_radps > 0
-    assert motion.outcome is not Outcome.TURN or motion.twist.w_radps < 0
+    assert motion.outcome is not ControllerState.TURN or motion.twist.w_radps < 0
 
 
 def test_turning_goes_on_until_the_path_lies_ahead() -> None:
     slanted = AHEAD[:, :1] * [math.cos(math.radians(30)), math.sin(math.radians(30))]
-    assert decide(path=slanted).outcome is Outcome.FOLLOW
-    assert decide(path=slanted, previous=TURNING).outcome is Outcome.TURN
+    assert decide(path=slanted).outcome is ControllerState.FOLLOW
+    assert decide(path=slanted, previous=TURNING).outcome is ControllerState.TURN
 
 
 def ring(reach_x: float, reach_y: float) -> Points:
@@ -258,14 +264,14 @@ def ring(reach_x: float, reach_y: float) -> Points:
 
 @BOTH
 @pytest.mark.parametrize("path", [AHEAD, -AHEAD], ids=["ahead", "behind"])
-def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points, rules: LocalRules) -> None:
+def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points, rules: LocalPlannerConfig) -> None:
     for walls in (ring(0.57, 0.42), ring(0.62, 0.45)):
-        assert stands(decide(geometric=walls, path=path, rules=rules), Outcome.BOXED_IN)
-        assert stands(decide(ruled=walls, path=path, rules=rules), Outcome.BOXED_IN)
+        assert stands(decide(geometric=walls, path=path, rules=rules), ControllerState.BOXED_IN)
+        assert stands(decide(ruled=walls, path=path, rules=rules), ControllerState.BOXED_IN)
 
 
 @BOTH
-def test_a_zone_is_as_hard_as_a_wall(rules: LocalRules) -> None:
+def test_a_zone_is_as_hard_as_a_wall(rules: LocalPlannerConfig) -> None:
     differ = 0
     for seed in range(60):
         points = np.random.default_rng(seed).uniform(-2.5, 2.5, (6, 2))
@@ -281,9 +287,9 @@ def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: f
     """A class with a margin, seen only from nearby: its cells touch the body and no motion forward is free."""
     across = np.column_stack([np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)])
     for motion in (decide(ruled=across), decide(geometric=across)):
-        assert motion.outcome is Outcome.BACK and motion.twist.v_mps < 0
+        assert motion.outcome is ControllerState.BACK and motion.twist.v_mps < 0
     behind = np.column_stack([-across[:, 0], across[:, 1]])
-    assert stands(decide(ruled=np.vstack([across, behind])), Outcome.BOXED_IN), "and not onto what it touches behind"
+    assert stands(decide(ruled=np.vstack([across, behind])), ControllerState.BOXED_IN), "and not onto what it touches behind"
 
 
 def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
@@ -293,58 +299,60 @@ def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
 
 def test_a_rule_within_the_body_stops_the_robot_and_geometric_noise_within_it_does_not() -> None:
     within = np.array([[0.2, 0.1]])
-    assert stands(decide(ruled=within), Outcome.IN_ZONE)
-    assert decide(geometric=within).outcome is Outcome.FOLLOW
+    assert stands(decide(ruled=within), ControllerState.IN_ZONE)
+    assert decide(geometric=within).outcome is ControllerState.FOLLOW
 
 
 @BOTH
-def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalRules) -> None:
+def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalPlannerConfig) -> None:
     beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
-    assert decide(path=-AHEAD, rules=rules).outcome is Outcome.TURN
-    assert decide(path=-AHEAD, unseen=beside, rules=rules).outcome is not Outcome.TURN
+    assert decide(path=-AHEAD, rules=rules).outcome is ControllerState.TURN
+    assert decide(path=-AHEAD, unseen=beside, rules=rules).outcome is not ControllerState.TURN
     wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
     assert 0.0 < decide(unseen=wall, rules=rules).twist.v_mps < decide(rules=rules).twist.v_mps
-    assert stands(decide(unseen=ring(0.51, 0.36), rules=rules), Outcome.BOXED_IN)
+    assert stands(decide(unseen=ring(0.51, 0.36), rules=rules), ControllerState.BOXED_IN)
 
 
 @pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])
 def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(distance: float, arrived: bool) -> None:
     motion = decide(path=np.array([[0.0, 0.0], [distance, 0.0]]))
-    assert stands(motion, Outcome.ARRIVED) == arrived
+    assert stands(motion, ControllerState.ARRIVED) == arrived
 
 
 @pytest.mark.parametrize(("behind_m", "nearly_m", "arrived"), [(0.2, 0.25, True), (0.3, 0.25, False), (0.2, 0.0, False)])
 def test_for_the_last_hand_width_the_robot_does_not_manoeuvre(behind_m: float, nearly_m: float, arrived: bool) -> None:
     x = np.arange(-2.0, 2.0, 0.1)
     corridor = np.vstack([np.column_stack([x, np.full(len(x), side)]) for side in (-0.55, 0.55)])
-    motion = decide(geometric=corridor, path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
-    assert motion.outcome in ((Outcome.ARRIVED,) if arrived else (Outcome.MANOEUVRE, Outcome.BACK))
+    motion = decide(
+        geometric=corridor, path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalPlannerConfig(nearly_m=nearly_m)
+    )
+    assert motion.outcome in ((ControllerState.ARRIVED,) if arrived else (ControllerState.MANOEUVRE, ControllerState.BACK))
     assert (motion.twist == STANDSTILL) is arrived
-    in_the_open = decide(path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalRules(nearly_m=nearly_m))
-    assert in_the_open.outcome is Outcome.TURN
+    in_the_open = decide(path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalPlannerConfig(nearly_m=nearly_m))
+    assert in_the_open.outcome is ControllerState.TURN
 
 
 def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> None:
     here = np.array([[0.05, 0.0]])
     for yaw_rad in (1.5, -1.5):
         motion = decide(path=here, goal_yaw_rad=yaw_rad)
-        assert motion.outcome is Outcome.ALIGN and motion.twist.v_mps == 0.0 and motion.twist.w_radps * yaw_rad > 0
-    assert stands(decide(path=here, goal_yaw_rad=0.05), Outcome.ARRIVED)
-    assert decide(goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
+        assert motion.outcome is ControllerState.ALIGN and motion.twist.v_mps == 0.0 and motion.twist.w_radps * yaw_rad > 0
+    assert stands(decide(path=here, goal_yaw_rad=0.05), ControllerState.ARRIVED)
+    assert decide(goal_yaw_rad=1.5).outcome is ControllerState.FOLLOW
 
 
 def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_from_anywhere() -> None:
-    aligning = Motion(twist=STANDSTILL, outcome=Outcome.ALIGN)
+    aligning = Motion(twist=STANDSTILL, outcome=ControllerState.ALIGN)
     for distance, turns in ((0.2, True), (0.3, False)):
         motion = decide(path=np.array([[distance, 0.0]]), previous=aligning, goal_yaw_rad=1.5)
-        assert (motion.outcome is Outcome.ALIGN) == turns
-    assert decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome is Outcome.FOLLOW
+        assert (motion.outcome is ControllerState.ALIGN) == turns
+    assert decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome is ControllerState.FOLLOW
 
 
 def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> None:
     here = np.array([[0.05, 0.0]])
-    assert stands(decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), Outcome.BOXED_IN)
-    assert stands(decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), Outcome.IN_ZONE)
+    assert stands(decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), ControllerState.BOXED_IN)
+    assert stands(decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), ControllerState.IN_ZONE)
 
 
 def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
@@ -354,7 +362,7 @@ def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
 
 
 @BOTH
-def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(rules: LocalRules) -> None:
+def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(rules: LocalPlannerConfig) -> None:
     walls = [*((x, y) for x in np.arange(-1, 3, 0.1) for y in (-0.8, 0.8)), *((4.6, y) for y in np.arange(-0.8, 4, 0.1))]
     walls += [*((x, -0.8) for x in np.arange(3, 4.6, 0.1)), *((2.9, y) for y in np.arange(0.8, 4, 0.1))]
     corner = np.array([[0, 0], [3.3, 0], [3.75, 0.45], [3.75, 3.5]])
@@ -367,12 +375,12 @@ def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is
             geometric=pose.from_parent(cells), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
             profile=HUSKY, rules=rules, cell_m=0.1, now=motion.twist,
         )  # fmt: skip
-        if motion.outcome is Outcome.ARRIVED:
+        if motion.outcome is ControllerState.ARRIVED:
             break
         standing += motion.twist == STANDSTILL
         pose = simulated(motion.twist, pose)[20]  # after 0.1 s
         assert not shapely.intersects(footprints([pose])[0], bodies).any()
-    assert motion.outcome is Outcome.ARRIVED and standing == 0
+    assert motion.outcome is ControllerState.ARRIVED and standing == 0
 
 
 BEHIND = [
@@ -422,12 +430,12 @@ def test_ruled_cells_are_zones_and_beware_classes_grown_by_their_margins() -> No
     one, empty = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     one[30, 30] = True
     grid = OccupancyGrid(spec=SPEC, geometric=empty, beware={1: one}, margins_m={1: 0.2}, zones=empty)
-    geometric, ruled = hard_cells(grid)
+    geometric, ruled = obstacle_masks(grid)
     assert not geometric.any()
     assert np.flatnonzero(ruled[30]).tolist() == list(range(28, 33))
     wide = OccupancyGrid(spec=SPEC, geometric=one, beware={}, zones=empty, wide_zones=((0.1, one),))
-    assert hard_cells(wide)[1].sum() == 5
-    np.testing.assert_array_equal(hard_cells(wide)[0], one)
+    assert obstacle_masks(wide)[1].sum() == 5
+    np.testing.assert_array_equal(obstacle_masks(wide)[0], one)
     assert not empty.any()
 
 

@@ -11,10 +11,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.behaviours.waiting import Patience
-from navcore.config.control import LocalRules
-from navcore.control.motion import IDLE, Outcome
-from navcore.control.social import MANNERS, NOBODY, Bodies, allowed_mps
+from navcore.behaviours.waiting import WaitingTimer
+from navcore.config.control import LocalPlannerConfig
+from navcore.control.motion import IDLE, ControllerState
+from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState, speed_limit_near_people
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
@@ -29,20 +29,24 @@ def driven(pose: Pose2, twist: Twist, period_s: float) -> Pose2:
     return pose @ turn @ Pose2(x_m=twist.v_mps * period_s, y_m=0.0, yaw_rad=0.0) @ turn
 
 
-def crossing(x: float, y: float, vx: float, vy: float) -> Bodies:
+def crossing(x: float, y: float, vx: float, vy: float) -> PeopleState:
     """Somebody who walks, in the base frame."""
-    return Bodies(walking=np.array([[x, y, vx, vy, 0.3]]), standing=np.empty((0, 5)))
+    return PeopleState(walking=np.array([[x, y, vx, vy, 0.3]]), standing=np.empty((0, 5)))
 
 
-def closest(people: Bodies, *, care: bool, rules: LocalRules = RULES) -> tuple[float, float, float, set[Outcome]]:
+def closest(
+    people: PeopleState, *, care: bool, rules: LocalPlannerConfig = RULES
+) -> tuple[float, float, float, set[ControllerState]]:
     """A drive past somebody: least room to him while the robot moves, its x and his y at that moment, and what was decided."""
     pose, motion, period_s = ORIGIN, IDLE, 0.1
     path = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)])
     x, y, vx, vy, radius = people.walking[0].tolist()
-    least, outcomes = (math.inf, 0.0, 0.0), set[Outcome]()
+    least, outcomes = (math.inf, 0.0, 0.0), set[ControllerState]()
     for _ in range(90):
         track = Track(id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=radius, age_s=1.0, last_seen_ns=0)
-        motion = decide(path=path, pose=pose, previous=motion, rules=rules, people=Bodies.of((track,) if care else (), pose))
+        motion = decide(
+            path=path, pose=pose, previous=motion, rules=rules, people=PeopleState.of((track,) if care else (), pose)
+        )
         outcomes.add(motion.outcome)
         pose = driven(pose, motion.twist, period_s)
         x, y = x + period_s * vx, y + period_s * vy
@@ -63,7 +67,7 @@ CROSSINGS = [
 @BOTH
 @pytest.mark.parametrize("person", CROSSINGS)
 def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(
-    person: tuple[float, float, float, float], rules: LocalRules
+    person: tuple[float, float, float, float], rules: LocalPlannerConfig
 ) -> None:
     assert closest(crossing(*person), care=True, rules=rules)[0] > 0.2
     assert closest(crossing(*person), care=False)[0] <= 0.05  # the control
@@ -72,16 +76,16 @@ def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(
 def test_the_robot_waits_and_passes_behind_somebody_and_not_before_him() -> None:
     _, _, y, outcomes = closest(crossing(3.0, -2.2, 0.0, 0.8), care=True)
     assert y > -0.65  # he was past the robot's near side when they were nearest
-    assert outcomes <= {Outcome.FOLLOW, Outcome.YIELD}
+    assert outcomes <= {ControllerState.FOLLOW, ControllerState.YIELD}
 
 
 def test_a_robot_in_whose_face_somebody_walks_stands_until_he_is_gone() -> None:
-    assert stands(decide(people=crossing(1.1, 0.0, -1.0, 0.0)), Outcome.YIELD)
+    assert stands(decide(people=crossing(1.1, 0.0, -1.0, 0.0)), ControllerState.YIELD)
     assert decide(people=crossing(4.0, 3.0, 0.0, 1.0)).twist.v_mps > 0.7
 
 
 def test_beside_people_the_robot_is_slow_and_away_from_them_it_is_not() -> None:
-    standing = Bodies(walking=np.empty((0, 5)), standing=np.array([[0.6, 1.0, 0.0, 0.0, 0.3]]))
+    standing = PeopleState(walking=np.empty((0, 5)), standing=np.array([[0.6, 1.0, 0.0, 0.0, 0.3]]))
     assert 0.1 < decide(people=standing).twist.v_mps <= 0.5
     afar = dataclasses.replace(standing, standing=np.array([[0.6, 4.0, 0.0, 0.0, 0.3]]))
     assert decide(people=afar).twist.v_mps > 0.7
@@ -89,13 +93,15 @@ def test_beside_people_the_robot_is_slow_and_away_from_them_it_is_not() -> None:
 
 def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
     around = np.array([[x, y, 0.0, 0.0, 0.3] for x, y in ((0.84, 0.0), (-0.84, 0.0), (0.0, 0.7), (0.0, -0.7))])
-    assert stands(decide(people=dataclasses.replace(NOBODY, standing=around)), Outcome.BOXED_IN)
-    assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is Outcome.FOLLOW
+    assert stands(decide(people=dataclasses.replace(NOBODY, standing=around)), ControllerState.BOXED_IN)
+    assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is ControllerState.FOLLOW
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_stands(seed: int, insists: bool) -> None:
+def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_stands(
+    seed: int, ignore_predictions: bool
+) -> None:
     """He was last seen at a place, and has since come towards the robot at his pace, whatever is thought of him."""
     rng = np.random.default_rng(seed)
     (x, y), speed, heading, unseen_s = rng.uniform(-3, 3, 2), rng.uniform(0.5, 1.6), rng.uniform(-3, 3), rng.uniform(0.1, 1.9)
@@ -111,51 +117,51 @@ def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_sta
         last_seen_ns=0,
         unseen_s=unseen_s,
     )
-    twist = decide(people=Bodies.of((lost,), ORIGIN), insists=insists).twist
+    twist = decide(people=PeopleState.of((lost,), ORIGIN), ignore_predictions=ignore_predictions).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
-    assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > speed * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
 
 
-def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> Bodies:
+def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> PeopleState:
     """Somebody who walked and then stopped, in the base frame."""
     track = Track(
         id=1, x_m=x, y_m=y, vx_mps=0.0, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=pace, stood_s=stood_s
     )
-    return Bodies.of((track,), ORIGIN)
+    return PeopleState.of((track,), ORIGIN)
 
 
 def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_driven_round() -> None:
     walls = np.array([[x, y] for x in np.arange(-1.0, 3.0, 0.1) for y in (-1.3, 1.3)])
-    assert stands(decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), Outcome.YIELD)
+    assert stands(decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.YIELD)
     settled = decide(geometric=walls, people=stopped(1.5, 0.4, stood_s=20.0))
-    assert settled.outcome is Outcome.FOLLOW
+    assert settled.outcome is ControllerState.FOLLOW
     assert settled.twist.w_radps < 0
     assert decide(people=stopped(1.5, 2.4, stood_s=2.0)).twist.v_mps > 0.3  # out of the way: nobody waits
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int, insists: bool) -> None:
+def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int, ignore_predictions: bool) -> None:
     """Whichever way he goes, at the pace at which he came."""
     rng = np.random.default_rng(seed)
     (x, y), pace = rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.6)
-    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace), insists=insists).twist
+    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace), ignore_predictions=ignore_predictions).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
-    assert fastest == 0.0 or gap > pace * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > pace * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
 
 
-def just_past(*, ways: slice = slice(None)) -> Bodies:
+def just_past(*, ways: slice = slice(None)) -> PeopleState:
     """Somebody who has walked across the robot's way and is a step beyond it, and so many of the ways that he may go."""
     track = Track(id=1, x_m=1.2, y_m=0.9, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0)
-    people = Bodies.of((track,), ORIGIN)
+    people = PeopleState.of((track,), ORIGIN)
     return dataclasses.replace(people, walking=people.walking[ways])
 
 
 def test_behind_somebody_the_robot_waits_until_it_would_be_past_before_he_is_back() -> None:
     waiting = decide(people=just_past())
-    assert waiting.outcome is Outcome.YIELD and waiting.twist.v_mps == 0.0
+    assert waiting.outcome is ControllerState.YIELD and waiting.twist.v_mps == 0.0
     assert waiting.twist.w_radps > 0  # after him, so that he stays in the picture
     assert decide(people=just_past(ways=slice(1))).twist.v_mps > 0.1  # the control: as though nobody ever turned back
 
@@ -191,7 +197,7 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
             course_rad=math.copysign(math.pi / 2, seen[2]),
         )
         motion = decide(
-            path=path, pose=pose, previous=motion, people=Bodies.of((track,) if care and unseen_s < 8.0 else (), pose)
+            path=path, pose=pose, previous=motion, people=PeopleState.of((track,) if care and unseen_s < 8.0 else (), pose)
         )
         v_mps += float(np.clip(motion.twist.v_mps - v_mps, -3.0 * period_s, 3.0 * period_s))
         pose = driven(pose, dataclasses.replace(motion.twist, v_mps=v_mps), period_s)
@@ -213,25 +219,27 @@ def test_without_care_it_does() -> None:
 def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> None:
     lost = Track(id=1, x_m=0.8, y_m=1.6, vx_mps=0.0, vy_mps=0.8, radius_m=0.35, age_s=3.0, last_seen_ns=0, unseen_s=1.0)
     here = ORIGIN
-    assert stands(decide(people=Bodies.of((lost,), here)), Outcome.YIELD)
+    assert stands(decide(people=PeopleState.of((lost,), here)), ControllerState.YIELD)
     later = dataclasses.replace(lost, y_m=7.3, unseen_s=8.1)
-    assert decide(people=Bodies.of((later,), here)).twist.v_mps > 0.5
+    assert decide(people=PeopleState.of((later,), here)).twist.v_mps > 0.5
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int, insists: bool) -> None:
+def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int, ignore_predictions: bool) -> None:
     """Whatever he does within the speed he walks at, for the time that it takes to notice him and to brake."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-3, 3, 2)
     speed, heading = rng.uniform(0.5, 1.6), rng.uniform(-math.pi, math.pi)
-    twist = decide(people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading)), insists=insists).twist
+    twist = decide(
+        people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading)), ignore_predictions=ignore_predictions
+    ).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
-    assert fastest == 0.0 or gap > speed * (MANNERS.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > speed * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
 
 
-def leaves_his_lane_after_s(patience: Patience | None, *, for_s: float) -> tuple[float, bool]:
+def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> tuple[float, bool]:
     """Somebody walks up and down the strip in which the robot stands and from which its path leads, waits before it, and turns.
 
     After how many seconds it has left the strip (infinite if not `for_s`), and whether they ever touched.
@@ -259,8 +267,8 @@ def leaves_his_lane_after_s(patience: Patience | None, *, for_s: float) -> tuple
             path=path,
             pose=pose,
             previous=motion,
-            people=Bodies.of((track,), pose),
-            insists=patience is not None and patience.is_over(MANNERS),
+            people=PeopleState.of((track,), pose),
+            ignore_predictions=patience is not None and patience.is_over(PEOPLE_CONFIG),
         )
         patience = patience and patience.after(motion, pose, round(1e9 * (k + 1) * period_s))
         pose = driven(pose, motion.twist, period_s)
@@ -271,8 +279,8 @@ def leaves_his_lane_after_s(patience: Patience | None, *, for_s: float) -> tuple
 
 def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for_ever() -> None:
     assert leaves_his_lane_after_s(None, for_s=90.0) == (math.inf, False)  # the control: neither gives way
-    leaves_s, touched = leaves_his_lane_after_s(Patience(), for_s=90.0)
-    assert MANNERS.patience_s < leaves_s < 90.0 and not touched
+    leaves_s, touched = leaves_his_lane_after_s(WaitingTimer(), for_s=90.0)
+    assert PEOPLE_CONFIG.patience_s < leaves_s < 90.0 and not touched
 
 
 @law(150)
@@ -281,7 +289,14 @@ def test_nobody_beside_a_robot_that_turns_is_reached_by_its_rim_before_it_stands
     rng = np.random.default_rng(seed)
     x, y, speed, twist_w = rng.uniform(-1.5, 1.5), rng.uniform(-2, 2), rng.uniform(0.5, 1.4), rng.uniform(0.2, 0.9)
     people = crossing(x, y, 0.0, -math.copysign(speed, y))
-    rim = min(allowed_mps(people, Twist(v_mps=0.0, w_radps=twist_w), HUSKY, MANNERS), twist_w * HUSKY.circumscribed_radius_m)
+    rim = min(
+        speed_limit_near_people(people, Twist(v_mps=0.0, w_radps=twist_w), HUSKY, PEOPLE_CONFIG),
+        twist_w * HUSKY.circumscribed_radius_m,
+    )
     gap = math.hypot(max(abs(x) - HUSKY.length_m / 2, 0), max(abs(y) - HUSKY.width_m / 2, 0)) - 0.3
-    needs = (speed + rim) * MANNERS.reaction_s + speed * rim / MANNERS.braking_mps2 + rim**2 / (2 * MANNERS.braking_mps2)
+    needs = (
+        (speed + rim) * PEOPLE_CONFIG.reaction_s
+        + speed * rim / PEOPLE_CONFIG.braking_mps2
+        + rim**2 / (2 * PEOPLE_CONFIG.braking_mps2)
+    )
     assert rim == 0.0 or gap >= needs

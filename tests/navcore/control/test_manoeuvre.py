@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
-from navcore.config.control import LocalRules
+from navcore.config.control import LocalPlannerConfig
 from navcore.control.local_planner import Points, plan_motion
-from navcore.control.manoeuvre import LOST_M, Manoeuvre, Tight, manoeuvre_along, manoeuvre_to_see, steer
-from navcore.control.motion import BOXED_IN, IDLE, Motion, Outcome
-from navcore.control.social import NOBODY, Bodies
+from navcore.control.manoeuvre import LOST_M, Manoeuvre, ManoeuvreProblem, manoeuvre_along, manoeuvre_to_see, steer
+from navcore.control.motion import BOXED_IN, IDLE, ControllerState, Motion
+from navcore.control.social import NOBODY, PeopleState
 from navcore.control.state_lattice import REACH_M
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.people.track import Track
@@ -35,8 +35,10 @@ def line(*corners: tuple[float, float]) -> Points:
     return np.vstack(parts)
 
 
-def tight(obstacles: Points, unseen: Points = NONE) -> Tight:
-    return Tight(obstacles=obstacles, reach_m=REACH, unseen=unseen, veil_m=REACH, profile=HUSKY, room_m=ROOM_M)
+def tight(obstacles: Points, unseen: Points = NONE) -> ManoeuvreProblem:
+    return ManoeuvreProblem(
+        obstacles=obstacles, reach_m=REACH, unseen=unseen, unseen_clearance_m=REACH, profile=HUSKY, room_m=ROOM_M
+    )
 
 
 def find(path: Points, obstacles: Points = NONE, unseen: Points = NONE, pose: Pose2 = HERE) -> Manoeuvre | None:
@@ -112,7 +114,7 @@ def test_a_path_that_leads_back_out_of_a_dead_end_is_come_to_in_reverse() -> Non
     assert found is not None and found.ways[0] == -1
 
 
-def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, people: Bodies = NOBODY) -> Motion:
+def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, people: PeopleState = NOBODY) -> Motion:
     """A decision among cells of the base frame."""
     return plan_motion(
         geometric=near,
@@ -122,7 +124,7 @@ def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, 
         pose=pose,
         previous=previous,
         profile=HUSKY,
-        rules=LocalRules(),
+        rules=LocalPlannerConfig(),
         cell_m=CELL_M,
         people=people,
     )
@@ -143,7 +145,7 @@ def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0,
         pose = pose @ half @ Pose2(x_m=moved, y_m=slip * rng.normal() * abs(turned) * 0.2, yaw_rad=0.0) @ half
         (body,) = bodies(np.array([[pose.x_m, pose.y_m, pose.yaw_rad]]))
         assert body.distance(cells) > 0
-        if motion.outcome is Outcome.ARRIVED:
+        if motion.outcome is ControllerState.ARRIVED:
             break
     return motions, pose
 
@@ -160,9 +162,9 @@ def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0,
 )
 def test_the_robot_comes_through_tight_places_without_touching_anything(path: Points, obstacles: Points, slip: float) -> None:
     motions, pose = drive(path, obstacles, seconds=60.0, slip=slip)
-    assert motions[-1].outcome is Outcome.ARRIVED
+    assert motions[-1].outcome is ControllerState.ARRIVED
     assert pose.distance_to(*path[-1].tolist()) < 0.15
-    assert Outcome.BOXED_IN not in {motion.outcome for motion in motions}
+    assert ControllerState.BOXED_IN not in {motion.outcome for motion in motions}
 
 
 def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it() -> None:
@@ -181,9 +183,9 @@ def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it(
 def test_a_manoeuvre_is_given_up_when_something_comes_in_its_way_or_the_path_is_another() -> None:
     narrow = DEAD_END * [1.0, 0.6]
     first = decide(-AHEAD, narrow, IDLE)
-    assert first.outcome is Outcome.MANOEUVRE and first.twist.v_mps < 0
+    assert first.outcome is ControllerState.MANOEUVRE and first.twist.v_mps < 0
     assert decide(-AHEAD, narrow, first).manoeuvre is not None
-    assert decide(AHEAD, NONE, first).outcome is Outcome.FOLLOW
+    assert decide(AHEAD, NONE, first).outcome is ControllerState.FOLLOW
     shut = np.vstack([narrow, line((-0.62, -0.5), (-0.62, 0.5))])
     assert decide(-AHEAD, shut, first) is BOXED_IN
 
@@ -208,6 +210,6 @@ def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_hi
     first = decide(-AHEAD, NARROW, IDLE)
     assert first.manoeuvre is not None
     walker = Track(id=1, x_m=-2.4, y_m=0.0, vx_mps=0.7, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.7)
-    waiting = decide(-AHEAD, NARROW, first, people=Bodies.of((walker,), HERE))
-    assert waiting.outcome is Outcome.YIELD and waiting.twist.v_mps == 0.0 and waiting.manoeuvre is not None
-    assert decide(-AHEAD, NARROW, waiting).outcome is Outcome.MANOEUVRE
+    waiting = decide(-AHEAD, NARROW, first, people=PeopleState.of((walker,), HERE))
+    assert waiting.outcome is ControllerState.YIELD and waiting.twist.v_mps == 0.0 and waiting.manoeuvre is not None
+    assert decide(-AHEAD, NARROW, waiting).outcome is ControllerState.MANOEUVRE

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.control.social import MANNERS, Bodies, place_to_wait
+from navcore.control.social import PEOPLE_CONFIG, PeopleState, waiting_index
 from navcore.geometry.transform import Pose2
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
@@ -16,7 +16,7 @@ Poses = npt.NDArray[np.float64]
 SPEED_MPS = 0.5
 
 
-def walker(x_m: float, y_m: float, vx_mps: float, vy_mps: float) -> Bodies:
+def walker(x_m: float, y_m: float, vx_mps: float, vy_mps: float) -> PeopleState:
     """Seen from a robot at the origin that faces along x."""
     pace = math.hypot(vx_mps, vy_mps)
     course = math.atan2(vy_mps, vx_mps)
@@ -24,7 +24,7 @@ def walker(x_m: float, y_m: float, vx_mps: float, vy_mps: float) -> Bodies:
         id=1, x_m=x_m, y_m=y_m, vx_mps=vx_mps, vy_mps=vy_mps, radius_m=0.3, age_s=3.0, last_seen_ns=0, pace_mps=pace,
         course_rad=course,
     )  # fmt: skip
-    return Bodies.of((one,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    return PeopleState.of((one,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
 
 def along(bearing_rad: float, metres: float) -> tuple[Poses, npt.NDArray[np.float64]]:
@@ -34,10 +34,10 @@ def along(bearing_rad: float, metres: float) -> tuple[Poses, npt.NDArray[np.floa
     return poses, away / SPEED_MPS
 
 
-def waits_at(bodies: Bodies, bearing_rad: float, metres: float = 1.0) -> float:
+def waits_at(bodies: PeopleState, bearing_rad: float, metres: float = 1.0) -> float:
     """How far along a line the robot would wait, m; -1 if nowhere."""
     poses, times_s = along(bearing_rad, metres)
-    index = place_to_wait(bodies, poses, times_s, HUSKY, MANNERS)
+    index = waiting_index(bodies, poses, times_s, HUSKY, PEOPLE_CONFIG)
     return -1.0 if index < 0 else float(np.hypot(*poses[index, :2]))
 
 
@@ -45,7 +45,7 @@ def test_the_robot_waits_as_near_as_leaves_somebody_his_line_and_no_nearer() -> 
     crossing = walker(2.0, -1.5, 0.0, 0.9)
     waits_m = waits_at(crossing, 0.0, 1.0)
     gap_m = 2.0 - 0.3 - HUSKY.length_m / 2 - waits_m
-    assert MANNERS.personal_m + 0.2 < gap_m < MANNERS.personal_m + 0.35
+    assert PEOPLE_CONFIG.personal_m + 0.2 < gap_m < PEOPLE_CONFIG.personal_m + 0.35
 
 
 def test_from_beside_his_line_nowhere_on_it_is_a_place_to_wait() -> None:

@@ -8,15 +8,15 @@ import math
 import numpy as np
 import pytest
 
-from navcore.config.control import LocalRules
-from navcore.control.motion import Motion, Outcome
+from navcore.config.control import LocalPlannerConfig
+from navcore.control.motion import ControllerState, Motion
 from navcore.control.speed_limits import LAG_S, allowed_speed_mps, slowed, travel_time_s
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.zone import Zone, ZoneKind, cells_of
 from navcore.robot.profile import HUSKY
 
-RULES = LocalRules()
+RULES = LocalPlannerConfig()
 SLOW = Zone(
     id="s", name="s", polygon=((2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (2.0, 2.0)), kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.25
 )
@@ -49,10 +49,10 @@ def test_a_robot_that_obeys_is_slow_enough_when_it_comes_to_the_zone() -> None:
 
 
 def test_a_slowed_motion_keeps_its_arc_and_a_turn_in_place_its_rate() -> None:
-    motion = slowed(Motion(twist=Twist(v_mps=1.0, w_radps=0.4), outcome=Outcome.FOLLOW), 0.25)
+    motion = slowed(Motion(twist=Twist(v_mps=1.0, w_radps=0.4), outcome=ControllerState.FOLLOW), 0.25)
     assert motion.twist.v_mps == 0.25 and motion.twist.w_radps == pytest.approx(0.1)
-    assert slowed(Motion(twist=Twist(v_mps=-1.0, w_radps=0.0), outcome=Outcome.BACK), 0.25).twist.v_mps == -0.25
-    turn = Motion(twist=Twist(v_mps=0.0, w_radps=0.9), outcome=Outcome.TURN)
+    assert slowed(Motion(twist=Twist(v_mps=-1.0, w_radps=0.0), outcome=ControllerState.BACK), 0.25).twist.v_mps == -0.25
+    turn = Motion(twist=Twist(v_mps=0.0, w_radps=0.9), outcome=ControllerState.TURN)
     assert slowed(turn, 0.25) is turn
 
 

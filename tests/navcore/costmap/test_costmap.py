@@ -8,12 +8,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.mapping import MapRules
-from navcore.costmap.costmap import Occupancy
-from navcore.costmap.live_costmap import LiveOccupancy
+from navcore.config.mapping import MappingConfig
+from navcore.costmap.costmap import Costmap
+from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import inflate_layers
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from tests.navcore.laws import law
@@ -45,8 +45,8 @@ def random_list(rng: np.random.Generator) -> BewareList:
 @law(40)
 @given(st.integers(0, 2**32 - 1))
 def test_following_any_sequence_of_frames_and_edits_equals_making_everything_from_scratch(seed: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
-    live, beware, zones = LiveOccupancy(cloud, **BODY), ALL, ()
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
+    live, beware, zones = LiveCostmap(cloud, **BODY), ALL, ()
     for _ in range(10):
         match int(rng.integers(0, 4)):
             case 0:
@@ -68,14 +68,14 @@ def test_following_any_sequence_of_frames_and_edits_equals_making_everything_fro
 
 
 def test_a_snapshot_stays_as_it_was_when_the_map_goes_on() -> None:
-    rng, cloud = np.random.default_rng(1), CloudMap(SMALL, MapRules())
-    live = LiveOccupancy(cloud, **BODY)
+    rng, cloud = np.random.default_rng(1), PointMap(SMALL, MappingConfig())
+    live = LiveCostmap(cloud, **BODY)
     frame, observation = random_step(rng, confident=True)
     cloud.insert(observation, frame)
     first = live.follow(ALL, ())
     before = first.blocked.copy()
     assert live.follow(ALL, ()) is first
-    untouched = Occupancy.of(first.grid, first.blocked, version=0)
+    untouched = Costmap.of(first.grid, first.blocked, version=0)
     for _ in range(6):
         frame, observation = random_step(rng, confident=True)
         cloud.insert(observation, frame)
@@ -85,11 +85,11 @@ def test_a_snapshot_stays_as_it_was_when_the_map_goes_on() -> None:
 
 
 def test_the_part_around_a_pose_is_the_same_part_of_the_whole() -> None:
-    rng, cloud = np.random.default_rng(2), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(2), PointMap(SMALL, MappingConfig())
     for _ in range(5):
         frame, observation = random_step(rng, confident=True)
         cloud.insert(observation, frame)
-    whole = LiveOccupancy(cloud, **BODY).follow(ALL, ZONES)
+    whole = LiveCostmap(cloud, **BODY).follow(ALL, ZONES)
     for x_m, y_m in ((0.0, 0.0), (-2.9, 2.9), (40.0, 0.0)):
         part = whole.around(Pose2(x_m=x_m, y_m=y_m, yaw_rad=0.0), 1.0)
         top, left = SMALL.cell(part.spec.origin_x_m + 0.01, part.spec.origin_y_m + 0.01)

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.geometry.polyline import evenly, metres_along, points_at
+from navcore.geometry.polyline import metres_along, points_at, resample
 from tests.navcore.laws import law
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -27,11 +27,11 @@ def test_points_at_stations_are_those_that_numpy_interpolates(seed: int, corners
 
 def test_even_points_keep_the_ends_and_are_no_farther_apart_than_asked_for() -> None:
     line = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.55]])
-    points = evenly(line, 0.1)
+    points = resample(line, 0.1)
     np.testing.assert_array_equal(points[[0, -1]], line[[0, -1]])
     assert len(points) == 17
     assert np.hypot(*np.diff(points, axis=0).T).max() <= 0.1 + 1e-12
 
 
 def test_a_line_of_one_point_is_that_point_twice() -> None:
-    np.testing.assert_array_equal(evenly(np.array([[2.0, 3.0]]), 0.1), [[2.0, 3.0]] * 2)
+    np.testing.assert_array_equal(resample(np.array([[2.0, 3.0]]), 0.1), [[2.0, 3.0]] * 2)

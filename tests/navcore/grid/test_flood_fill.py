@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.bitplane import Plane, cells_of, contains, empty_plane, pack, plane_of, unpack
+from navcore.grid.bitplane import BitPlane, cells_of, contains, empty_plane, pack, plane_of, unpack
 from navcore.grid.flood_fill import beside, flood
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids
@@ -16,7 +16,7 @@ from tests.navcore.laws import law
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def packed(mask: BoolGrid) -> Plane:
+def packed(mask: BoolGrid) -> BitPlane:
     plane = empty_plane(*mask.shape)
     pack(mask, plane)
     return plane

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid.bitplane import PAD
-from navcore.grid.free_space import AHEAD, FREE, SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.free_space import AHEAD, DEAD_END_AHEAD, FREE, SQUARE, VAIN_BACK, FreeSpace, look_along
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids, some_cells
 from tests.navcore.laws import law
@@ -19,8 +19,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 def assert_same_space(space: FreeSpace, other: FreeSpace) -> None:
     """Equal wherever a search looks."""
     rows, cols = slice(PAD, PAD + space.rows), slice(PAD, PAD + space.cols)
-    np.testing.assert_array_equal(space.across[:VAIN_AHEAD, rows], other.across[:VAIN_AHEAD, rows])
-    np.testing.assert_array_equal(space.along[:VAIN_AHEAD, cols], other.along[:VAIN_AHEAD, cols])
+    np.testing.assert_array_equal(space.across[:DEAD_END_AHEAD, rows], other.across[:DEAD_END_AHEAD, rows])
+    np.testing.assert_array_equal(space.along[:DEAD_END_AHEAD, cols], other.along[:DEAD_END_AHEAD, cols])
     np.testing.assert_array_equal(space.across[SQUARE], other.across[SQUARE])
 
 
@@ -65,7 +65,7 @@ def test_the_notes_name_every_freed_cell(blocked: BoolGrid, seed: int) -> None:
 def test_only_cells_on_the_tripwire_trip_it(blocked: BoolGrid, seed: int) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     row, col = (int(generator.integers(side)) for side in blocked.shape)
-    space.tripwire[row + PAD, (col + PAD) >> 6] = np.uint64(1) << np.uint64(col & 63)
+    space.sentinel[row + PAD, (col + PAD) >> 6] = np.uint64(1) << np.uint64(col & 63)
     others = np.argwhere(~blocked & ~one_cell(blocked.shape, row, col))
     space.notes[:] = 0
     space.set_cells(others, True)
@@ -99,7 +99,7 @@ def test_a_walk_is_in_vain_where_walking_it_cell_by_cell_meets_an_obstacle_first
     row = blocked.shape[0] // 2
     look_along(space.across, row + PAD)
     for col in np.nonzero(~blocked[row])[0]:
-        for plane, step in ((VAIN_AHEAD, 1), (VAIN_BACK, -1)):
+        for plane, step in ((DEAD_END_AHEAD, 1), (VAIN_BACK, -1)):
             word = int(space.across[plane, row + PAD, (col + PAD) >> 6])
             vain = word >> (int(col) & 63) & 1
             assert vain != ends_at_a_jump_point(space, blocked, row, int(col), step)
@@ -110,9 +110,9 @@ def test_a_change_makes_the_lines_around_it_forget_which_walks_are_in_vain() -> 
     for line in range(PAD, PAD + 100):
         look_along(space.across, line)
     space.set_cells(np.array([[50, 50]]), True)
-    forgotten = np.nonzero(space.across[VAIN_AHEAD, PAD : PAD + 100, 0] == 0)[0]
+    forgotten = np.nonzero(space.across[DEAD_END_AHEAD, PAD : PAD + 100, 0] == 0)[0]
     assert forgotten.tolist() == [49, 50, 51]
-    assert (space.across[VAIN_AHEAD, PAD + 49 : PAD + 52] == 0).all()
+    assert (space.across[DEAD_END_AHEAD, PAD + 49 : PAD + 52] == 0).all()
 
 
 def test_a_grid_too_large_for_the_numbering_of_its_cells_is_refused() -> None:

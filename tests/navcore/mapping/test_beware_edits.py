@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.costmap.costmap import Occupancy
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList, ColourRule
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.fused_segmenter import JointSegmenter
-from navcore.perception.labels import Finder, Labels, Segmenter
+from navcore.perception.fused_segmenter import FusedSegmenter
+from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
@@ -67,20 +67,20 @@ class Reader:
         sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns / 1e8, dtype=np.float32)
         return Labels(class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure))
 
-    def finds(self, entry: BewareClass) -> Finder:
+    def finds(self, entry: BewareClass) -> LabelSource:
         """Books, cups and people."""
-        return Finder.NETWORK if entry in (BOOK, CUP, SOMEBODY) else Finder.NOTHING
+        return LabelSource.NETWORK if entry in (BOOK, CUP, SOMEBODY) else LabelSource.NOTHING
 
 
-def seen(lists: list[BewareList], segmenter: Segmenter) -> Occupancy:
+def seen(lists: list[BewareList], segmenter: Segmenter) -> Costmap:
     """What a robot holds that looked at each frame under the list of that moment, in the end."""
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     for frame, beware in zip(FRAMES, lists, strict=True):
-        decision = navigator.tick(frame, Order(goal=None, beware=beware, zones=()))
+        decision = navigator.tick(frame, NavigationRequest(goal=None, beware=beware, zones=()))
     return decision.occupancy
 
 
-def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]) -> tuple[Occupancy, Occupancy]:
+def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]) -> tuple[Costmap, Costmap]:
     """What is held after edits on the way, and under their final list from the start."""
     lists, beware = [], CLAIMED_TWICE
     for moment in range(len(FRAMES)):
@@ -91,7 +91,7 @@ def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object
 
 
 @law(15)
-@given(EDITS, st.sampled_from([ColourSegmenter(), JointSegmenter(Reader())]))
+@given(EDITS, st.sampled_from([ColourSegmenter(), FusedSegmenter(Reader())]))
 def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
     edits: list[tuple[int, str, dict[str, object]]], segmenter: Segmenter
 ) -> None:
@@ -107,7 +107,7 @@ def test_what_two_claimed_is_there_for_either_that_is_switched_on_later() -> Non
     off: dict[str, object] = {"enabled": False}
     for entry in (BOOK, RED_FLOOR, WARM):
         all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]
-        edited, _ = claims_of(JointSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})])
+        edited, _ = claims_of(FusedSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})])
         assert edited.grid.beware.keys() == {entry.class_id}
         assert edited.grid.beware[entry.class_id].any()
         assert edited.blocked.any()

@@ -8,11 +8,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
-from navcore.mapping.confidence import first_look
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
+from navcore.mapping.confidence import initial_confidence
 from navcore.mapping.observation import observe
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
@@ -32,22 +32,22 @@ def labels(confidence: float, *, there: bool) -> Labels:
     return Labels(class_ids=class_ids, confidence=np.full(class_ids.shape, confidence, dtype=np.float32))
 
 
-def look(cloud: CloudMap, seen: Labels, frame: Frame = FLOOR) -> int:
+def look(cloud: PointMap, seen: Labels, frame: Frame = FLOOR) -> int:
     """How many cells the mat binds after one more look."""
-    cloud.insert(observe(frame, seen, LIST, SPEC, PointRules()), frame, seen)
+    cloud.insert(observe(frame, seen, LIST, SPEC, ObservationConfig()), frame, seen)
     return int(cloud.grid(LIST, ()).beware[MAT.class_id].sum())
 
 
 def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
-    assert look(CloudMap(SPEC, MapRules()), labels(0.95, there=True)) > 0
-    cloud = CloudMap(SPEC, MapRules())
+    assert look(PointMap(SPEC, MappingConfig()), labels(0.95, there=True)) > 0
+    cloud = PointMap(SPEC, MappingConfig())
     bound = [look(cloud, labels(0.7, there=True)) for _ in range(5)]
     assert bound[0] == 0
     assert bound[-1] > 0
 
 
 def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> None:
-    cloud, seen = CloudMap(SPEC, MapRules()), labels(0.99, there=True)
+    cloud, seen = PointMap(SPEC, MappingConfig()), labels(0.99, there=True)
     for _ in range(20):
         look(cloud, seen)
     bound = [int(cloud.grid(LIST.edited("mat", min_confidence=least), ()).beware[7].sum()) for least in (0.5, 0.95, 0.99, 1.0)]
@@ -56,17 +56,17 @@ def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> N
 
 
 def test_where_nothing_was_found_before_one_look_is_not_enough_but_two_are() -> None:
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     assert look(cloud, labels(0.9, there=False)) == 0
     assert look(cloud, labels(0.9, there=True)) == 0
     assert look(cloud, labels(0.9, there=True)) > 0
-    certain = CloudMap(SPEC, MapRules())
+    certain = PointMap(SPEC, MappingConfig())
     look(certain, labels(1.0, there=False))
     assert look(certain, labels(1.0, there=True)) > 0
 
 
 def test_a_false_find_is_given_up_after_a_few_looks_and_forgotten_after_more() -> None:
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     assert look(cloud, labels(0.9, there=True)) > 0
     bound = [look(cloud, labels(0.9, there=False)) for _ in range(15)]
     assert 0 in bound[:6]
@@ -75,7 +75,7 @@ def test_a_false_find_is_given_up_after_a_few_looks_and_forgotten_after_more() -
 
 
 def test_what_was_found_in_many_pictures_is_not_lost_when_some_miss_it() -> None:
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     for _ in range(10):
         held = look(cloud, labels(0.9, there=True))
     for _ in range(8):
@@ -83,29 +83,29 @@ def test_what_was_found_in_many_pictures_is_not_lost_when_some_miss_it() -> None
 
 
 def test_what_is_certain_stays_whatever_later_pictures_say() -> None:
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     held = look(cloud, labels(1.0, there=True))
     for _ in range(20):
         assert look(cloud, labels(1.0, there=False)) == held > 0
 
 
 def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certain() -> None:
-    claimed, new, known = np.linspace(0.2, 0.999, 50, dtype=np.float32), np.zeros(50, np.bool_), np.ones(50, np.bool_)
-    assert np.all(first_look(claimed, new) <= claimed + 0.1)
-    assert np.all(np.diff(first_look(claimed, new)) >= 0)
-    assert np.all(first_look(claimed, known) < first_look(claimed, new))
-    assert first_look(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [1.0, 1.0]
+    all_hypotheses, new, known = np.linspace(0.2, 0.999, 50, dtype=np.float32), np.zeros(50, np.bool_), np.ones(50, np.bool_)
+    assert np.all(initial_confidence(all_hypotheses, new) <= all_hypotheses + 0.1)
+    assert np.all(np.diff(initial_confidence(all_hypotheses, new)) >= 0)
+    assert np.all(initial_confidence(all_hypotheses, known) < initial_confidence(all_hypotheses, new))
+    assert initial_confidence(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [1.0, 1.0]
 
 
 @law(20)
 @given(st.integers(0, 2**32 - 1))
 def test_weighed_layers_equal_those_rebuilt_from_the_points(seed: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SPEC, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SPEC, MappingConfig())
     for _ in range(6):
         seen = Labels(
             class_ids=rng.choice([0, 0, 1, 2], FLOOR.depth_m.shape).astype(np.uint8),
             confidence=rng.random(FLOOR.depth_m.shape).astype(np.float32),
         )
         frame = dataclasses.replace(FLOOR, stamp_ns=int(rng.integers(1 << 40)))
-        cloud.insert(observe(frame, seen, ALL, SPEC, PointRules()), frame, seen)
+        cloud.insert(observe(frame, seen, ALL, SPEC, ObservationConfig()), frame, seen)
         assert_same(layers(cloud, ALL), rebuilt(cloud, ALL))

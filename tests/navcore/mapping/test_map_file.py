@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadConfiguration, StorageFailed
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.mapping.map_file import check_classes, load, save
 from navcore.mapping.map_state import MapState
@@ -42,7 +42,7 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         range_m=(5 * rng.random(count)).astype(np.float32),
         pose_ids=rng.integers(0, 3, count, dtype=np.int32),
     )
-    seen, looked, trodden, prior = (Mask.of(rng.random((rows, cols)) < 0.5) for _ in range(4))
+    seen, looked, trodden, prior = (CellMask.of(rng.random((rows, cols)) < 0.5) for _ in range(4))
     return MapState(
         spec=spec,
         points=points,

@@ -9,30 +9,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
 from navcore.errors import BadConfiguration
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.map_file import load, save
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from tests.navcore.laws import law
 from tests.navcore.mapping.test_map_file import assert_same
 from tests.navcore.mapping.test_point_map import ALL, SMALL, SURE, random_step
 
 
-def step(cloud: CloudMap, seed: int) -> None:
+def step(cloud: PointMap, seed: int) -> None:
     rng = np.random.default_rng(seed)
     frame, observation = random_step(rng, confident=False)
     cloud.insert(observation, frame)
-    cloud.explored.look(frame, PointRules(min_support=1))
-    cloud.explored.tread(rng.normal(size=2) + np.array([[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]))
+    cloud.explored.look(frame, ObservationConfig(min_support=1))
+    cloud.explored.mark_driven(rng.normal(size=2) + np.array([[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]))
 
 
 def prior() -> BoolGrid:
     return np.random.default_rng(0).random((SMALL.rows, SMALL.cols)) < 0.05
 
 
-def assert_same_grids(first: CloudMap, second: CloudMap) -> None:
+def assert_same_grids(first: PointMap, second: PointMap) -> None:
     for beware in (ALL, SURE):
         one, other = first.grid(beware, ()), second.grid(beware, ())
         np.testing.assert_array_equal(one.geometric, other.geometric)
@@ -50,7 +50,7 @@ def test_a_drive_with_a_stop_at_the_file_makes_the_same_map_as_one_without(
     tmp_path_factory: pytest.TempPathFactory, seed: int, before: int, after: int
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "kept"
-    without, first, second = (CloudMap(SMALL, MapRules()) for _ in range(3))
+    without, first, second = (PointMap(SMALL, MappingConfig()) for _ in range(3))
     for cloud in (without, first):
         cloud.load_prior(prior())
         for number in range(before):
@@ -70,7 +70,7 @@ def test_a_drive_with_a_stop_at_the_file_makes_the_same_map_as_one_without(
 
 
 def test_a_state_is_a_snapshot_that_the_map_no_longer_touches() -> None:
-    cloud, again = CloudMap(SMALL, MapRules()), CloudMap(SMALL, MapRules())
+    cloud, again = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig())
     for seed in (1, 2):
         step(cloud, seed)
     state = cloud.state()
@@ -78,7 +78,7 @@ def test_a_state_is_a_snapshot_that_the_map_no_longer_touches() -> None:
     for seed in (3, 4):
         step(cloud, seed)
         step(again, seed)
-    third = CloudMap(SMALL, MapRules())
+    third = PointMap(SMALL, MappingConfig())
     third.restore(state)
     for seed in (3, 4):
         step(third, seed)
@@ -87,7 +87,10 @@ def test_a_state_is_a_snapshot_that_the_map_no_longer_touches() -> None:
 
 
 def test_a_map_of_another_place_is_refused_and_nothing_is_lost(tmp_path: Path) -> None:
-    cloud, other = CloudMap(SMALL, MapRules()), CloudMap(GridSpec.centred(size_m=(5.0, 5.0), resolution_m=0.1), MapRules())
+    cloud, other = (
+        PointMap(SMALL, MappingConfig()),
+        PointMap(GridSpec.centred(size_m=(5.0, 5.0), resolution_m=0.1), MappingConfig()),
+    )
     step(cloud, 1)
     save(tmp_path / "m", cloud.state(), {})
     with pytest.raises(BadConfiguration, match=r"the stored map covers x -3 to 3 m.*this one x -2\.5 to 2\.5 m"):

@@ -10,7 +10,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
@@ -19,7 +19,7 @@ from tests.navcore.scene import Box, picture
 
 TENTH_NS = 100_000_000
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
-ORDER = Order(goal=None, beware=BewareList(classes=()), zones=())
+ORDER = NavigationRequest(goal=None, beware=BewareList(classes=()), zones=())
 SOMEBODY = Box(x=(1.88, 2.12), y=(0.1, 0.5), z=(0.0, 1.75))
 WALL = Box(x=(5.0, 5.1), y=(-6.0, 6.0), z=(0.0, 2.5))
 KERB = Box(x=(2.0, 2.2), y=(-0.3, 0.3), z=(0.0, 0.2))

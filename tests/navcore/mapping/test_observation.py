@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.perception import PointRules
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, transform_points
 from navcore.mapping.observation import Observation, back_project, observe
@@ -26,14 +26,14 @@ from tests.navcore.scene import LENS, RED, RED_FLOOR, RED_ID, RED_LIST, SPEC, Bo
 TALL = Box(x=(2.0, 2.6), y=(0.3, 0.9), z=(0.0, 0.5))
 STEP = Box(x=(1.6, 2.2), y=(-0.9, -0.4), z=(0.0, 0.08))
 PATCH = Paint(x=(2.0, 2.8), y=(-0.2, 0.2))
-RULES = PointRules()
+RULES = ObservationConfig()
 
 
-def look(frame: Frame, beware: BewareList = RED_LIST, rules: PointRules = RULES) -> Observation:
+def look(frame: Frame, beware: BewareList = RED_LIST, rules: ObservationConfig = RULES) -> Observation:
     return observe(frame, ColourSegmenter().segment(frame, beware), beware, SPEC, rules)
 
 
-def labelled(frame: Frame, class_id: int, rules: PointRules = RULES) -> Observation:
+def labelled(frame: Frame, class_id: int, rules: ObservationConfig = RULES) -> Observation:
     """Everything red is of a class that has no colour rule, as from a network."""
     ids = np.where(frame.rgb[..., 0] > 200, class_id, NOTHING).astype(np.uint8)
     entry = BewareClass(name="thing", class_id=class_id)
@@ -89,7 +89,7 @@ def test_geometric_points_stand_on_what_is_higher_than_ten_centimetres_and_nowhe
 
 def test_a_low_step_is_an_obstacle_once_the_obstacle_height_is_below_it() -> None:
     """Control: the step above is seen, and left out for its height alone."""
-    observation = look(picture(STEP), rules=PointRules(obstacle_height_m=0.05))
+    observation = look(picture(STEP), rules=ObservationConfig(obstacle_height_m=0.05))
     assert inside(observation.points_map, STEP).sum() > 5
     assert len(look(picture(STEP)).points_map) == 0
 
@@ -140,13 +140,13 @@ def test_every_allowed_class_id_makes_points(class_id: int) -> None:
 def test_nothing_above_the_ceiling_is_an_obstacle() -> None:
     lamp = Box(x=(2.5, 3.0), y=(-0.5, 0.5), z=(0.7, 1.2))
     assert (look(picture(lamp)).points_map[:, 2] > 0.7).sum() > 20
-    assert len(look(picture(lamp), rules=PointRules(ceiling_m=0.7)).points_map) == 0
+    assert len(look(picture(lamp), rules=ObservationConfig(ceiling_m=0.7)).points_map) == 0
 
 
 def test_nothing_beyond_the_largest_range_is_an_obstacle() -> None:
     far = Box(x=(4.0, 4.5), y=(-1, 1), z=(0, 1))
     assert len(look(picture(far)).points_map) > 20
-    assert len(look(picture(far), rules=PointRules(max_range_m=3.2)).points_map) == 0
+    assert len(look(picture(far), rules=ObservationConfig(max_range_m=3.2)).points_map) == 0
 
 
 def test_a_voxel_needs_as_many_pixels_as_min_support_says() -> None:
@@ -155,7 +155,7 @@ def test_a_voxel_needs_as_many_pixels_as_min_support_says() -> None:
         depth = frame.depth_m.copy()
         row = 40  # above the horizon of the floor at this depth: 1 m ahead, about half a metre high
         depth[row, 60 : 60 + count] = 1.0
-        return look(dataclasses.replace(frame, depth_m=depth), rules=PointRules(min_support=3))
+        return look(dataclasses.replace(frame, depth_m=depth), rules=ObservationConfig(min_support=3))
 
     assert len(speckled(1).points_map) == 0
     assert len(speckled(2).points_map) == 0
@@ -166,7 +166,7 @@ def test_a_voxel_needs_as_many_pixels_as_min_support_says() -> None:
 @given(st.integers(1, 6), st.integers(1, 6))
 def test_more_support_asked_for_never_adds_points(low: int, more: int) -> None:
     frame = picture(TALL, PATCH)
-    few, many = (look(frame, rules=PointRules(min_support=n)) for n in (low + more, low))
+    few, many = (look(frame, rules=ObservationConfig(min_support=n)) for n in (low + more, low))
     rows = {(*p, int(c)) for p, c in zip(few.points_map.tolist(), few.class_ids, strict=True)}
     assert rows <= {(*p, int(c)) for p, c in zip(many.points_map.tolist(), many.class_ids, strict=True)}
     np.testing.assert_array_equal(few.cells_seen, many.cells_seen)

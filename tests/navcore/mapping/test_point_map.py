@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.observation import Observation, observe
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mapping.voxels import BIN_M, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.mission.zone import Zone, rasterise
@@ -61,15 +61,15 @@ def random_step(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Ob
         class_ids=rng.choice([0, 0, 1, 2], (12, 16)).astype(np.uint8),
         confidence=(np.ones((12, 16)) if confident else rng.random((12, 16))).astype(np.float32),
     )
-    return frame, observe(frame, labels, ALL, SMALL, PointRules(min_support=1))
+    return frame, observe(frame, labels, ALL, SMALL, ObservationConfig(min_support=1))
 
 
-def layers(cloud: CloudMap, beware: BewareList) -> Layers:
+def layers(cloud: PointMap, beware: BewareList) -> Layers:
     grid = cloud.grid(beware, ())
     return {NOTHING: grid.geometric, **grid.beware}
 
 
-def rebuilt(cloud: CloudMap, beware: BewareList) -> Layers:
+def rebuilt(cloud: PointMap, beware: BewareList) -> Layers:
     """The same layers, from the public points alone."""
     points, spec = cloud.points, cloud.spec
     xyz = points.points_map.astype(np.float64)
@@ -93,7 +93,7 @@ def assert_same(first: Layers, second: Layers) -> None:
 @law(40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
 def test_the_incremental_layers_equal_those_rebuilt_from_the_points(seed: int, steps: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(steps):
         frame, observation = random_step(rng, confident=False)
         cloud.insert(observation, frame)
@@ -104,7 +104,7 @@ def test_the_incremental_layers_equal_those_rebuilt_from_the_points(seed: int, s
 @law(25)
 @given(st.integers(0, 2**32 - 1))
 def test_a_voxel_holds_at_most_one_point_of_a_class(seed: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(8):
         frame, observation = random_step(rng, confident=True)
         cloud.insert(observation, frame)
@@ -118,7 +118,7 @@ def test_a_voxel_holds_at_most_one_point_of_a_class(seed: int) -> None:
 @law(40)
 @given(st.integers(0, 2**32 - 1))
 def test_the_version_grows_whenever_a_layer_changes(seed: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(10):
         before, version = layers(cloud, ALL), cloud.version
         frame, observation = random_step(rng, confident=True)
@@ -153,7 +153,7 @@ SPOT = (2.05, 0.05, 0.0)
 @given(st.integers(0, 2**32 - 1))
 def test_the_version_grows_whenever_a_layer_of_sure_points_changes(seed: int) -> None:
     """Few points in few cells, so that a step often changes nothing but how sure a cell is."""
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(8):
         before, version = layers(cloud, SURE), cloud.version
         point = (float(rng.choice([1.05, 1.15])), 0.05, float(rng.choice([0.0, 0.12])))
@@ -164,7 +164,7 @@ def test_the_version_grows_whenever_a_layer_of_sure_points_changes(seed: int) ->
 
 
 def test_the_version_grows_when_a_sure_point_joins_an_unsure_one_in_its_cell() -> None:
-    cloud = CloudMap(SMALL, MapRules())
+    cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
     before, version = layers(cloud, SURE)[1].sum(), cloud.version
     cloud.insert(seen((2.05, 0.05, 0.12), confidence=0.9), BLIND)
@@ -173,7 +173,7 @@ def test_the_version_grows_when_a_sure_point_joins_an_unsure_one_in_its_cell() -
 
 
 def test_what_was_seen_unsurely_first_and_surely_later_is_an_obstacle() -> None:
-    cloud = CloudMap(SMALL, MapRules())
+    cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
     version = cloud.version
     assert not layers(cloud, SURE)[1].any()
@@ -183,24 +183,24 @@ def test_what_was_seen_unsurely_first_and_surely_later_is_an_obstacle() -> None:
 
 
 def test_a_less_sure_second_look_does_not_free_what_was_seen_surely() -> None:
-    cloud = CloudMap(SMALL, MapRules())
+    cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=1.0), BLIND)
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
     assert layers(cloud, SURE)[1].sum() == 1
 
 
 def test_an_edit_of_the_least_confidence_acts_on_what_was_seen_before() -> None:
-    cloud = CloudMap(SMALL, MapRules())
+    cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.6), BLIND)
     cloud.insert(seen((1.05, 0.05, 0.0), confidence=0.9), BLIND)
     counts = [int(layers(cloud, ALL.edited("first", min_confidence=least))[1].sum()) for least in (0.0, 0.5, 0.7, 0.95, 0.3)]
     assert counts == [2, 2, 1, 0, 2]
 
 
-def drive(*frames: Frame, cloud: CloudMap | None = None, beware: BewareList = RED_LIST) -> CloudMap:
-    cloud = cloud or CloudMap(SPEC, MapRules())
+def drive(*frames: Frame, cloud: PointMap | None = None, beware: BewareList = RED_LIST) -> PointMap:
+    cloud = cloud or PointMap(SPEC, MappingConfig())
     for frame in frames:
-        cloud.insert(observe(frame, ColourSegmenter().segment(frame, beware), beware, SPEC, PointRules()), frame)
+        cloud.insert(observe(frame, ColourSegmenter().segment(frame, beware), beware, SPEC, ObservationConfig()), frame)
     return cloud
 
 
@@ -229,7 +229,7 @@ def test_only_enabled_zones_are_on_the_grid_and_those_with_a_margin_by_themselve
     plain = Zone(id="a", name="a", polygon=corners)
     off = dataclasses.replace(plain, id="b", enabled=False)
     wide = dataclasses.replace(plain, id="c", margin_m=0.3)
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     grid = cloud.grid(RED_LIST, (plain, off, wide))
     np.testing.assert_array_equal(grid.zones, rasterise(corners, SPEC))
     assert [margin for margin, _ in grid.wide_zones] == [0.3]
@@ -245,7 +245,7 @@ def test_standing_still_does_not_grow_the_map() -> None:
 
 
 def test_a_noisy_camera_that_stands_still_does_not_grow_the_map_for_ever() -> None:
-    rng, counts, cloud = np.random.default_rng(5), list[int](), CloudMap(SPEC, MapRules())
+    rng, counts, cloud = np.random.default_rng(5), list[int](), PointMap(SPEC, MappingConfig())
     for _ in range(30):
         frame = picture(TALL, WALL)
         noise = rng.normal(0, 0.01, frame.depth_m.shape) * frame.depth_m
@@ -301,7 +301,7 @@ def test_what_stands_there_still_is_kept_while_driving_past() -> None:
 
 
 def test_a_floor_marking_is_not_lost_when_its_label_flickers() -> None:
-    def marked(cloud: CloudMap) -> npt.NDArray[np.bool_]:
+    def marked(cloud: PointMap) -> npt.NDArray[np.bool_]:
         return cloud.grid(RED_LIST, ()).beware[RED_ID]
 
     cloud = drive(picture(PATCH))
@@ -343,7 +343,7 @@ def test_exploring_only_grows_and_points_are_copies() -> None:
 @law(25)
 @given(st.integers(0, 2**32 - 1))
 def test_after_a_correction_of_poses_the_layers_equal_those_rebuilt_from_the_points(seed: int) -> None:
-    rng, cloud = np.random.default_rng(seed), CloudMap(SMALL, MapRules())
+    rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(6):
         frame, observation = random_step(rng, confident=False)
         cloud.insert(observation, frame)
@@ -382,7 +382,7 @@ def test_a_correction_of_an_unknown_pose_is_refused_and_moves_nothing() -> None:
 def test_over_its_budget_the_map_gives_up_detail_but_no_obstacle() -> None:
     rng = np.random.default_rng(3)
     steps = [random_step(rng, confident=True) for _ in range(12)]
-    rich, poor = CloudMap(SMALL, MapRules()), CloudMap(SMALL, MapRules(budget_mb=0.02))
+    rich, poor = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig(budget_mb=0.02))
     for frame, observation in steps:
         rich.insert(observation, frame)
         poor.insert(observation, frame)
@@ -393,7 +393,7 @@ def test_over_its_budget_the_map_gives_up_detail_but_no_obstacle() -> None:
 
 def test_thinning_changes_no_layer() -> None:
     rng = np.random.default_rng(4)
-    rich, poor = CloudMap(SMALL, MapRules()), CloudMap(SMALL, MapRules(budget_mb=0.01))
+    rich, poor = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig(budget_mb=0.01))
     # From one pose each, and nothing sees through anything: what the two hold differs by the thinning alone.
     for index in range(3):
         frame, observation = random_step(rng, confident=True)
@@ -405,7 +405,7 @@ def test_thinning_changes_no_layer() -> None:
 
 
 def test_a_prior_map_is_occupied_until_the_camera_sees_its_floor_free() -> None:
-    cloud = CloudMap(SPEC, MapRules())
+    cloud = PointMap(SPEC, MappingConfig())
     prior = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     ahead, behind = SPEC.cell(1.5, 0.0), SPEC.cell(-3.0, 0.0)
     prior[ahead] = prior[behind] = True
@@ -419,6 +419,6 @@ def test_a_prior_map_is_occupied_until_the_camera_sees_its_floor_free() -> None:
 
 def test_a_prior_map_of_another_size_and_a_map_that_is_too_large_are_refused() -> None:
     with pytest.raises(BadConfiguration, match="prior map: is"):
-        CloudMap(SPEC, MapRules()).load_prior(np.zeros((3, 3), dtype=np.bool_))
+        PointMap(SPEC, MappingConfig()).load_prior(np.zeros((3, 3), dtype=np.bool_))
     with pytest.raises(BadConfiguration, match="coarser resolution"):
-        CloudMap(GridSpec.centred(size_m=(2000.0, 2000.0), resolution_m=0.05), MapRules())
+        PointMap(GridSpec.centred(size_m=(2000.0, 2000.0), resolution_m=0.05), MappingConfig())

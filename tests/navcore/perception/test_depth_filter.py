@@ -15,11 +15,11 @@ from navcore.perception.depth_filter import (
     GROUND_M,
     MAX_FLAT_M,
     heights_above_floor,
-    without_pictures,
-    without_specks,
-    without_spills,
+    reject_flat_regions,
+    remove_small_regions,
+    trim_label_bleed,
 )
-from navcore.perception.fused_segmenter import JointSegmenter
+from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.robot.frame import Frame
 from tests.navcore.scene import LENS, RED, Box, Paint, picture
 
@@ -36,7 +36,7 @@ def kept(frame: Frame, entry: BewareClass) -> float:
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
-    keep = without_pictures(ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)))
+    keep = reject_flat_regions(ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)))
     assert keep[~pink].all()
     return float(keep[pink].mean())
 
@@ -87,9 +87,9 @@ def test_of_a_colour_too_specks_are_none_and_what_is_long_is_one_however_thin(th
     frame = noisy(picture(*things))
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 4
-    assert without_specks(pink, frame, 0.1)[pink].mean() == share
-    assert not without_specks(pink, frame, 0.1)[~pink].any()
-    assert without_specks(pink, dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m)), 0.1)[pink].all()
+    assert remove_small_regions(pink, frame, 0.1)[pink].mean() == share
+    assert not remove_small_regions(pink, frame, 0.1)[~pink].any()
+    assert remove_small_regions(pink, dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m)), 0.1)[pink].all()
 
 
 def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> None:
@@ -101,7 +101,7 @@ def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> N
     red, near = (frame.rgb == RED).all(axis=2), (frame.depth_m > 0) & (frame.depth_m < 1.5)
     beside = near & ~cv2.dilate(red.view(np.uint8), np.ones((9, 9), np.uint8)).astype(np.bool_)
     assert (grains & beside).sum() > 50
-    for segmenter in (ColourSegmenter(), JointSegmenter(ColourSegmenter())):
+    for segmenter in (ColourSegmenter(), FusedSegmenter(ColourSegmenter())):
         found = segmenter.segment(spotted, default_beware_list()).class_ids == 1
         assert found[red].mean() > 0.99
         assert found[beside].mean() < 1e-3
@@ -161,7 +161,7 @@ def test_of_something_tall_the_floor_at_its_feet_is_released_and_the_rest_stays(
     pink = (frame.rgb == PINK).all(axis=2)
     ids = np.where(pink, np.uint8(4), np.uint8(0)).astype(np.uint8)
     heights = heights_above_floor(frame)
-    keep = without_pictures(ids, frame, heights, BewareList(classes=(SIGN,)))
+    keep = reject_flat_regions(ids, frame, heights, BewareList(classes=(SIGN,)))
     np.testing.assert_array_equal(keep, ~(pink & (heights < GROUND_M)))
     assert 0.3 < keep[pink].mean() < 1.0
 
@@ -170,7 +170,7 @@ def test_a_few_pixels_are_too_few_to_dismiss() -> None:
     frame = picture()
     ids: Ids = np.zeros(frame.depth_m.shape, dtype=np.uint8)
     ids[100:103, 80:83] = CUP.class_id
-    assert without_pictures(ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))).all()
+    assert reject_flat_regions(ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))).all()
 
 
 @pytest.mark.parametrize("x", [1.2, 2.0, 3.0])
@@ -178,7 +178,7 @@ def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the
     frame = picture(a_box(x, height=0.3, side=0.3))
     pink = (frame.rgb == PINK).all(axis=2)
     labelled = cv2.dilate(pink.view(np.uint8), np.ones((3, 3), dtype=np.uint8)) > 0
-    keep = without_spills(np.where(labelled, np.uint8(3), np.uint8(0)).astype(np.uint8), frame)
+    keep = trim_label_bleed(np.where(labelled, np.uint8(3), np.uint8(0)).astype(np.uint8), frame)
     behind = labelled & ~pink & (frame.depth_m > x + 0.5)
     assert behind.sum() > 3 and not keep[behind].any()
     assert keep[pink].all() and keep[~labelled].all()
@@ -188,4 +188,4 @@ def test_of_what_lies_flat_or_leads_away_nothing_spills() -> None:
     for thing in (a_print(1.5), a_print(3.0, side=0.4), Paint(x=(1.2, 4.0), y=(0.1, 0.2), colour=PINK)):
         frame = picture(thing)
         pink = (frame.rgb == PINK).all(axis=2)
-        assert without_spills(np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame).all()
+        assert trim_label_bleed(np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame).all()

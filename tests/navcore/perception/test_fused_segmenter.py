@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from navcore.mission.beware_list import NOTHING, PERSON, BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.fused_segmenter import JointSegmenter, joined
-from navcore.perception.labels import Finder, Labels
+from navcore.perception.fused_segmenter import FusedSegmenter, fuse
+from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
 from tests.navcore.scene import RED, Box, Paint, picture
@@ -37,8 +37,8 @@ class Oracle:
         class_id, confidence = self._said
         return Labels(class_ids=np.full(shape, class_id, np.uint8), confidence=np.full(shape, confidence, np.float32))
 
-    def finds(self, entry: BewareClass) -> Finder:
-        return Finder.NETWORK if entry.name in self._names else Finder.NOTHING
+    def finds(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK if entry.name in self._names else LabelSource.NOTHING
 
 
 def painted_part(labels: Labels) -> tuple[set[int], set[int]]:
@@ -48,14 +48,14 @@ def painted_part(labels: Labels) -> tuple[set[int], set[int]]:
 
 
 def test_the_network_wins_where_it_is_sure_and_the_paint_where_it_is_not() -> None:
-    assert painted_part(JointSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, LIST)) == ({2}, {2})
-    assert painted_part(JointSegmenter(Oracle(2, 0.4, "book")).segment(FRAME, LIST)) == ({1}, {2})
+    assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, LIST)) == ({2}, {2})
+    assert painted_part(FusedSegmenter(Oracle(2, 0.4, "book")).segment(FRAME, LIST)) == ({1}, {2})
     off = LIST.edited("book", enabled=False)
-    assert painted_part(JointSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, off)) == ({1}, {2})
+    assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, off)) == ({1}, {2})
 
 
 def test_both_may_find_the_same_class_and_the_rule_is_certain_of_it() -> None:
-    labels = JointSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, LIST)
+    labels = FusedSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, LIST)
     red = (FRAME.rgb == RED).all(axis=2)
     assert set(np.unique(labels.class_ids)) == {1}
     assert (labels.confidence[red] == 1).all()
@@ -66,7 +66,7 @@ def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them
     red = (FRAME.rgb == RED).all(axis=2)
     for beware in (LIST, LIST.edited("book", enabled=False), LIST.edited("red floor", enabled=False)):
         for confidence in (0.9, 0.4):
-            network, rules = JointSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).claimed
+            network, rules = FusedSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).all_hypotheses
             assert (network.class_ids == 2).all()
             assert (network.confidence == np.float32(confidence)).all()
             np.testing.assert_array_equal(rules.class_ids, np.where(red, 1, 0))
@@ -95,33 +95,33 @@ def test_somebodys_red_shoes_are_no_red_floor() -> None:
     shoes = Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 0.08), colour=RED)
     frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
     for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
-        labels = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
-        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in (labels, *labels.claimed))
-        unsure = JointSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).claimed
+        labels = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
+        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in (labels, *labels.all_hypotheses))
+        unsure = FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).all_hypotheses
         assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
 
 
 def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_a_part_of_him() -> None:
     frame = picture(Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 1.7), colour=BLUE), Paint(x=(1.7, 2.0), y=(-0.2, 0.2)))
     red = (frame.rgb == RED).all(axis=2)
-    _, rules = JointSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).claimed
+    _, rules = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).all_hypotheses
     np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, red)
 
 
 @pytest.mark.parametrize("changes", [{}, {"enabled": False}, {"min_confidence": 0.8}])
 def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(changes: dict[str, object]) -> None:
     beware = WITH_PEOPLE.edited(PERSON, **changes)
-    _, rules = JointSegmenter(Shown(11, 0.7, PERSON, RED)).segment(FRAME, beware).claimed
+    _, rules = FusedSegmenter(Shown(11, 0.7, PERSON, RED)).segment(FRAME, beware).all_hypotheses
     np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, (FRAME.rgb == RED).all(axis=2))
 
 
 def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:
     wide = BewareClass(name="warm floor", class_id=4, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.05))
     beware = BewareList(classes=(wide, RED_FLOOR, CUP))
-    for segmenter in (ColourSegmenter(), JointSegmenter(Oracle(0, 1.0))):
+    for segmenter in (ColourSegmenter(), FusedSegmenter(Oracle(0, 1.0))):
         both = segmenter.segment(FRAME, beware)
         assert painted_part(both)[0] == {4}
-        assert {tuple(np.unique(claim.class_ids)) for claim in both.claimed} >= {(0, 4), (0, 1)}
+        assert {tuple(np.unique(claim.class_ids)) for claim in both.all_hypotheses} >= {(0, 4), (0, 1)}
         assert painted_part(segmenter.segment(FRAME, beware.edited("warm floor", enabled=False)))[0] == {1}
 
 
@@ -138,7 +138,7 @@ def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(seed: int,
     seen = Labels(class_ids=rng.integers(0, 4, (20, 30), dtype=np.uint8), confidence=rng.random((20, 30), dtype=np.float32))
     by_colour: npt.NDArray[np.uint8] = rng.choice([0, 0, 1, 3], (20, 30)).astype(np.uint8)
     colour = Labels(class_ids=by_colour, confidence=np.ones((20, 30), dtype=np.float32))
-    both = joined(seen, by_colour, beware)
+    both = fuse(seen, by_colour, beware)
     np.testing.assert_array_equal(both.mask(beware), seen.mask(beware) | colour.mask(beware))
     assert (both.class_ids[(seen.class_ids != NOTHING) | (by_colour != NOTHING)] != NOTHING).all()
 
@@ -151,8 +151,8 @@ def test_the_mask_is_the_union_of_the_enabled_classes_that_are_sure_enough() -> 
 
 def test_a_fallback_rule_is_silent_once_a_network_knows_the_class() -> None:
     blue = picture(Box(x=(1.0, 1.3), y=(-0.2, 0.2), z=(0.0, 0.1), colour=(30, 60, 220)))
-    assert 3 in JointSegmenter(Oracle(0, 0.9, "book")).segment(blue, LIST).class_ids
-    assert 3 not in JointSegmenter(Oracle(0, 0.9, "cup")).segment(blue, LIST).class_ids
+    assert 3 in FusedSegmenter(Oracle(0, 0.9, "book")).segment(blue, LIST).class_ids
+    assert 3 not in FusedSegmenter(Oracle(0, 0.9, "cup")).segment(blue, LIST).class_ids
     assert 3 in ColourSegmenter().segment(blue, LIST).class_ids
 
 
@@ -171,18 +171,18 @@ def test_a_flat_print_of_a_thing_with_height_is_left_to_the_colour_rules() -> No
         def segment(self, frame: Frame, beware: BewareList) -> Labels:
             return Labels(class_ids=np.where(red, 2, 0).astype(np.uint8), confidence=np.ones(red.shape, np.float32))
 
-    assert painted_part(JointSegmenter(Print(2, 1.0, "book")).segment(FRAME, tall)) == ({1}, {0})
-    assert painted_part(JointSegmenter(Print(2, 1.0, "book")).segment(FRAME, LIST)) == ({2}, {0})
+    assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, tall)) == ({1}, {0})
+    assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, LIST)) == ({2}, {0})
 
 
 def test_it_is_said_what_finds_a_class_and_that_nothing_does() -> None:
-    both = JointSegmenter(Oracle(0, 1.0, "red floor", "cup"))
+    both = FusedSegmenter(Oracle(0, 1.0, "red floor", "cup"))
     snake = BewareClass(name="snake", class_id=9)
     assert [both.finds(entry) for entry in (RED_FLOOR, CUP, BOOK, snake)] == [
-        Finder.BOTH,
-        Finder.NETWORK,
-        Finder.NOTHING,
-        Finder.NOTHING,
+        LabelSource.BOTH,
+        LabelSource.NETWORK,
+        LabelSource.NOTHING,
+        LabelSource.NOTHING,
     ]
-    assert JointSegmenter(Oracle(0, 1.0)).finds(CUP) is Finder.COLOUR
-    assert [ColourSegmenter().finds(entry) for entry in (CUP, BOOK)] == [Finder.COLOUR, Finder.NOTHING]
+    assert FusedSegmenter(Oracle(0, 1.0)).finds(CUP) is LabelSource.COLOUR
+    assert [ColourSegmenter().finds(entry) for entry in (CUP, BOOK)] == [LabelSource.COLOUR, LabelSource.NOTHING]

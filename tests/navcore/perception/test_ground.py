@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.perception import PointRules
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mapping.observation import observe
 from navcore.mission.beware_list import BewareList
@@ -23,7 +23,7 @@ from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, pictur
 
 Floats = npt.NDArray[np.float64]
 Surface = Callable[[Floats, Floats], Floats]
-RULES = PointRules()
+RULES = ObservationConfig()
 NOTHING = BewareList(classes=())
 FAR_M = 12.0
 

@@ -6,16 +6,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.mapping import MapRules
-from navcore.config.perception import PointRules
+from navcore.config.mapping import MappingConfig
+from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
 from navcore.mapping.observation import observe
-from navcore.mapping.point_map import CloudMap
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
-from navcore.perception.fused_segmenter import JointSegmenter
-from navcore.perception.labels import Finder, Labels
+from navcore.perception.fused_segmenter import FusedSegmenter
+from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.overhang_filter import overhung
 from navcore.robot.frame import Frame
 from tests.navcore.perception.test_depth_filter import PINK, noisy
@@ -34,8 +34,8 @@ class SeesMines:
             class_ids=np.where(pink, np.uint8(MINE.class_id), np.uint8(0)), confidence=np.full(pink.shape, 0.95, np.float32)
         )
 
-    def finds(self, entry: BewareClass) -> Finder:
-        return Finder.NETWORK
+    def finds(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
 
 
 def judged(frame: Frame, entry: BewareClass = MINE) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
@@ -88,15 +88,15 @@ def test_from_there_what_nothing_tall_is_near_to_is_in_no_doubt(x: float) -> Non
 
 def test_what_is_in_doubt_binds_nobody_who_asks_for_a_half() -> None:
     beware, frame = BewareList(classes=(MINE,)), picture(*chair(3.0))
-    assert not JointSegmenter(SeesMines()).segment(frame, beware).mask(beware).any()
-    assert JointSegmenter(SeesMines()).segment(picture(mine(3.0)), beware).mask(beware).any()
+    assert not FusedSegmenter(SeesMines()).segment(frame, beware).mask(beware).any()
+    assert FusedSegmenter(SeesMines()).segment(picture(mine(3.0)), beware).mask(beware).any()
 
 
 def test_what_is_in_doubt_is_on_the_map_when_it_was_seen_from_nearer() -> None:
-    beware, rules = BewareList(classes=(MINE,)), PointRules()
+    beware, rules = BewareList(classes=(MINE,)), ObservationConfig()
 
     def bound(*frames: Frame) -> bool:
-        world, joint = CloudMap(SPEC, MapRules()), JointSegmenter(SeesMines())
+        world, joint = PointMap(SPEC, MappingConfig()), FusedSegmenter(SeesMines())
         for frame in frames:
             labels = joint.segment(frame, beware)
             world.insert(observe(frame, labels, beware, SPEC, rules), frame, labels)

@@ -11,12 +11,12 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.labels import Finder, Labels
+from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.people.detector import Cluster
-from navcore.perception.people.track import Followed, Track
+from navcore.perception.people.track import KalmanTrack, Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
@@ -53,8 +53,8 @@ class SeesPeople:
         theirs = (frame.depth_m > 0) & (points[..., 0] < 3.0) & (points[..., 1] < 0.4) & (points[..., 2] > 0.03)
         return Labels(class_ids=np.where(theirs, np.uint8(11), np.uint8(0)), confidence=np.full(theirs.shape, 0.95, np.float32))
 
-    def finds(self, entry: BewareClass) -> Finder:
-        return Finder.NETWORK
+    def finds(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
 
 
 def follow(tracker: PeopleTracker, frame: Frame) -> tuple[Track, ...]:
@@ -154,7 +154,7 @@ def test_who_stops_is_known_to_be_a_walker_and_for_how_long_he_has_stood() -> No
 
 def test_who_stands_far_away_is_known_to_stand_though_his_place_trembles() -> None:
     rng = np.random.default_rng(0)
-    one = Followed(id=1, first=at_range(3.8, 0.0), now_ns=0)
+    one = KalmanTrack(id=1, first=at_range(3.8, 0.0), now_ns=0)
     for k in range(1, 130):
         one.predict(0.1, lost=False)
         along = min(0.08 * k, 2.0)
@@ -246,7 +246,7 @@ def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     if not tracked:
         navigator.track = lambda *arguments: ()  # type: ignore[method-assign]
-    order = Order(goal=None, beware=NO_LIST, zones=())
+    order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
     for k in range(12):
         navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
     if at_the_end:
@@ -273,7 +273,7 @@ def test_nor_does_the_leg_that_is_all_a_picture_shows_of_him() -> None:
 @pytest.mark.parametrize("x_m", [2.3, 2.65])
 def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map(x_m: float) -> None:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
-    order = Order(goal=None, beware=NO_LIST, zones=())
+    order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
     wall = Box(x=(2.9, 3.0), y=(-4.0, 4.0), z=(0.0, 2.0))
     for k in range(25):
         navigator.tick(picture(wall, stamp_ns=k * TENTH_NS), order)
@@ -289,14 +289,14 @@ def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_t
 
 
 def test_before_the_first_picture_no_place_is_bare() -> None:
-    assert not PeopleTracker().is_bare(np.array([[0.0, 0.0], [1.5, -0.3]])).any()
+    assert not PeopleTracker().is_free_floor(np.array([[0.0, 0.0], [1.5, -0.3]])).any()
 
 
 def test_nobody_floats_but_a_board_may() -> None:
     """Who has gone is off the map when the floor there is seen, though nothing is measured behind him; a thing is not."""
     board = Box(x=(2.6, 2.7), y=(0.5, 1.2), z=(0.7, 0.8))
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
-    order = Order(goal=None, beware=WITH_PEOPLE, zones=())
+    order = NavigationRequest(goal=None, beware=WITH_PEOPLE, zones=())
     for k in range(20):
         decision = navigator.tick(picture(board, somebody(2.6, -0.2), stamp_ns=k * TENTH_NS), order)
     (row, left), (_, right) = SPEC.cell(2.4, -0.5), SPEC.cell(2.8, -0.5)
@@ -314,7 +314,7 @@ def test_nobody_floats_but_a_board_may() -> None:
 
 def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_and_shows_the_floor_at_his_feet() -> None:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
-    order = Order(goal=None, beware=WITH_PEOPLE, zones=())
+    order = NavigationRequest(goal=None, beware=WITH_PEOPLE, zones=())
     legs = [Box(x=(1.95, 2.05), y=y, z=(0.0, 1.0)) for y in ((-0.14, -0.06), (0.06, 0.14))]
     body = Box(x=(1.88, 2.12), y=(-0.44, 0.36), z=(1.0, 1.75))
     for k, x_m in enumerate((0.0, 0.0, 0.0, 0.0, 0.3, 0.6, 0.9)):

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid.bitplane import PAD
-from navcore.grid.free_space import SQUARE, VAIN_AHEAD, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.free_space import DEAD_END_AHEAD, SQUARE, VAIN_BACK, FreeSpace, look_along
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import Path
 from navcore.planning.planner import plan, plan_in
 from navcore.planning.search.diagonals import OWNER
-from navcore.planning.search.open_list import Arena
+from navcore.planning.search.open_list import SearchWorkspace
 from tests.navcore.grid.random_grids import free_cell, grids, some_cells
 from tests.navcore.laws import law
 
@@ -38,8 +38,8 @@ def passed(space: FreeSpace) -> Iterator[tuple[int, int, int, int]]:
                     col = line - row if rising else line - lines + row
                     if (
                         bit(words, row)
-                        and not bit(space.along[VAIN_AHEAD, 0], row)
-                        and not bit(space.across[VAIN_AHEAD, 0], col)
+                        and not bit(space.along[DEAD_END_AHEAD, 0], row)
+                        and not bit(space.across[DEAD_END_AHEAD, 0], col)
                     ):
                         yield row, col, rising ^ north, north
 
@@ -51,8 +51,8 @@ def assert_passed_for_good_reason(space: FreeSpace) -> int:
         for line in range(PAD, planes.shape[1] - PAD):
             look_along(planes, line)
     for row, col, west, north in passed(space):
-        assert bit(fresh.across[VAIN_AHEAD + west, row], col), "the walk along the row leads nowhere"
-        assert bit(fresh.along[VAIN_AHEAD + north, col], row), "the walk along the column leads nowhere"
+        assert bit(fresh.across[DEAD_END_AHEAD + west, row], col), "the walk along the row leads nowhere"
+        assert bit(fresh.along[DEAD_END_AHEAD + north, col], row), "the walk along the column leads nowhere"
         assert bit(fresh.across[SQUARE, row - north], col - west), "one can step on"
         count += 1
     return count
@@ -60,7 +60,7 @@ def assert_passed_for_good_reason(space: FreeSpace) -> int:
 
 def search_often(space: FreeSpace, generator: np.random.Generator, times: int) -> None:
     """Search to and fro between random cells, and compare lengths with those on a space made anew."""
-    arena, blocked = Arena(space), space.blocked()
+    arena, blocked = SearchWorkspace(space), space.blocked()
     for _ in range(times):
         start, goal = (free_cell(generator, blocked) for _ in range(2))
         if start is None or goal is None:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
-from navcore.planning.elastic_band import eased
+from navcore.planning.elastic_band import relax
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05)
@@ -36,7 +36,7 @@ def room_without(*boxes: tuple[float, float, float, float]) -> npt.NDArray[np.bo
 
 
 def easing(track: Points, free: npt.NDArray[np.bool_], stretch_m: float = 8.0) -> Points:
-    return eased(track, Mask.of(free).plane, SPEC, stretch_m=stretch_m, wanted_m=WANTED_M)
+    return relax(track, CellMask.of(free).plane, SPEC, stretch_m=stretch_m, wanted_m=WANTED_M)
 
 
 def clearance_m(points: Points, free: npt.NDArray[np.bool_]) -> Points:
@@ -83,7 +83,7 @@ def test_what_lies_beyond_the_stretch_stays(stretch_m: float) -> None:
 @pytest.mark.parametrize("wanted_m", [0.0, -0.6])
 def test_where_no_more_room_is_wanted_it_stays(wanted_m: float) -> None:
     free, track = room_without((-4.0, 0.0, -4.0, 0.0)), spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0))
-    np.testing.assert_array_equal(eased(track, Mask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track)
+    np.testing.assert_array_equal(relax(track, CellMask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track)
 
 
 @law(60)

@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Outcome
-from navcore.costmap.costmap import Occupancy
+from navcore.control.motion import ControllerState
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.zone import Zone, cells_of
-from navcore.planning.escape import nearest_exit, way_out
+from navcore.planning.escape import escape_path, way_out
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.profile import HUSKY
-from tests.app.runtime.test_pilot import navigator, order
+from tests.app.runtime.test_robot_controller import navigator, order
 from tests.navcore.laws import law
 from tests.navcore.scene import Paint, picture
 
@@ -65,14 +65,14 @@ def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_bu
     other = Zone(id="o", name="o", polygon=((2.8, -3.0), (3.4, -3.0), (3.4, 3.0), (2.8, 3.0)))
     loop, frame = navigator(), picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     standing = loop.tick(frame, order((3.9, 0.0), zones=(zone, other)))
-    assert standing.motion.outcome is Outcome.IN_ZONE
+    assert standing.motion.outcome is ControllerState.IN_ZONE
     assert standing.motion.twist.v_mps == 0.0
     leaving = loop.tick(frame, order(None, zones=(zone, other), leave=True))
     assert leaving.route is not None
     assert isinstance(leaving.route.outcome, Path)
     end = leaving.route.points[-1]
     assert 0.9 + 0.6 < end[0] < 2.8 - 0.6
-    assert leaving.motion.outcome is Outcome.FOLLOW
+    assert leaving.motion.outcome is ControllerState.FOLLOW
     assert leaving.motion.twist.v_mps > 0.0
 
 
@@ -98,11 +98,11 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
         zones=drawn,
         wide_zones=wide_zones,
     )
-    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1)
-    found = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
+    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1)
+    found = escape_path(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("navcore.planning.escape.NEAR_M", 1e3)
-        whole = nearest_exit(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
+        whole = escape_path(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
     if isinstance(whole, NoPath):
         assert found == whole
     else:
@@ -119,20 +119,20 @@ def test_what_is_one_thing_farther_off_is_one_thing_here() -> None:
     red[row - 18 : row + 3, col - 70 : col + 90] = red[row + 9 : row + 13, col - 70 : col + 90] = True
     red[row - 18 : row + 13, col + 86 : col + 90] = True
     grid = OccupancyGrid(spec=spec, geometric=nothing, beware={3: red}, zones=nothing)
-    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=0.7, safety_margin_m=0.15), version=1)
-    found = nearest_exit(known, Pose2(x_m=0.05, y_m=0.05, yaw_rad=0.0), (), HUSKY, NavigatorConfig())
+    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=0.7, safety_margin_m=0.15), version=1)
+    found = escape_path(known, Pose2(x_m=0.05, y_m=0.05, yaw_rad=0.0), (), HUSKY, NavigatorConfig())
     assert isinstance(found.outcome, Path)
     assert found.outcome.length == pytest.approx(21.0)
     assert found.spec.cols > 2 * 86
 
 
-def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[Outcome, list[Pose2]]:
+def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[ControllerState, list[Pose2]]:
     """How leaving ended, and where the robot was on its way."""
     loop, pose, driven = navigator(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), list[Pose2]()
     for tick in range(150):
         frame = picture(*things, pose=pose, stamp_ns=(tick + 1) * 100_000_000)
         motion = loop.tick(frame, order(None, zones=zones, leave=True)).motion
-        if motion.outcome is Outcome.ARRIVED:
+        if motion.outcome is ControllerState.ARRIVED:
             break
         turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * 0.05)
         pose = pose @ turn @ Pose2(x_m=motion.twist.v_mps * 0.1, y_m=0.0, yaw_rad=0.0) @ turn
@@ -155,7 +155,7 @@ def across(name: str, first_m: float, last_m: float) -> Zone:
 def test_the_way_out_leads_over_nothing_that_lies_in_the_area(there: bool) -> None:
     mark = Paint(x=(1.0, 1.3), y=(-0.4, 0.4))
     outcome, driven = driven_out(*[mark] * there, zones=(across("under", -3.0, 1.6),))
-    assert outcome is Outcome.ARRIVED
+    assert outcome is ControllerState.ARRIVED
     assert come_over(driven, (1.0, -0.4), (1.3, 0.4)) is not there  # without it the way out is straight ahead
 
 
@@ -163,7 +163,7 @@ def test_the_way_out_leads_over_nothing_that_lies_in_the_area(there: bool) -> No
 def test_the_way_out_leads_into_no_zone_that_overlaps_the_area(there: bool) -> None:
     under, other = across("under", -2.0, 0.9), across("other", 0.85, 1.5)
     outcome, driven = driven_out(zones=(under, other) if there else (under,))
-    assert outcome is Outcome.ARRIVED
+    assert outcome is ControllerState.ARRIVED
     assert come_over(driven, (0.95, -3.0), (1.5, 3.0)) is not there
 
 

@@ -13,16 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Outcome
-from navcore.costmap.costmap import Occupancy
+from navcore.control.motion import ControllerState
+from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.labels import Finder, Labels
-from navcore.planning.gap_viewpoint import mouth
+from navcore.perception.labels import Labels, LabelSource
+from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.frame import Frame
@@ -50,7 +50,7 @@ def wall(gap_m: float) -> BoolGrid:
 
 def occupancy(
     geometric: BoolGrid | None = None, zones: BoolGrid | None = None, beware: Mapping[int, BoolGrid] | None = None
-) -> Occupancy:
+) -> Costmap:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     grid = OccupancyGrid(
         spec=SPEC,
@@ -60,12 +60,12 @@ def occupancy(
         zones=nothing if zones is None else zones,
         wide_zones=(),
     )
-    return Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M), version=1)
+    return Costmap.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M), version=1)
 
 
-def approach(known: Occupancy, x_m: float, y_m: float = 0.0) -> Path | None:
+def approach(known: Costmap, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
-    found = mouth(known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0)
+    found = viewpoint_before_gap(known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0)
     if found is None:
         return None
     path = plan(known.blocked, *found)
@@ -121,7 +121,7 @@ def test_a_margin_of_the_operator_is_no_mere_safety_margin() -> None:
             margins_m={BOX: margin_m},
         )
         blocked = inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
-        assert (approach(Occupancy.of(grid, blocked, version=1), -2.0) is not None) == goes
+        assert (approach(Costmap.of(grid, blocked, version=1), -2.0) is not None) == goes
 
 
 @law(60)
@@ -131,13 +131,13 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
     spec = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
     geometric = rng.random((spec.rows, spec.cols)) < rng.choice([0.002, 0.01, 0.03])
     grid = OccupancyGrid(spec=spec, geometric=geometric, beware={}, zones=np.zeros_like(geometric))
-    known = Occupancy.of(grid, inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.15), version=1)
+    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.15), version=1)
     solid = inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.0)
     if known.blocked.all():
         return
     free = np.argwhere(~known.blocked)
     start, goal = ((int(row), int(col)) for row, col in free[rng.integers(len(free), size=2)])
-    found = mouth(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0)
+    found = viewpoint_before_gap(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0)
     costs = closed_cells(known.blocked, solid, goal)
     _, regions = cv2.connectedComponents((~known.blocked).view(np.uint8), connectivity=4)
     least = costs[regions == regions[start]].min()
@@ -204,15 +204,15 @@ def test_the_navigator_drives_there_and_says_that_there_is_no_path() -> None:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
     navigator.map.load_prior(wall(GAP_M))
     away = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)  # looks the other way, so that it sees nothing of the wall
-    order = Order(goal=(4.0, 0.0), beware=RED_LIST, zones=())
+    order = NavigationRequest(goal=(4.0, 0.0), beware=RED_LIST, zones=())
     decision = navigator.tick(picture(pose=away), order)
     assert decision.route is not None and decision.route.outcome == NoPath(reason=Reason.UNREACHABLE)
     assert np.hypot(*(decision.route.points[-1] - [WALL_X_M, 0.0])) < 0.7
-    assert decision.motion.outcome is Outcome.TURN
+    assert decision.motion.outcome is ControllerState.TURN
     there = Pose2(x_m=float(decision.route.points[-1, 0]), y_m=float(decision.route.points[-1, 1]), yaw_rad=np.pi)
     decision = navigator.tick(picture(pose=there, stamp_ns=100_000_000), order)
     assert decision.route is not None and len(decision.route.points) == 0
-    assert decision.motion.outcome is Outcome.IDLE
+    assert decision.motion.outcome is ControllerState.IDLE
 
 
 class SeesPeople:
@@ -222,8 +222,8 @@ class SeesPeople:
         pink = (frame.rgb == PINK).all(axis=2)
         return Labels(class_ids=np.where(pink, np.uint8(PERSON), np.uint8(0)), confidence=np.full(pink.shape, 0.95, np.float32))
 
-    def finds(self, entry: BewareClass) -> Finder:
-        return Finder.NETWORK
+    def finds(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -232,7 +232,7 @@ def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_the
     beware = BewareList(classes=(BewareClass(name="person", class_id=PERSON, margin_m=0.2),))
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
     navigator.map.load_prior(wall(1.2))
-    order = Order(goal=(4.0, 0.0), beware=beware, zones=())
+    order = NavigationRequest(goal=(4.0, 0.0), beware=beware, zones=())
     walls = [Box(x=(2.0, 2.2), y=y, z=(0.0, 2.0)) for y in ((-4.0, -0.6), (0.6, 4.0))]
     if measured:
         walls.append(Box(x=(5.0, 5.1), y=(-4.0, 4.0), z=(0.0, 2.5)))

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.free_space import VAIN_AHEAD, FreeSpace
+from navcore.grid.free_space import DEAD_END_AHEAD, FreeSpace
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan, plan_in
 from navcore.planning.search.jump_point_search import FOUND, UNREACHABLE, find, search
-from navcore.planning.search.open_list import FAR, ROOT, UNIT, Arena
+from navcore.planning.search.open_list import FAR, ROOT, UNIT, SearchWorkspace
 from tests.navcore.grid.random_grids import free_cell, grids
 from tests.navcore.laws import law
 from tests.navcore.planning.test_planner import assert_is_a_path, optimum
@@ -24,7 +24,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 @given(grids(), SEEDS)
 def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(blocked: BoolGrid, seed: int) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
-    arena = Arena(space, cells=1 << int(generator.integers(1, 8)))
+    arena = SearchWorkspace(space, cells=1 << int(generator.integers(1, 8)))
     before = space.across.copy(), space.along.copy()
     for _ in range(3):
         start, goal = (free_cell(generator, blocked) for _ in range(2))
@@ -38,14 +38,14 @@ def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(
             assert outcome.reason is Reason.UNREACHABLE
             assert best == np.inf
     for planes, old in zip((space.across, space.along), before, strict=True):
-        np.testing.assert_array_equal(planes[:VAIN_AHEAD], old[:VAIN_AHEAD], "a search leaves the space as it was")
+        np.testing.assert_array_equal(planes[:DEAD_END_AHEAD], old[:DEAD_END_AHEAD], "a search leaves the space as it was")
 
 
 @law(60)
 @given(grids(), SEEDS)
 def test_a_path_does_not_depend_on_what_was_searched_before(blocked: BoolGrid, seed: int) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
-    arena = Arena(space, cells=2)
+    arena = SearchWorkspace(space, cells=2)
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
@@ -65,7 +65,7 @@ def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, se
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
-    free, bounded = (plan_in(space, Arena(space), start, goal, max_expansions=most) for most in (None, budget))
+    free, bounded = (plan_in(space, SearchWorkspace(space), start, goal, max_expansions=most) for most in (None, budget))
     if isinstance(bounded, NoPath):
         assert bounded == free or bounded.reason is Reason.TIMEOUT
     else:
@@ -80,8 +80,8 @@ def test_what_is_known_of_the_length_leaves_the_path_alone(blocked: BoolGrid, se
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
-    status, cells, diagonal = find(space, Arena(space, cells=4), start, goal, 1 << 40)
-    length, memory = (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT, Arena(space).memory
+    status, cells, diagonal = find(space, SearchWorkspace(space, cells=4), start, goal, 1 << 40)
+    length, memory = (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT, SearchWorkspace(space).memory
     for bound, floor in ((FAR, length), (FAR, length - 1), (length + 1, 0), (length + units * UNIT, length)):
         known = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor)
         assert known[0] == status

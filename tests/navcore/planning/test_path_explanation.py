@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.zone import Zone, rasterise
-from navcore.planning.constraint_removal import smallest_lifting
+from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rule, Rules, path_without, rules_of, stretches
 from navcore.planning.planner import plan
@@ -83,7 +83,7 @@ def test_only_the_zone_that_shuts_the_door_need_be_lifted() -> None:
     _, rules = made(wall, NOTHING, (aside, door))
     start, goal = SPEC.cell(-2.0, 0.0), SPEC.cell(2.0, 0.0)
     assert isinstance(plan(rules.blocked(), start, goal), NoPath)
-    found = smallest_lifting(rules, start, goal)
+    found = minimum_removal(rules, start, goal)
     assert found.keys == ("zone:door",) and found.exact and found.at_least == 1
     assert isinstance(path_without(rules, found.keys, start, goal, budget=None), Path)
 
@@ -91,10 +91,10 @@ def test_only_the_zone_that_shuts_the_door_need_be_lifted() -> None:
 def test_walls_cannot_be_lifted_and_an_open_way_needs_nothing() -> None:
     _, rules = made(rasterise(box(-0.2, 0.2, -2.0, 2.0), SPEC), NOTHING, ())
     start, goal = SPEC.cell(-2.0, 0.0), SPEC.cell(2.0, 0.0)
-    assert smallest_lifting(rules, start, goal).keys is None and smallest_lifting(rules, start, goal).exact
-    assert smallest_lifting(rules, start, SPEC.cell(-1.0, 0.5)).keys == ()
-    assert smallest_lifting(rules, start, SPEC.cell(0.0, 0.0)).keys is None
-    assert smallest_lifting(rules, start, (-1, 5)).keys is None
+    assert minimum_removal(rules, start, goal).keys is None and minimum_removal(rules, start, goal).exact
+    assert minimum_removal(rules, start, SPEC.cell(-1.0, 0.5)).keys == ()
+    assert minimum_removal(rules, start, SPEC.cell(0.0, 0.0)).keys is None
+    assert minimum_removal(rules, start, (-1, 5)).keys is None
 
 
 def random_rules(seed: int, rows: int, cols: int, count: int) -> Rules:
@@ -132,7 +132,7 @@ def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(seed: int, 
         ),
         None,
     )
-    found = smallest_lifting(rules, start, goal)
+    found = minimum_removal(rules, start, goal)
     assert found.exact
     if by_force is None:
         assert found.keys is None
@@ -145,7 +145,7 @@ def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(seed: int, 
 @settings(max_examples=60, deadline=None)
 def test_a_search_that_is_given_up_says_so_and_its_bound_holds(seed: int, labels: int) -> None:
     rules = random_rules(seed, 9, 9, 6)
-    whole, given_up = (smallest_lifting(rules, (0, 0), (8, 8), max_labels=most) for most in (100_000, labels))
+    whole, given_up = (minimum_removal(rules, (0, 0), (8, 8), max_labels=most) for most in (100_000, labels))
     if given_up.exact:
         assert (given_up.keys is None) == (whole.keys is None)
     else:

@@ -82,7 +82,7 @@ class Drive:
 @given(grids(SIDES), SEEDS)
 def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, seed: int) -> None:
     generator = np.random.default_rng(seed)
-    goal, wire, old = free_cell(generator, blocked), np.zeros_like(FreeSpace.of(blocked).tripwire), NOWHERE
+    goal, wire, old = free_cell(generator, blocked), np.zeros_like(FreeSpace.of(blocked).sentinel), NOWHERE
     for _ in range(4):
         start = free_cell(generator, blocked)
         if start is None or goal is None:

@@ -9,11 +9,11 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
-from navcore.planning.string_pulling import in_sight, pull_taut
+from navcore.planning.string_pulling import line_of_sight, shortcut
 from tests.navcore.laws import law
 
 Ints = npt.NDArray[np.int64]
@@ -49,7 +49,7 @@ def test_what_is_in_sight_is_what_a_plain_clipping_of_the_line_crosses(seed: int
     here, there = rng.integers(0, 12, 2), rng.integers(0, 12, 2)
     blocked[tuple(here)] = blocked[tuple(there)] = False
     clear = not any(blocked[cell] for cell in crossed(here, there))
-    seen = bool(in_sight(Mask.of(~blocked).plane, here, there))
+    seen = bool(line_of_sight(CellMask.of(~blocked).plane, here, there))
     assert not seen or clear
     if clear and not seen:  # only a line through a corner point may be refused although it crosses free cells alone
         assert (there[0] - here[0]) != 0
@@ -65,7 +65,7 @@ def test_the_track_is_no_longer_than_the_path_and_crosses_free_cells_only(seed: 
     path = plan(blocked, (0, 0), (29, 29))
     if not isinstance(path, Path):
         return
-    track = pull_taut(path.cells, Mask.of(~blocked).plane, stretch=60)
+    track = shortcut(path.cells, CellMask.of(~blocked).plane, stretch=60)
     assert track[0].tolist() == [0, 0]
     assert track[-1].tolist() == [29, 29]
     assert length(track) <= path.length + 1e-9
@@ -76,7 +76,7 @@ def test_the_track_is_no_longer_than_the_path_and_crosses_free_cells_only(seed: 
 def test_on_free_ground_the_track_is_the_straight_line() -> None:
     path = plan(np.zeros((40, 40), dtype=np.bool_), (2, 3), (30, 11))
     assert isinstance(path, Path)
-    track = pull_taut(path.cells, Mask.of(np.ones((40, 40), dtype=np.bool_)).plane, stretch=100)
+    track = shortcut(path.cells, CellMask.of(np.ones((40, 40), dtype=np.bool_)).plane, stretch=100)
     np.testing.assert_array_equal(track, [[2, 3], [30, 11]])
 
 
@@ -84,7 +84,7 @@ def test_beyond_the_stretch_the_track_is_the_path_itself() -> None:
     free = np.ones((10, 60), dtype=np.bool_)
     path = plan(~free, (5, 0), (5, 59))
     assert isinstance(path, Path)
-    track = pull_taut(path.cells, Mask.of(free).plane, stretch=20)
+    track = shortcut(path.cells, CellMask.of(free).plane, stretch=20)
     np.testing.assert_array_equal(track[:2], [[5, 0], [5, 20]])
     assert len(track) < len(path.cells)
     np.testing.assert_array_equal(track[-10:], path.cells[-10:])

@@ -17,14 +17,14 @@ from navcore.safety.collision_monitor import (
     AHEAD_M,
     NO_POINTS,
     REMEMBERED_NS,
-    Nearby,
     NearPoints,
+    RecentObstacles,
     allowed_share,
     braking_s,
     near_points,
     time_to_contact,
 )
-from navcore.safety.gate import Cause, Facts, Verdict, guard
+from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from tests.navcore.laws import law
 from tests.navcore.scene import Box, picture
 
@@ -38,15 +38,15 @@ def post(x_m: float, y_m: float) -> NearPoints:
     return np.tile(np.array([[x_m, y_m]], dtype=np.float32), (6, 1))
 
 
-def judged(points: NearPoints, asked: Twist, *, sent: Twist | None = None, age_s: float = 0.05) -> Verdict:
-    facts = Facts(
+def judged(points: NearPoints, asked: Twist, *, sent: Twist | None = None, age_s: float = 0.05) -> GateDecision:
+    facts = GateInput(
         now_ns=NOW,
         frame_ns=NOW - round(age_s * 1e9),
         stopped_by=None,
         command=Command(twist=asked, stamp_ns=NOW),
         near=points,
     )
-    return guard(facts, sent=asked if sent is None else sent, period_s=0.05, profile=HUSKY)
+    return gate(facts, sent=asked if sent is None else sent, period_s=0.05, profile=HUSKY)
 
 
 @pytest.mark.parametrize("distance_m", [0.1, 0.4, 0.8])
@@ -101,7 +101,7 @@ def at(x_m: float) -> Pose2:
 
 def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_looked_at_again_or_is_old() -> None:
     thin = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))  # before the front's right corner
-    near = Nearby().after(picture(thin))
+    near = RecentObstacles().after(picture(thin))
     assert np.abs(near.points - near_points(picture(thin))).max() == 0
     for number in range(1, 20):
         near = near.after(picture(thin, pose=at(0.05 * number), stamp_ns=number * 100_000_000))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import COMMAND_LIFE_NS, FRAME_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, ranked
+from navcore.safety.gate import COMMAND_LIFE_NS, FRAME_LIFE_NS, Cause, GateDecision, GateInput, StopReason, gate, ranked
 from tests.navcore.laws import law
 
 NOW = 10_000_000_000
@@ -31,7 +31,7 @@ sane = st.builds(
 edges = [0, 1, COMMAND_LIFE_NS, COMMAND_LIFE_NS + 1, FRAME_LIFE_NS, FRAME_LIFE_NS + 1, -1]
 stamps = st.one_of(st.integers(-(2**70), 2**70), st.sampled_from(edges).map(lambda age: NOW - age), st.just(NOW))
 facts = st.builds(
-    Facts,
+    GateInput,
     now_ns=st.just(NOW),
     frame_ns=st.none() | stamps,
     stopped_by=st.none() | st.just("ann"),
@@ -39,7 +39,7 @@ facts = st.builds(
 )
 
 
-def must_stand(given_facts: Facts) -> bool:
+def must_stand(given_facts: GateInput) -> bool:
     """Written from the requirements, not from the gate."""
     command, frame_ns = given_facts.command, given_facts.frame_ns
     if command is None or frame_ns is None or given_facts.stopped_by is not None:
@@ -49,7 +49,7 @@ def must_stand(given_facts: Facts) -> bool:
     return not (NOW - 500_000_000 <= frame_ns <= NOW and NOW - 250_000_000 <= command.stamp_ns <= NOW)
 
 
-def assert_safe(verdict: Verdict) -> None:
+def assert_safe(verdict: GateDecision) -> None:
     assert math.isfinite(verdict.twist.v_mps)
     assert math.isfinite(verdict.twist.w_radps)
     assert abs(verdict.twist.v_mps) <= HUSKY.max_speed_mps
@@ -58,14 +58,16 @@ def assert_safe(verdict: Verdict) -> None:
 
 @law(600)
 @given(facts, twists, numbers)
-def test_what_is_sent_is_finite_and_within_limits_whatever_comes_in(given_facts: Facts, sent: Twist, period_s: float) -> None:
-    assert_safe(guard(given_facts, sent=sent, period_s=period_s, profile=HUSKY))
+def test_what_is_sent_is_finite_and_within_limits_whatever_comes_in(
+    given_facts: GateInput, sent: Twist, period_s: float
+) -> None:
+    assert_safe(gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY))
 
 
 @law(600)
 @given(facts, sane, st.floats(0, 1))
-def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(given_facts: Facts, sent: Twist, period_s: float) -> None:
-    verdict = guard(given_facts, sent=sent, period_s=period_s, profile=HUSKY)
+def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(given_facts: GateInput, sent: Twist, period_s: float) -> None:
+    verdict = gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY)
     if must_stand(given_facts):
         assert verdict.twist == STANDSTILL
     if given_facts.command is not None:
@@ -73,7 +75,9 @@ def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(given_facts: Fa
 
 
 fresh = st.builds(
-    lambda twist, age: Facts(now_ns=NOW, frame_ns=NOW - age, stopped_by=None, command=Command(twist=twist, stamp_ns=NOW - age)),
+    lambda twist, age: GateInput(
+        now_ns=NOW, frame_ns=NOW - age, stopped_by=None, command=Command(twist=twist, stamp_ns=NOW - age)
+    ),
     st.one_of(sane, twists).filter(lambda t: math.isfinite(t.v_mps) and math.isfinite(t.w_radps)),
     st.integers(0, COMMAND_LIFE_NS),
 )
@@ -82,10 +86,10 @@ fresh = st.builds(
 @law(400)
 @given(fresh, sane, st.floats(0, 0.5))
 def test_a_command_passed_on_lies_between_the_last_and_the_asked_and_within_acceleration(
-    given_facts: Facts, sent: Twist, period_s: float
+    given_facts: GateInput, sent: Twist, period_s: float
 ) -> None:
     assert given_facts.command is not None
-    asked, out = given_facts.command.twist, guard(given_facts, sent=sent, period_s=period_s, profile=HUSKY).twist
+    asked, out = given_facts.command.twist, gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY).twist
     assert abs(out.v_mps - sent.v_mps) <= HUSKY.max_accel_mps2 * period_s + 1e-12
     assert abs(out.w_radps - sent.w_radps) <= HUSKY.max_yaw_accel_radps2 * period_s + 1e-12
     assert min(sent.v_mps, asked.v_mps) <= out.v_mps <= max(sent.v_mps, asked.v_mps)
@@ -94,8 +98,8 @@ def test_a_command_passed_on_lies_between_the_last_and_the_asked_and_within_acce
 
 
 def test_a_clock_that_goes_back_makes_no_motion_that_nobody_asked_for() -> None:
-    ask = Facts(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=Command(twist=Twist(v_mps=0.5, w_radps=0), stamp_ns=NOW))
-    assert guard(ask, sent=STANDSTILL, period_s=-0.1, profile=HUSKY).twist.v_mps >= 0.0
+    ask = GateInput(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=Command(twist=Twist(v_mps=0.5, w_radps=0), stamp_ns=NOW))
+    assert gate(ask, sent=STANDSTILL, period_s=-0.1, profile=HUSKY).twist.v_mps >= 0.0
 
 
 @law(100)
@@ -105,8 +109,8 @@ def test_a_good_command_is_reached_unchanged(asked: Twist) -> None:
     sent = STANDSTILL
     for _ in range(20):
         command = Command(twist=asked, stamp_ns=NOW)
-        sent = guard(
-            Facts(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=command), sent=sent, period_s=0.05, profile=HUSKY
+        sent = gate(
+            GateInput(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=command), sent=sent, period_s=0.05, profile=HUSKY
         ).twist
     assert sent == asked
 
@@ -124,16 +128,16 @@ def test_a_good_command_is_reached_unchanged(asked: Twist) -> None:
 )
 def test_frames_and_commands_live_exactly_as_long_as_stated(frame_age: int, command_age: int, causes: list[Cause]) -> None:
     command = Command(twist=Twist(v_mps=0.1, w_radps=0.0), stamp_ns=NOW - command_age)
-    given_facts = Facts(now_ns=NOW, frame_ns=NOW - frame_age, stopped_by=None, command=command)
-    verdict = guard(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY)
+    given_facts = GateInput(now_ns=NOW, frame_ns=NOW - frame_age, stopped_by=None, command=command)
+    verdict = gate(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY)
     assert [reason.cause for reason in verdict.reasons] == causes
     assert (verdict.twist == STANDSTILL) == bool(causes)
 
 
 def test_everything_wrong_at_once_is_listed_the_most_severe_first() -> None:
     command = Command(twist=Twist(v_mps=math.nan, w_radps=0.0), stamp_ns=0)
-    verdict = guard(
-        Facts(now_ns=NOW, frame_ns=None, stopped_by="ann", command=command), sent=STANDSTILL, period_s=0.05, profile=HUSKY
+    verdict = gate(
+        GateInput(now_ns=NOW, frame_ns=None, stopped_by="ann", command=command), sent=STANDSTILL, period_s=0.05, profile=HUSKY
     )
     assert [reason.cause for reason in verdict.reasons] == [
         Cause.EMERGENCY_STOP,

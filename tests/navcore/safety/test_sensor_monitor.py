@@ -14,8 +14,8 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import BLOCKED_NS, Cause, Facts, guard, pushes_in_vain
-from navcore.safety.sensor_monitor import STEADY, Doubt, Senses
+from navcore.safety.gate import BLOCKED_NS, Cause, GateInput, gate, pushes_in_vain
+from navcore.safety.sensor_monitor import STEADY, SensorFault, SensorMonitor
 from tests.navcore.laws import law
 from tests.navcore.scene import picture
 
@@ -37,17 +37,17 @@ def shot(number: int, x_m: float = 0.0, yaw_rad: float = 0.0, v_mps: float = 0.0
     )
 
 
-def after(*frames: Frame) -> Senses:
-    senses = Senses()
+def after(*frames: Frame) -> SensorMonitor:
+    senses = SensorMonitor()
     for frame in frames:
         senses = senses.after(frame, HUSKY)
     return senses
 
 
-def causes(senses: Senses, now_ns: int) -> list[Cause]:
+def causes(senses: SensorMonitor, now_ns: int) -> list[Cause]:
     assert senses.newest is not None
-    facts = Facts(now_ns=now_ns, frame_ns=senses.newest.stamp_ns, stopped_by=None, command=None, senses=senses)
-    return [reason.cause for reason in guard(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY).reasons]
+    facts = GateInput(now_ns=now_ns, frame_ns=senses.newest.stamp_ns, stopped_by=None, command=None, senses=senses)
+    return [reason.cause for reason in gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY).reasons]
 
 
 @law(200)
@@ -71,21 +71,21 @@ def test_a_robot_that_drives_within_its_limits_is_never_doubted(changes: list[tu
 )
 def test_a_pose_that_the_robot_cannot_have_reached_is_not_believed_and_told(jumped: Frame) -> None:
     senses = after(shot(0), shot(1), jumped)
-    assert senses.doubt is Doubt.POSE
+    assert senses.doubt is SensorFault.POSE
     assert causes(senses, jumped.stamp_ns) == [Cause.POSE_JUMP]
     assert "jumped by" in senses.why
 
 
 def test_a_pose_that_has_jumped_is_not_believed_however_long_it_stays_there() -> None:
     senses = after(shot(0), shot(1), *(shot(number, x_m=0.5) for number in range(2, 100)))
-    assert senses.doubt is Doubt.POSE
+    assert senses.doubt is SensorFault.POSE
     assert causes(senses, 99 * PERIOD_NS) == [Cause.POSE_JUMP]  # and the camera, which works, is not blamed
 
 
 def test_a_pose_that_jumps_back_is_believed_after_it_has_been_steady() -> None:
     away = [shot(0), shot(1), shot(2, x_m=0.5), shot(3, x_m=0.5)]
     back = [shot(number) for number in range(4, 5 + STEADY)]
-    assert after(*away, *back[:-1]).doubt is Doubt.POSE
+    assert after(*away, *back[:-1]).doubt is SensorFault.POSE
     assert after(*away, *back).doubt is None
 
 
@@ -102,7 +102,7 @@ def test_an_odometry_of_nonsense_is_not_believed_when_it_passes_by() -> None:
 @pytest.mark.parametrize("stamp_ns", [PERIOD_NS, 0, -5])
 def test_a_clock_that_stands_or_goes_back_is_not_believed_until_it_goes_on(stamp_ns: int) -> None:
     senses = after(shot(0), shot(1), dataclasses.replace(shot(2), stamp_ns=stamp_ns))
-    assert senses.doubt is Doubt.STAMP
+    assert senses.doubt is SensorFault.STAMP
     assert Cause.BAD_STAMP in causes(senses, PERIOD_NS)
     assert senses.after(shot(3), HUSKY).doubt is None
 
@@ -127,7 +127,7 @@ def test_the_same_frame_again_is_no_new_frame() -> None:
 def test_a_frame_without_a_pose_is_left_to_be_refused_and_hides_no_jump() -> None:
     nowhere = dataclasses.replace(shot(2), pose=Pose2(x_m=math.nan, y_m=0.0, yaw_rad=0.0))
     assert after(shot(0), shot(1), nowhere).doubt is None
-    assert after(shot(0), shot(1), nowhere, shot(3, x_m=3.0)).doubt is Doubt.POSE
+    assert after(shot(0), shot(1), nowhere, shot(3, x_m=3.0)).doubt is SensorFault.POSE
 
 
 @pytest.mark.parametrize(
@@ -148,13 +148,13 @@ def test_wheels_push_in_vain_when_they_are_told_to_turn_and_do_not(sent: Twist, 
 @pytest.mark.parametrize(("since_ns", "expected"), [(BLOCKED_NS, [Cause.WHEELS_BLOCKED]), (BLOCKED_NS - 1, []), (None, [])])
 def test_wheels_that_push_in_vain_for_2_s_are_stopped(since_ns: int | None, expected: list[Cause]) -> None:
     command = Command(twist=Twist(v_mps=0.5, w_radps=0.0), stamp_ns=BLOCKED_NS)
-    facts = Facts(
+    facts = GateInput(
         now_ns=BLOCKED_NS,
         frame_ns=BLOCKED_NS,
         stopped_by=None,
         command=command,
         pushing_ns=None if since_ns is None else BLOCKED_NS - since_ns,
     )
-    verdict = guard(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY)
+    verdict = gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY)
     assert [reason.cause for reason in verdict.reasons] == expected
     assert (verdict.twist == STANDSTILL) == bool(expected)

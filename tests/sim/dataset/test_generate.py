@@ -14,9 +14,9 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset.generate import SHARDS_PER_SPLIT, SPLITS, WORLDS_PER_SHARD, Picture, render_pictures, shard_seed
-from sim.dataset.renderer import LABELS, PATTERNS, Studio
+from sim.dataset.renderer import LABELS, PATTERNS, SceneRenderer
 from sim.dataset.room_generator import random_scene
-from sim.dataset.scene import BACKGROUND, Patch, Piece, Scene, Sheet
+from sim.dataset.scene import BACKGROUND, Decal, Poster, Scene, SolidObject
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_shapes, item_solids
 from sim.models.solids import Colour
 from sim.sensors.camera import T_BASE_CAMERA, Light
@@ -32,25 +32,25 @@ RendererName = Literal["tiny", "egl"]
 
 
 @pytest.fixture(params=["tiny", "egl"], scope="module")
-def studio(request: pytest.FixtureRequest) -> Iterator[Studio]:
+def studio(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
     if request.param == "egl":
         need_egl()
-    with Studio(seed=1, size=SMALL, renderer=request.param) as made:
+    with SceneRenderer(seed=1, size=SMALL, renderer=request.param) as made:
         yield made
 
 
-def scene(*, pieces: tuple[Piece, ...] = (), sheets: tuple[Sheet, ...] = (), texture: int | None = None) -> Scene:
-    ground = Patch(label=BACKGROUND, polygon=GROUND, colour=(200, 200, 200), texture=texture)
+def scene(*, pieces: tuple[SolidObject, ...] = (), sheets: tuple[Poster, ...] = (), texture: int | None = None) -> Scene:
+    ground = Decal(label=BACKGROUND, polygon=GROUND, colour=(200, 200, 200), texture=texture)
     return Scene(pieces=pieces, patches=(ground,), sheets=sheets, targets=(), blocked=(), reach_m=(1.0, 1.0))
 
 
-def item(kind: str, x_m: float = 0.0, y_m: float = 0.0) -> Piece:
+def item(kind: str, x_m: float = 0.0, y_m: float = 0.0) -> SolidObject:
     solids = item_solids(kind, ITEM_SIZES[kind], ITEM_COLOURS[kind], item_shapes(kind)[0])
-    return Piece(label=kind, solids=solids, pose=Pose2(x_m=x_m, y_m=y_m, yaw_rad=0.0))
+    return SolidObject(label=kind, solids=solids, pose=Pose2(x_m=x_m, y_m=y_m, yaw_rad=0.0))
 
 
-def sheet(texture: int) -> Sheet:
-    return Sheet(texture=texture, at_m=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), size_m=(0.5, 0.5))
+def sheet(texture: int) -> Poster:
+    return Poster(texture=texture, at_m=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), size_m=(0.5, 0.5))
 
 
 def small_set(seed: int, renderer: RendererName = "tiny") -> list[Picture]:
@@ -110,25 +110,25 @@ def painted(world: Scene) -> Scene:
     return dataclasses.replace(world, pieces=pieces, patches=patches, sheets=(), light=light, sky=GREEN)
 
 
-def test_labels_lie_exactly_where_the_colours_do(studio: Studio) -> None:
+def test_labels_lie_exactly_where_the_colours_do(studio: SceneRenderer) -> None:
     wrong = labelled = 0
     for seed in range(3):
         world = painted(random_scene(np.random.default_rng(seed), patterns=PATTERNS, prints=studio.prints))
         studio.build(world)
         for x_m, y_m, turn in ((-1.0, 0.0, 0.0), (0.5, 0.5, 2.0), (1.0, -0.5, -2.5), (0.0, 0.0, 1.0)):
-            rgb, _, labels = studio.shoot(Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn).matrix() @ T_BASE_CAMERA, world)
+            rgb, _, labels = studio.render(Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn).matrix() @ T_BASE_CAMERA, world)
             magenta, beware = rgb[:, :, 0] > rgb[:, :, 1], labels > LABELS[BACKGROUND]
             wrong, labelled = wrong + int((magenta != beware).sum()), labelled + int(beware.sum())
     assert labelled > 10_000
     assert wrong < 3e-4 * labelled  # EGL draws colours and bodies in two passes
 
 
-def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: Studio) -> None:
+def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: SceneRenderer) -> None:
     worlds = (scene(), scene(sheets=(sheet(0),)), scene(pieces=(item("cup"),)))
     views = []
     for world in worlds:
         studio.build(world)
-        views.append(studio.shoot(AHEAD, world))
+        views.append(studio.render(AHEAD, world))
     (bare_rgb, bare_m, _), (print_rgb, print_m, print_labels), (_, cup_m, cup_labels) = views
     changed = (print_rgb.astype(int) - bare_rgb).any(axis=2)
     assert changed.sum() > 300  # it is seen
@@ -138,13 +138,13 @@ def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: Stu
     assert cup.sum() > 50 and np.abs(cup_m - bare_m)[cup].max() > 0.1
 
 
-def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(studio: Studio) -> None:
+def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(studio: SceneRenderer) -> None:
     crowd = tuple(dataclasses.replace(item(k, 3.0, 0.3 * i - 1.5), label=BACKGROUND) for i, k in enumerate(ITEM_SIZES))
     near = slice(100, 120)
 
     def shot(world: Scene) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
         studio.build(world)
-        return studio.shoot(AHEAD, world)[0]
+        return studio.render(AHEAD, world)[0]
 
     plain, patterned = shot(scene(pieces=crowd)), [shot(scene(pieces=crowd, texture=i)) for i in range(4)]
     assert plain[near].std() < 2

@@ -18,7 +18,7 @@ from sim.referee.referee import Referee
 from sim.scenario.layout import beware_markings, items, obstacles
 from sim.scenario.load import WORLDS, load_scenario, scenario_names
 from sim.scenario.schema import Furniture, Item, Marking, Print, Scenario, Wall
-from sim.scenario.variation import vary
+from sim.scenario.variation import randomise
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
 from tests.sim.renderers import need_egl
@@ -86,7 +86,7 @@ def office_way_m(scenario: Scenario) -> float | None:
 
 def test_the_office_mission_is_drivable_with_every_seed() -> None:
     office = load_scenario("office")
-    assert all(45 < (office_way_m(vary(office, seed)) or 0.0) < 60 for seed in range(10))
+    assert all(45 < (office_way_m(randomise(office, seed)) or 0.0) < 60 for seed in range(10))
 
 
 def test_the_red_floor_lies_on_the_shortest_way_and_can_be_driven_round() -> None:
@@ -99,9 +99,9 @@ def test_the_red_floor_lies_on_the_shortest_way_and_can_be_driven_round() -> Non
 
 def test_seeds_move_loose_things_a_little_and_walls_never() -> None:
     office = load_scenario("office")
-    found = [vary(office, seed) for seed in range(10)]
+    found = [randomise(office, seed) for seed in range(10)]
     assert len({run.furniture for run in found}) == len({run.items for run in found}) == 10
-    assert vary(office, 7) == found[7]
+    assert randomise(office, 7) == found[7]
     for run in found:
         assert run.walls == office.walls
         for piece, planned in zip(run.furniture, office.furniture, strict=True):

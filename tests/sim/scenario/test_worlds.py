@@ -24,7 +24,7 @@ from sim.scenario.layout import Thing, doors, items, obstacles
 from sim.scenario.load import WORLDS, load_scenario
 from sim.scenario.scenery import Scatter
 from sim.scenario.schema import Scenario, Wall
-from sim.scenario.variation import vary
+from sim.scenario.variation import randomise
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
 from tests.sim.worlds import blind, drive, open_floor, wait
@@ -40,7 +40,7 @@ HILLS = Relief(slope=0.12, wave_m=80.0, seed=3)
 
 @cache
 def found(name: str, seed: int) -> Scenario:
-    return vary(load_scenario(name), seed)
+    return randomise(load_scenario(name), seed)
 
 
 def area(things: tuple[Thing, ...]) -> shapely.Geometry:
@@ -53,7 +53,7 @@ def world(name: str) -> str:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_seed_makes_one_world_and_another_seed_another(name: str) -> None:
-    assert vary(load_scenario(name), 1) == found(name, 1)
+    assert randomise(load_scenario(name), 1) == found(name, 1)
     assert len({(found(name, seed).furniture, found(name, seed).items) for seed in SEEDS}) == len(SEEDS)
     assert {found(name, seed).goals for seed in SEEDS} == {load_scenario(name).goals}
 
@@ -212,7 +212,7 @@ def test_doors_are_gaps_in_a_wall() -> None:
 
 def test_what_is_strewn_keeps_its_distance() -> None:
     bushes = Scatter(kind="bush", count=60, least_m=(0.5, 0.5, 0.5), most_m=(1.0, 1.0, 1.0), gap_m=1.2)
-    strewn = vary(dataclasses.replace(open_floor(), scatter=(bushes,)), 0)
+    strewn = randomise(dataclasses.replace(open_floor(), scatter=(bushes,)), 0)
     spots = np.array([piece.at for piece in strewn.furniture])
     radii = np.array([piece.size_m[0] / 2 for piece in strewn.furniture if piece.size_m])
     apart = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1)) - radii[:, None] - radii[None]

@@ -13,11 +13,11 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
-from sim.referee.detections import Finds
+from sim.referee.detections import DetectionScore
 from sim.referee.referee import Referee
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Person, Scenario
-from sim.scenario.variation import vary
+from sim.scenario.variation import randomise
 from sim.truth.random_missions import draw_places, draw_zones
 from tests.sim.worlds import open_floor, seeing, shifted
 
@@ -32,8 +32,8 @@ def test_random_places_in_the_office_have_room_and_a_way_and_are_the_seeds() -> 
     office, spec = load_scenario("office"), GridSpec.centred(size_m=(32.0, 22.0), resolution_m=0.05)
     places = set()
     for seed in range(6):
-        scenario = drawn(vary(office, seed), seed)
-        assert scenario == drawn(vary(office, seed), seed)
+        scenario = drawn(randomise(office, seed), seed)
+        assert scenario == drawn(randomise(office, seed), seed)
         referee = Referee(scenario)
         way_m = referee.shortest_m(spec, HUSKY.width_m / 2 + 0.15, scenario.goals)
         assert way_m is not None and way_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
@@ -81,7 +81,7 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
         markings=(Marking(name="red", polygon=shifted(2.5, 1.5)),),
         furniture=(Furniture(kind="box", at=(1.4, -0.7), size_m=(0.2, 0.5, 1.5)),),
     )
-    finds, spec = Finds(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
+    finds, spec = DetectionScore(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
     with seeing(scenario) as simulator:
         for _ in range(3):
             frame = simulator.capture()

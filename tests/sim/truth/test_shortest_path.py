@@ -15,7 +15,7 @@ from navcore.grid.grid import GridSpec
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
 from sim.models.solids import Polygon, placed, rectangle
-from sim.truth.shortest_path import Surroundings, length_m, shortest_way
+from sim.truth.shortest_path import VisibilityGraph, length_m, shortest_way
 from sim.truth.true_map import blocked_grid
 
 SPEC = GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.05)
@@ -74,11 +74,11 @@ def test_it_is_as_short_as_among_all_pairs_of_corners_and_keeps_clear(polygons: 
     if way is not None and polygons:
         gap_m = shapely.distance(shapely.LineString(way), shapely.union_all([shapely.Polygon(p) for p in polygons]))
         assert gap_m >= RADIUS_M - 0.01  # arcs are made of chords
-        around = Surroundings.of(polygons, RADIUS_M)
+        around = VisibilityGraph.of(polygons, RADIUS_M)
         assert length_m(way) >= brute_force_m(around, start, goal) - 1e-6
 
 
-def brute_force_m(around: Surroundings, start: tuple[float, float], goal: tuple[float, float]) -> float:
+def brute_force_m(around: VisibilityGraph, start: tuple[float, float], goal: tuple[float, float]) -> float:
     """Dijkstra over all corners, sight asked of shapely, without the map's edge."""
     places = np.vstack([around.corners, goal, start])
     inside = shapely.buffer(around.obstacles, -2e-3, join_style="mitre")

@@ -34,7 +34,7 @@ TRIAL_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
+class EngineBenchmark:
     """What came of trying one engine."""
 
     name: str
@@ -74,7 +74,7 @@ class Candidate:
         return self.name.endswith("f32")
 
 
-def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
+def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16` or `… int8`), or with `auto`
     the best here, and what the trials gave.
 
@@ -94,11 +94,11 @@ def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) ->
     )
 
 
-def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tuple[Trial, ...]]:
+def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """Try the engines that are installed, those that should be fastest first, until one is fast enough and accurate."""
-    good: list[tuple[Inference, Trial]] = []
+    good: list[tuple[Inference, EngineBenchmark]] = []
     trials = []
-    for engine, trial in tried(file, threads=threads):
+    for engine, trial in benchmark_engines(file, threads=threads):
         trials.append(trial)
         if engine is not None and trial.is_accurate:
             good.append((engine, trial))
@@ -113,7 +113,9 @@ def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tup
     return chosen, tuple(trials)
 
 
-def tried(file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S) -> Iterator[tuple[Inference | None, Trial]]:
+def benchmark_engines(
+    file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S
+) -> Iterator[tuple[Inference | None, EngineBenchmark]]:
     """Each engine with what it measured. The last exact one that runs is the reference: torch, where it can run the file."""
     pictures = probes(file.size, file.depth)
     found = candidates(file, threads)
@@ -126,13 +128,13 @@ def tried(file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S
             if reference is None:
                 raise BadConfiguration("no exact engine runs that it could be compared with")
         except BadConfiguration as error:
-            yield None, Trial(name=candidate.name, failure=str(error))
+            yield None, EngineBenchmark(name=candidate.name, failure=str(error))
             continue
         agreement = float(np.mean([np.mean(a == b) for a, b in zip(winners, reference, strict=True)]))
         p50_ms, p99_ms = np.percentile(timed(engine, pictures, trial_s), [50, 99])
         yield (
             engine,
-            Trial(
+            EngineBenchmark(
                 name=candidate.name,
                 p50_ms=float(p50_ms),
                 p99_ms=float(p99_ms),

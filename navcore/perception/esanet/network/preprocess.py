@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from navcore.errors import BadConfiguration, BadFrame
-from navcore.toml_config import between
+from navcore.toml_config import ranged
 
 RGB_MEAN = np.array([0.485, 0.456, 0.406], dtype=np.float32)
 RGB_STD = np.array([0.229, 0.224, 0.225], dtype=np.float32)
@@ -25,11 +25,11 @@ MAX_SIDE_PX = 4096
 class DepthStatistics:
     """Of the data set the network was trained on; depth in that data set's own unit."""
 
-    mean: float = between(0.0, 1e6)
+    mean: float = ranged(0.0, 1e6)
     """Mean depth, data set units."""
-    std: float = between(1e-6, 1e6)
+    std: float = ranged(1e-6, 1e6)
     """Standard deviation, data set units."""
-    units_per_m: float = between(1e-3, 1e6)
+    units_per_m: float = ranged(1e-3, 1e6)
     """Data set units per metre."""
     raw: bool = True
     """Whether a depth of 0 means "not measured": set to the mean. Off for depth that was in-painted ("refined")."""
@@ -45,9 +45,9 @@ SCENENET_DEPTH = DepthStatistics(mean=4006.928, std=2459.776, units_per_m=1000.0
 class Size:
     """Of a picture."""
 
-    height: int = between(32, MAX_SIDE_PX)
+    height: int = ranged(32, MAX_SIDE_PX)
     """Rows."""
-    width: int = between(32, MAX_SIDE_PX)
+    width: int = ranged(32, MAX_SIDE_PX)
     """Columns."""
 
 

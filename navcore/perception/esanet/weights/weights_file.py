@@ -29,7 +29,7 @@ from navcore.perception.esanet.network.variants import MAX_CLASSES
 from navcore.perception.esanet.weights.architecture import Architecture, fitting, infer
 from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.perception.esanet.weights.official_checkpoint import read_checkpoint
-from navcore.toml_config import between, from_table
+from navcore.toml_config import from_table, ranged
 
 MAX_WEIGHTS_BYTES = 2 << 30
 """A width of 2 in the largest variant fits."""
@@ -47,9 +47,9 @@ class WeightsCard:
 
     variant: str
     """As `build` takes it."""
-    num_classes: int = between(1, MAX_CLASSES)
+    num_classes: int = ranged(1, MAX_CLASSES)
     """Outputs per pixel."""
-    width: float = between(0.0, 8.0)
+    width: float = ranged(0.0, 8.0)
     """Channels, relative to the paper's."""
     class_names: tuple[str, ...]
     """What the outputs mean, in their order."""
@@ -59,7 +59,7 @@ class WeightsCard:
     """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal."""
     size: Size | None = None
     """The working size it was trained at; files written before this was kept, and converted ones, do not say."""
-    ranges: tuple[float, ...] | None = between(0.0, 1e9, default=None)
+    ranges: tuple[float, ...] | None = ranged(0.0, 1e9, default=None)
     """Of its convolutions' inputs, for eight bits (`backends/quantised.py`); None where they were not measured."""
 
     def __post_init__(self) -> None:

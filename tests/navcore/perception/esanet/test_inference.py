@@ -27,10 +27,10 @@ from navcore.perception.esanet.inference.selection import (
     MIN_AGREEMENT,
     MIN_AGREEMENT_IN_BYTES,
     Candidate,
+    benchmark_engines,
     choose,
     open_inference,
     probes,
-    tried,
 )
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.batchnorm_folding import FixedPool, folded
@@ -140,7 +140,7 @@ def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.syspath_prepend(tmp_path)
-    trials = [trial for _, trial in tried(network_file(), threads=1, trial_s=0.0)]
+    trials = [trial for _, trial in benchmark_engines(network_file(), threads=1, trial_s=0.0)]
     failed = {trial.name.partition(" ")[0] for trial in trials if trial.failure}
     assert failed == ({"onnxruntime", "openvino"} if package == "onnx" else {package})
     engine, _ = choose(network_file(), threads=1)
@@ -327,7 +327,7 @@ def test_an_answer_of_another_shape_or_none_at_all_fails_its_trial(monkeypatch: 
     odd = Slow("odd f32", 5, 0, [0.0])
     monkeypatch.setattr(odd, "logits", lambda rgb, depth: np.asarray(answer))
     made[0] = dataclasses.replace(made[0], build=lambda: odd)
-    trials = [trial for _, trial in tried(network_file())]
+    trials = [trial for _, trial in benchmark_engines(network_file())]
     assert [trial.failure is None for trial in trials] == [False, True]
     assert choose(network_file())[0].name == "torch f32"
 
@@ -340,7 +340,7 @@ def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.Monkey
     broken = Candidate(name="broken f32", build=fail)
     for made in ([broken, torch_f32], [torch_f32, broken]):
         monkeypatch.setattr(choice, "candidates", lambda file, threads, made=made: made)
-        trials = [trial for _, trial in tried(network_file())]
+        trials = [trial for _, trial in benchmark_engines(network_file())]
         assert {trial.name: trial.failure for trial in trials} == {"torch f32": None, "broken f32": "it has no licence"}
         assert choose(network_file())[0].name == "torch f32"
     assert "it has no licence" in trials[1].text()

@@ -8,15 +8,15 @@ import math
 import numpy as np
 import pytest
 
-from app.runtime.pilot import Intent, Pilot
+from app.runtime.robot_controller import OperatorState, RobotController
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import Motion, Outcome
-from navcore.costmap.costmap import Occupancy, nearest_free
+from navcore.control.motion import ControllerState, Motion
+from navcore.costmap.costmap import Costmap, nearest_free
 from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.grid.cell_mask import Mask
+from navcore.grid.cell_mask import CellMask
 from navcore.mission.mission import Mission, Phase
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
@@ -24,7 +24,7 @@ from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import COMMAND_LIFE_NS, Cause, Verdict
+from navcore.safety.gate import COMMAND_LIFE_NS, Cause, GateDecision
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 
 SECOND = 1_000_000_000
@@ -37,25 +37,25 @@ def navigator() -> Navigator:
     return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
 
 
-def pilot(*goals: tuple[float, float]) -> Pilot:
+def pilot(*goals: tuple[float, float]) -> RobotController:
     mission = Mission()
     for x, y in goals:
         mission = mission.add(x, y, SPEC)
-    intent = Intent(mission=mission.start() if goals else mission, beware=RED_LIST)
-    return Pilot(navigator=navigator(), profile=HUSKY, intent=intent)
+    intent = OperatorState(mission=mission.start() if goals else mission, beware=RED_LIST)
+    return RobotController(navigator=navigator(), profile=HUSKY, intent=intent)
 
 
-def think(driver: Pilot, frame: Frame = OPEN) -> None:
+def think(driver: RobotController, frame: Frame = OPEN) -> None:
     driver.trust_pose()  # each picture of these tests stands for itself, whatever came before it
     driver.think(frame, clock=lambda: frame.stamp_ns)
 
 
-def command(driver: Pilot, after_s: float = 0.0) -> Verdict:
+def command(driver: RobotController, after_s: float = 0.0) -> GateDecision:
     newest = driver.thought.decision.frame if driver.thought.decision else None
     return driver.command(lambda: SECOND + round(after_s * SECOND), 0.05, newest=newest)
 
 
-def causes(verdict: Verdict) -> list[Cause]:
+def causes(verdict: GateDecision) -> list[Cause]:
     return [reason.cause for reason in verdict.reasons]
 
 
@@ -155,7 +155,9 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
 def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = pilot((3.0, 0.0))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
-    monkeypatch.setattr(driver.navigator, "move", lambda *rest, **named: Motion(twist=STANDSTILL, outcome=Outcome.ARRIVED))
+    monkeypatch.setattr(
+        driver.navigator, "move", lambda *rest, **named: Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
+    )
     think(driver)
     before = len(driver.intent.mission.reached)
     driver.change(lambda intent: dataclasses.replace(intent, zones=()))
@@ -256,8 +258,8 @@ def order(
     enabled: bool = True,
     zones: tuple[Zone, ...] = (),
     leave: bool = False,
-) -> Order:
-    return Order(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave)
+) -> NavigationRequest:
+    return NavigationRequest(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave)
 
 
 def test_the_path_leads_around_a_red_floor_and_across_it_once_the_class_is_off() -> None:
@@ -284,7 +286,7 @@ def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
 def test_without_a_goal_the_robot_looks_and_stands() -> None:
     decision = navigator().tick(picture(Box(x=(2, 3), y=(-1, 1), z=(0, 1))), order(None))
     assert decision.route is None
-    assert decision.motion.outcome is Outcome.IDLE
+    assert decision.motion.outcome is ControllerState.IDLE
     assert decision.occupancy.grid.geometric.any()
 
 
@@ -302,7 +304,7 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
     loop = navigator()
     decision = loop.tick(OPEN, order())
     everything = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    walled = Occupancy.of(decision.occupancy.grid, everything, version=-1)
+    walled = Costmap.of(decision.occupancy.grid, everything, version=-1)
     assert loop.preview(walled, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
     again = loop.tick(OPEN, order())
     assert again.route is decision.route
@@ -312,17 +314,17 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
 def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> None:
     blocked = np.zeros((20, 20), dtype=np.bool_)
     blocked[5:12, 5:12] = True
-    assert nearest_free(Mask.of(~blocked), (3, 3), 0.0) == (3, 3)
-    assert nearest_free(Mask.of(~blocked), (8, 6), 2.0) == (8, 4)
-    assert nearest_free(Mask.of(~blocked), (8, 8), 3.9) is None
-    assert nearest_free(Mask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
-    assert nearest_free(Mask.of(~blocked), (-1, 30), 4.0) == (-1, 30)
+    assert nearest_free(CellMask.of(~blocked), (3, 3), 0.0) == (3, 3)
+    assert nearest_free(CellMask.of(~blocked), (8, 6), 2.0) == (8, 4)
+    assert nearest_free(CellMask.of(~blocked), (8, 8), 3.9) is None
+    assert nearest_free(CellMask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
+    assert nearest_free(CellMask.of(~blocked), (-1, 30), 4.0) == (-1, 30)
 
 
 BY_HAND = Twist(v_mps=0.3, w_radps=0.0)
 
 
-def pushed(driver: Pilot, twist: Twist = BY_HAND) -> Pilot:
+def pushed(driver: RobotController, twist: Twist = BY_HAND) -> RobotController:
     """A hand on the robot, at the moment of the picture."""
     hand = Command(twist=twist, stamp_ns=SECOND)
     driver.change(lambda intent: dataclasses.replace(intent, by_hand=hand))
@@ -340,7 +342,7 @@ def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None
 
 def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """The control of the test above."""
-    monkeypatch.setattr("app.runtime.pilot.HAND_LIFE_NS", 10**15)
+    monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", 10**15)
     monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", 10**15)
     driver = pilot()
     think(driver)

@@ -11,23 +11,33 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from navcore.behaviours.assisted_teleop import keeps_out
-from navcore.control.motion import Motion, Outcome
-from navcore.costmap.cell_description import occupant
+from navcore.behaviours.assisted_teleop import stays_out
+from navcore.control.motion import ControllerState, Motion
+from navcore.costmap.cell_description import describe_cell
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
-from navcore.mission.order import Order
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.navigator import Decision, Navigator
+from navcore.navigator import Navigator, TickResult
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
-from navcore.safety.collision_monitor import Nearby
-from navcore.safety.gate import BLOCKED_NS, COMMAND_LIFE_NS, Cause, Facts, StopReason, Verdict, guard, pushes_in_vain, ranked
-from navcore.safety.sensor_monitor import Doubt, Senses
+from navcore.safety.collision_monitor import RecentObstacles
+from navcore.safety.gate import (
+    BLOCKED_NS,
+    COMMAND_LIFE_NS,
+    Cause,
+    GateDecision,
+    GateInput,
+    StopReason,
+    gate,
+    pushes_in_vain,
+    ranked,
+)
+from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_PERIOD_S = 0.05
 """How often a command is sent."""
@@ -42,7 +52,7 @@ HAND_LIFE_NS = COMMAND_LIFE_NS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Intent:
+class OperatorState:
     """All that the operator wants, at one moment."""
 
     mission: Mission
@@ -58,16 +68,16 @@ class Intent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Thought:
+class TickState:
     """The outcome of the newest tick."""
 
-    decision: Decision | None = None
+    decision: TickResult | None = None
     """Of the newest good frame."""
     frame_ns: int | None = None
     """Capture time of the newest frame that came in, good or bad."""
     command: Command | None = None
     """What it asks the wheels to do."""
-    order: Order | None = None
+    order: NavigationRequest | None = None
     """What the operator wanted when it was decided."""
     bad_frame: str | None = None
     """Why the newest frame was refused; None when it was not."""
@@ -75,31 +85,31 @@ class Thought:
     """What broke in the newest tick; None when nothing did."""
 
 
-class Pilot:
+class RobotController:
     """Joins intent, navigator and gate."""
 
-    def __init__(self, *, navigator: Navigator, profile: RobotProfile, intent: Intent) -> None:
+    def __init__(self, *, navigator: Navigator, profile: RobotProfile, intent: OperatorState) -> None:
         self.navigator = navigator
         self.profile = profile
         self._lock = threading.Lock()
         self._intent = intent
-        self._thought = Thought()
+        self._thought = TickState()
         self._sent = STANDSTILL
         # Two observers of the same frames: one for what enters the map, one for the gate, which hears of a frame first and
         # waits for no tick.
-        self._mapped, self._watched = Senses(), Senses()
-        self._near = Nearby()
+        self._mapped, self._watched = SensorMonitor(), SensorMonitor()
+        self._near = RecentObstacles()
         self._pushing_ns: int | None = None
         self._corrected: dict[int, Pose2] = {}
         self._put_down = False
 
     @property
-    def intent(self) -> Intent:
+    def intent(self) -> OperatorState:
         """The operator's will, as of now."""
         return self._intent
 
     @property
-    def thought(self) -> Thought:
+    def thought(self) -> TickState:
         """The newest tick's outcome."""
         return self._thought
 
@@ -108,7 +118,7 @@ class Pilot:
         """What was last sent to the wheels."""
         return self._sent
 
-    def change(self, edit: Callable[[Intent], Intent]) -> Intent:
+    def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
         """Replace the intent by `edit(intent)`, as one step; when `edit` raises, nothing has changed."""
         with self._lock:
             self._intent = edit(self._intent)
@@ -130,11 +140,11 @@ class Pilot:
         with self._lock:
             self._corrected |= poses
 
-    def think(self, frame: Frame, *, clock: Callable[[], int]) -> Decision | None:
+    def think(self, frame: Frame, *, clock: Callable[[], int]) -> TickResult | None:
         """One tick; None when the frame was refused or shows nothing new. `clock` dates the command, after the work is done."""
         intent = self._intent
         goal = intent.mission.goal
-        order = _order(intent)
+        order = request_of(intent)
         with self._lock:
             corrected, self._corrected = self._corrected, {}
             put_down, self._put_down = self._put_down, False
@@ -154,10 +164,10 @@ class Pilot:
             self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None)
             return None
         command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
-        self._thought = Thought(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
+        self._thought = TickState(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
         # Without a path the end of the way is where the robot looks at what closes it, and never the goal.
         led_there = decision.route is not None and isinstance(decision.route.outcome, Path)
-        if led_there and decision.motion.outcome is Outcome.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
+        if led_there and decision.motion.outcome is ControllerState.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
             if goal:
                 self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
             elif order.leave:
@@ -176,7 +186,7 @@ class Pilot:
         send: Callable[[Twist], None] = lambda twist: None,
         *,
         newest: Frame | None,
-    ) -> Verdict:
+    ) -> GateDecision:
         """Decide what to send now, `period_s` after the last time, and send it. `newest` is the last frame that came in.
 
         `clock` gives the time in ns. It is read last of all: what has expired while this waited or looked is not sent.
@@ -196,21 +206,23 @@ class Pilot:
     @property
     def pose_in_doubt(self) -> bool:
         """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
-        return self._watched.doubt is Doubt.POSE or self._mapped.doubt is Doubt.POSE
+        return self._watched.doubt is SensorFault.POSE or self._mapped.doubt is SensorFault.POSE
 
     def trust_pose(self) -> None:
         """The operator says that the next frame's pose and stamp are true, whatever came before."""
         with self._lock:
             if self.pose_in_doubt:
                 self._put_down = True
-                self._near = Nearby()  # where it was is not told by this pose; else what is out of sight is still there
-            self._mapped = self._watched = Senses()
+                self._near = (
+                    RecentObstacles()
+                )  # where it was is not told by this pose; else what is out of sight is still there
+            self._mapped = self._watched = SensorMonitor()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
         """Look at the newest frame, independently of the tick, and at whether the wheels obey."""
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile)
-            if self._watched.believes_newest:
+            if self._watched.newest_is_trusted:
                 self._near = self._near.after(newest)
         held = self._pushing_ns is not None and now_ns - self._pushing_ns >= BLOCKED_NS
         if self._intent.mission.phase not in MOVING:
@@ -224,14 +236,14 @@ class Pilot:
         """Why the robot stands although it was told to drive, as of now; the most severe first."""
         return self._verdict(now_ns, 0.0).reasons
 
-    def _verdict(self, now_ns: int, period_s: float) -> Verdict:
+    def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
         intent, thought, hand = self._intent, self._thought, self._slowed(self.hand(now_ns))
         # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
-        driving = intent.mission.phase in MOVING and thought.order == _order(intent)
+        driving = intent.mission.phase in MOVING and thought.order == request_of(intent)
         command = hand or (thought.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + MEANWHILE_NS:
             now_ns = command.stamp_ns
-        facts = Facts(
+        facts = GateInput(
             now_ns=now_ns,
             frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
             stopped_by=intent.stopped_by,
@@ -240,10 +252,10 @@ class Pilot:
             near=self._near.points,
             pushing_ns=self._pushing_ns,
         )
-        verdict = guard(facts, sent=self._sent, period_s=period_s, profile=self.profile)
+        verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
         found = self._objections_to(hand) if hand is not None else self._obstacles(intent, thought)
         twist = STANDSTILL if hand is not None and found else verdict.twist
-        return Verdict(twist=twist, reasons=ranked([*verdict.reasons, *found]))
+        return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
 
     def hand(self, now_ns: int) -> Command | None:
         """What somebody asks for by hand, while it is fresh and no mission drives."""
@@ -257,8 +269,8 @@ class Pilot:
         newest = self._watched.newest
         if hand is None or newest is None:
             return hand
-        asked = Motion(twist=hand.twist, outcome=Outcome.FOLLOW)
-        return dataclasses.replace(hand, twist=self.navigator.limit(asked, newest, _order(self._intent)).twist)
+        asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
+        return dataclasses.replace(hand, twist=self.navigator.limit(asked, newest, request_of(self._intent)).twist)
 
     def _objections_to(self, hand: Command) -> list[StopReason]:
         """A hand may go wherever the gate lets it, but into no zone, and into nothing that the map has of the beware list.
@@ -269,11 +281,11 @@ class Pilot:
         seen = None if decision is None else decision.occupancy
         if newest is None:
             return []
-        if keeps_out(hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen):
+        if stays_out(hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen):
             return []
         return [StopReason(cause=Cause.BEWARE_AHEAD, text="A beware area lies that way; drive by hand in another direction.")]
 
-    def _obstacles(self, intent: Intent, thought: Thought) -> list[StopReason]:
+    def _obstacles(self, intent: OperatorState, thought: TickState) -> list[StopReason]:
         """Why the planners, rather than the gate, keep the robot where it is."""
         found = []
         if thought.bad_frame is not None and not self._watched.malformed:  # then the gate has said so
@@ -288,31 +300,31 @@ class Pilot:
         if route is not None and isinstance(route.outcome, NoPath) and thought.decision.motion.twist == STANDSTILL:
             why = _why_no_path(intent, thought.decision, route.outcome)
             found.append(StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}."))
-        if outcome is Outcome.IN_ZONE:
+        if outcome is ControllerState.IN_ZONE:
             found.append(
                 StopReason(cause=Cause.IN_ZONE, text="The robot stands in a beware area: have it leave, or change the area.")
             )
-        if outcome is Outcome.BOXED_IN:
+        if outcome is ControllerState.BOXED_IN:
             found.append(StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear of what stands near the robot."))
-        if outcome is Outcome.GIVEN_UP:
+        if outcome is ControllerState.GIVEN_UP:
             tried = "it has waited, backed off and looked round, and found no way"
             text = f"The robot gives up: {tried}. Clear its way, or pick another goal."
             found.append(StopReason(cause=Cause.BOXED_IN, text=text))
-        if outcome is Outcome.YIELD:
+        if outcome is ControllerState.YIELD:
             found.append(StopReason(cause=Cause.YIELDING, text="Somebody is in the robot's way; it waits until he has passed."))
         return found
 
 
-def _why_no_path(intent: Intent, decision: Decision, outcome: NoPath) -> str:
+def _why_no_path(intent: OperatorState, decision: TickResult, outcome: NoPath) -> str:
     goal, grid = intent.mission.goal, decision.occupancy.grid
     if outcome.reason is not Reason.GOAL_BLOCKED or goal is None:
         return str(outcome.reason)
-    return f"{outcome.reason}, it lies {occupant(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
+    return f"{outcome.reason}, it lies {describe_cell(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
 
 
-def _order(intent: Intent) -> Order:
+def request_of(intent: OperatorState) -> NavigationRequest:
     goal = intent.mission.goal
-    return Order(
+    return NavigationRequest(
         goal=(goal.x_m, goal.y_m) if goal else None,
         beware=intent.beware,
         zones=intent.zones,
