@@ -1,8 +1,8 @@
 """Numba decorators of the compiled kernels, and the folder that their machine code is cached in.
 
-Numba notices that a function has changed, but not that a function or constant which is compiled into it has: after an update
-the old machine code would run on. So each version of the compiled sources has a cache folder of its own, unless
-NUMBA_CACHE_DIR names one.
+Numba notices that a function has changed, but not that a function or constant which is compiled
+into it has: after an update the old machine code would run on. So each version of the compiled
+sources has a cache folder of its own, unless NUMBA_CACHE_DIR names one.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ def compiled(function: Function) -> Function:
 
 
 def lean(function: Function) -> Function:
-    """The same for functions that make no arrays: they need not count references, which would take most of their time."""
+    """The same for functions that make no arrays: they need not count references, which would take
+    most of their time."""
     return cast(Function, numba.njit(cache=True, nogil=True, _nrt=False)(function))  # type: ignore[call-overload]
 
 
 def inlined(function: Function) -> Function:
-    """The same for steps of an inner loop: compiled into their callers, since an array costs seven arguments to hand on."""
+    """The same for steps of an inner loop: compiled into their callers, since an array costs seven
+    arguments to hand on."""
     return cast(
         Function,
         numba.njit(cache=True, nogil=True, _nrt=False, forceinline=True)(function),  # type: ignore[call-overload]
@@ -56,8 +58,13 @@ def _version(package: Path) -> str:
     texts = {file: file.read_bytes() for file in sorted(package.rglob("*.py"))}
     holding = [file for file, text in texts.items() if _COMPILED.search(text)]
     imported = {name.decode() for file in holding for name in _IMPORTED.findall(texts[file])}
-    files = {*holding, *((package.parent / name.replace(".", "/")).with_suffix(".py") for name in imported)}
-    return hashlib.blake2b(b"".join(texts.get(file, b"") for file in sorted(files)), digest_size=8).hexdigest()
+    files = {
+        *holding,
+        *((package.parent / name.replace(".", "/")).with_suffix(".py") for name in imported),
+    }
+    return hashlib.blake2b(
+        b"".join(texts.get(file, b"") for file in sorted(files)), digest_size=8
+    ).hexdigest()
 
 
 def _keep_compiled_code(package: Path) -> None:
@@ -66,7 +73,7 @@ def _keep_compiled_code(package: Path) -> None:
         folder = package / "__pycache__" / f"compiled-{_version(package)}"
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
-        numba.config.CACHE_DIR = str(folder)
+        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
         versions = sorted(folder.parent.glob("compiled-*"), key=lambda other: other.stat().st_mtime)
         for old in versions[:-_KEPT]:
             shutil.rmtree(old, ignore_errors=True)

@@ -10,7 +10,8 @@
     ├── NotKnown            an id that names nothing
     └── StorageFailed       the disk did not take it; what was stored before is intact
 
-Outcomes that are to be expected while driving (no path, no safe motion, a stop) are values, not exceptions.
+Outcomes that are to be expected while driving (no path, no safe motion, a stop) are values, not
+exceptions.
 """
 
 
@@ -34,7 +35,8 @@ class BlockedGoal(BadGeometry):
     """The robot cannot stand at the goal."""
 
     def __init__(self, text: str, nearest: tuple[float, float] | None) -> None:
-        """`nearest`: (x, y) in metres of the map frame of the nearest place where it can stand; None without one."""
+        """`nearest`: (x, y) in metres of the map frame of the nearest place where it can stand;
+        None without one."""
         super().__init__(text)
         self.nearest = nearest
 

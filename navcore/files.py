@@ -1,4 +1,5 @@
-"""Files that are there in full or not at all: bounded reading, and writing that a crash cannot tear."""
+"""Files that are there in full or not at all: bounded reading, and writing that a crash cannot
+tear."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ def read_whole(path: Path, *, at_most: int) -> bytes:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Put a file in place at once and on the disk; raises `StorageFailed`, and then what was there before is intact."""
+    """Put a file in place at once and on the disk; raises `StorageFailed`, and then what was there
+    before is intact."""
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     except (OSError, ValueError) as error:

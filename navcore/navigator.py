@@ -1,4 +1,5 @@
-"""The whole loop, once per frame: read `Navigator.tick` and know the system (the paper's Algorithms 1 and 2)."""
+"""The whole loop, once per frame: read `Navigator.tick` and know the system (the paper's Algorithms
+1 and 2)."""
 
 from __future__ import annotations
 
@@ -18,7 +19,13 @@ from navcore.control.social import PeopleState
 from navcore.control.speed_limits import allowed_speed_mps, slowed, travel_time_s
 from navcore.costmap.costmap import Costmap, nearest_free
 from navcore.costmap.live_costmap import LiveCostmap
-from navcore.costmap.local_costmap import footprint_overlaps, frontier, nearby, obstacle_masks, split_areas
+from navcore.costmap.local_costmap import (
+    footprint_overlaps,
+    frontier,
+    nearby,
+    obstacle_masks,
+    split_areas,
+)
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.free_space import FREE, FreeSpace
@@ -60,18 +67,29 @@ class TickResult:
     people: tuple[Track, ...] = ()
     """Who walks or stands about, and how."""
     closed: tuple[Zone, ...] = ()
-    """Where the robot keeps out for a while of its own accord: a way that was found closed, or somebody's lane."""
+    """Where the robot keeps out for a while of its own accord: a way that was found closed, or
+    somebody's lane."""
 
 
 class Navigator:
-    """The map and the present path. It has no clock, no thread and no means to stop the robot: that is the gate's work."""
+    """The map and the present path. It has no clock, no thread and no means to stop the robot: that
+    is the gate's work."""
 
-    def __init__(self, *, spec: GridSpec, profile: RobotProfile, segmenter: Segmenter, config: NavigatorConfig) -> None:
+    def __init__(
+        self,
+        *,
+        spec: GridSpec,
+        profile: RobotProfile,
+        segmenter: Segmenter,
+        config: NavigatorConfig,
+    ) -> None:
         self.map = PointMap(spec, config.map)
         self._profile = profile
         self._segmenter = segmenter
         self._config = config
-        self._occupancy = LiveCostmap(self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m)
+        self._occupancy = LiveCostmap(
+            self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
+        )
         self._replanner = Replanner(self._occupancy.space)
         self._route: tuple[tuple[object, ...], Route] | None = None
         self._motion = IDLE
@@ -104,7 +122,13 @@ class Navigator:
         self.leave_lanes(motion, frame, route, people)
         motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return TickResult(
-            frame=frame, labels=labels, occupancy=occupancy, route=route, motion=motion, people=people, closed=closed
+            frame=frame,
+            labels=labels,
+            occupancy=occupancy,
+            route=route,
+            motion=motion,
+            people=people,
+            closed=closed,
         )
 
     def label(self, frame: Frame, order: NavigationRequest) -> Labels:
@@ -115,12 +139,17 @@ class Navigator:
         """(H, W) how high the ground lies below what each pixel shows."""
         return ground_heights(frame, self._config.points.max_slope)
 
-    def track(self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None) -> tuple[Track, ...]:
+    def track(
+        self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None
+    ) -> tuple[Track, ...]:
         """Everybody who walks, and everybody whom the segmenter recognises."""
         return self._tracker.follow(frame, labels, order.beware, ground_m)
 
-    def remember(self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None) -> None:
-        """Put the frame's points on the map, under its pose ID, but for those of people who walk; note the ground trodden."""
+    def remember(
+        self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None
+    ) -> None:
+        """Put the frame's points on the map, under its pose ID, but for those of people who walk;
+        note the ground trodden."""
         self._tread(frame.pose)
         seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
         self.map.insert(seen, frame, labels)
@@ -130,10 +159,12 @@ class Navigator:
         self.map.explored.look(frame, self._config.points)
 
     def occupancy(self, order: NavigationRequest) -> Costmap:
-        """The occupied and the blocked cells; what has changed on the map, the list or the zones is followed."""
+        """The occupied and the blocked cells; what has changed on the map, the list or the zones is
+        followed."""
         aim = (order.goal, order.goal_yaw_rad, order.leave)
         if self._aim != aim:
-            # What was tried on the way to another goal, and found closed there, says nothing of this one.
+            # What was tried on the way to another goal, and found closed there, says nothing of
+            # this one.
             self._aim, self._closed, self._recovery = aim, (), Recovery()
         return self._occupancy.follow(order.beware, (*order.zones, *self.closed))
 
@@ -143,7 +174,8 @@ class Navigator:
         return (*self._closed, *self._lanes.zones)
 
     def route(self, occupancy: Costmap, pose: Pose2, order: NavigationRequest) -> Route | None:
-        """The shortest path from here, planned in full whenever the map, the goal or the robot's cell has changed."""
+        """The shortest path from here, planned in full whenever the map, the goal or the robot's
+        cell has changed."""
         if order.goal is None and not order.leave:
             return None
         key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
@@ -157,21 +189,36 @@ class Navigator:
                 self._was_open = order.goal
         return self._route[1]
 
-    def plan(self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList) -> Route:
+    def plan(
+        self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
+    ) -> Route:
         """The shortest path from a pose to a goal over the present map, which follows the list."""
         start = self._start(occupancy, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space = self._occupancy.space
-        outcome = self._replanner.plan(start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget)
+        outcome = self._replanner.plan(
+            start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget
+        )
         if outcome == NoPath(reason=Reason.UNREACHABLE):
-            return self._nearer(occupancy, pose, goal, beware) or self._laid(outcome, goal, space.across[FREE])
-        if outcome == NoPath(reason=Reason.GOAL_BLOCKED) and self._was_open == goal and pose.distance_to(*goal) > _LOOK_M:
-            return self._beside(occupancy, start, goal) or self._laid(outcome, goal, space.across[FREE])
+            return self._nearer(occupancy, pose, goal, beware) or self._laid(
+                outcome, goal, space.across[FREE]
+            )
+        if (
+            outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+            and self._was_open == goal
+            and pose.distance_to(*goal) > _LOOK_M
+        ):
+            return self._beside(occupancy, start, goal) or self._laid(
+                outcome, goal, space.across[FREE]
+            )
         return self._laid(outcome, goal, space.across[FREE])
 
-    def _nearer(self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList) -> Route | None:
-        """No path, but a way to where it may look open from nearer; None where there is none, or the robot is there."""
+    def _nearer(
+        self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
+    ) -> Route | None:
+        """No path, but a way to where it may look open from nearer; None where there is none, or
+        the robot is there."""
         spec = self.map.spec
         found = viewpoint_before_gap(
             occupancy,
@@ -184,29 +231,36 @@ class Navigator:
         if found is None:
             return None
         space = self._occupancy.space
-        path = plan_in(space, SearchWorkspace(space), *found, max_expansions=self._config.plan_budget)
+        path = plan_in(
+            space, SearchWorkspace(space), *found, max_expansions=self._config.plan_budget
+        )
         if not isinstance(path, Path):
             return None
         way = self._laid(path, spec.centre(*found[1]), space.across[FREE])
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
 
     def _beside(self, occupancy: Costmap, start: Cell, goal: tuple[float, float]) -> Route | None:
-        """The way to beside a goal that was open, and where something was seen from afar to stand by now: does it still?
+        """The way to beside a goal that was open, and where something was seen from afar to stand
+        by now: does it still?
 
-        None where there is none, and where an operator's zone is on the goal or near it: that does not go by looking.
+        None where there is none, and where an operator's zone is on the goal or near it: that does
+        not go by looking.
         """
         grid, spec, (row, col) = occupancy.grid, self.map.spec, self.map.spec.cell(*goal)
         reach = math.ceil(_BESIDE_M / spec.resolution_m)
         window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
         beside = nearest_free(occupancy.free, (row, col), _BESIDE_M / spec.resolution_m)
-        if beside is None or any(layer[window].any() for layer in (grid.zones, *(zone for _, zone in grid.wide_zones))):
+        if beside is None or any(
+            layer[window].any() for layer in (grid.zones, *(zone for _, zone in grid.wide_zones))
+        ):
             return None
         path = self._replanner.plan(start, beside, max_expansions=self._config.plan_budget)
         way = self._laid(path, spec.centre(*beside), self._occupancy.space.across[FREE])
         return dataclasses.replace(way, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
 
     def way_out(self, occupancy: Costmap, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
-        """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own.
+        """The shortest way to where no part of the robot is in a beware area, however it turns;
+        over no area but its own.
 
         `zones`: those that the occupancy was made with.
         """
@@ -218,28 +272,45 @@ class Navigator:
         return dataclasses.replace(way, outcome=found.on_the_map)
 
     def preview(self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """The shortest path over any given occupancy, from scratch; changes nothing and may be called from any thread."""
+        """The shortest path over any given occupancy, from scratch; changes nothing and may be
+        called from any thread."""
         start = self._start(occupancy, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space = FreeSpace.of(occupancy.blocked)
         outcome = plan_in(
-            space, SearchWorkspace(space), start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget
+            space,
+            SearchWorkspace(space),
+            start,
+            self.map.spec.cell(*goal),
+            max_expansions=self._config.plan_budget,
         )
         return self._laid(outcome, goal, space.across[FREE])
 
-    def travel_time_s(self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None) -> float:
+    def travel_time_s(
+        self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None
+    ) -> float:
         """How long a route takes, about; where people will be in the way is not known beforehand."""
-        return travel_time_s(route.points, zones, self._profile, self._config.local, start_yaw_rad=start_yaw_rad)
+        return travel_time_s(
+            route.points, zones, self._profile, self._config.local, start_yaw_rad=start_yaw_rad
+        )
 
     def drafted(self, grid: OccupancyGrid) -> Costmap:
         """A given grid as the planners would see it: for previews."""
-        blocked = inflate_layers(grid, vehicle_width_m=self._profile.width_m, safety_margin_m=self._config.safety_margin_m)
+        blocked = inflate_layers(
+            grid,
+            vehicle_width_m=self._profile.width_m,
+            safety_margin_m=self._config.safety_margin_m,
+        )
         return Costmap.of(grid, blocked, version=-1)
 
     def _start(self, occupancy: Costmap, pose: Pose2) -> Cell | None:
         spec = self.map.spec
-        return nearest_free(occupancy.free, spec.cell(pose.x_m, pose.y_m), self._config.start_relief_m / spec.resolution_m)
+        return nearest_free(
+            occupancy.free,
+            spec.cell(pose.x_m, pose.y_m),
+            self._config.start_relief_m / spec.resolution_m,
+        )
 
     def _laid(self, outcome: Path | NoPath, goal: tuple[float, float], free: BitPlane) -> Route:
         return build_route(outcome, goal, free, self.map.spec, self._profile, self._config)
@@ -255,22 +326,29 @@ class Navigator:
         goal_yaw_rad: float | None = None,
         now: Twist = STANDSTILL,
     ) -> Motion:
-        """The velocity that follows the route, touches nothing and is in nobody's way; standing without a route.
+        """The velocity that follows the route, touches nothing and is in nobody's way; standing
+        without a route.
 
-        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for. `now` is the velocity that it has.
+        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for. `now` is the
+        velocity that it has.
 
-        A robot that is `leaving` may pass over the area it stands in, and over no other: all zones are given with it.
+        A robot that is `leaving` may pass over the area it stands in, and over no other: all zones
+        are given with it.
         """
         reach = self._config.local.reach_m + self._profile.circumscribed_radius_m
         around = occupancy.around(pose, reach)
         (hard, forbidden), rules = obstacle_masks(around), self._config.local
         if leaving is not None:
-            rules = dataclasses.replace(rules, nearly_m=0.0)  # near the end of the way out is still inside
+            rules = dataclasses.replace(
+                rules, nearly_m=0.0
+            )  # near the end of the way out is still inside
             _, forbidden = split_areas(around, leaving, self._profile, pose)
         ruled = nearby(forbidden, around, pose, reach)
         if route is None or len(route.points) == 0:
             trapped = footprint_overlaps(ruled, self._profile, around.spec.resolution_m)
-            self._motion = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE) if trapped else IDLE
+            self._motion = (
+                Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE) if trapped else IDLE
+            )
             return self._motion
         self._motion = plan_motion(
             geometric=nearby(hard, around, pose, reach),
@@ -290,41 +368,71 @@ class Navigator:
             ignore_predictions=self._patience.is_over(self._config.people),
             now=now,
         )
-        if isinstance(route.outcome, NoPath) and self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN):
+        if isinstance(route.outcome, NoPath) and self._motion.outcome in (
+            ControllerState.ARRIVED,
+            ControllerState.ALIGN,
+        ):
             self._motion = IDLE  # where the way was closed, not at the goal
         return self._motion
 
-    def leave_lanes(self, motion: Motion, frame: Frame, route: Route | None, people: tuple[Track, ...]) -> None:
-        """Whoever keeps the robot waiting where he walks to and fro gets his lane from the next tick on; see `lanes.py`."""
+    def leave_lanes(
+        self, motion: Motion, frame: Frame, route: Route | None, people: tuple[Track, ...]
+    ) -> None:
+        """Whoever keeps the robot waiting where he walks to and fro gets his lane from the next
+        tick on; see `lanes.py`."""
         self._patience = self._patience.after(motion, frame.pose, frame.stamp_ns)
         way_m = None if route is None else route.length_m
         profile, people_config = self._profile, self._config.people
         self._lanes = self._lanes.after(
-            motion, people, frame.pose, frame.stamp_ns, way_m=way_m, profile=profile, people_config=people_config
+            motion,
+            people,
+            frame.pose,
+            frame.stamp_ns,
+            way_m=way_m,
+            profile=profile,
+            people_config=people_config,
         )
 
     def limit(self, motion: Motion, frame: Frame, order: NavigationRequest) -> Motion:
         """The same motion, as slow as the operator's speed limits want it."""
         rules = self._config.local
-        return slowed(motion, allowed_speed_mps(order.zones, frame.pose, frame.twist.v_mps, self._profile, rules))
+        return slowed(
+            motion,
+            allowed_speed_mps(order.zones, frame.pose, frame.twist.v_mps, self._profile, rules),
+        )
 
-    def recover(self, motion: Motion, frame: Frame, route: Route | None, order: NavigationRequest) -> Motion:
-        """The same motion, or standing while it is waited, or because nothing has helped; see `recovery.py`."""
+    def recover(
+        self, motion: Motion, frame: Frame, route: Route | None, order: NavigationRequest
+    ) -> Motion:
+        """The same motion, or standing while it is waited, or because nothing has helped; see
+        `recovery.py`."""
         self._trail = trail_with(self._trail, frame.pose)
-        looked = route is not None and isinstance(route.outcome, NoPath) and motion.outcome is ControllerState.IDLE
+        looked = (
+            route is not None
+            and isinstance(route.outcome, NoPath)
+            and motion.outcome is ControllerState.IDLE
+        )
         if route is None or len(route.points) == 0 or looked:
             self._recovery, closed = Recovery(), self._closed
             if closed and order.goal is not None:
-                # Only what was found closed may be in the way: rather give up where the robot is than say that there is none.
+                # Only what was found closed may be in the way: rather give up where the robot is
+                # than say that there is none.
                 self._closed, self._recovery = (
                     (),
-                    Recovery(means=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose),
+                    Recovery(
+                        means=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
+                    ),
                 )
             return motion
         before = self._recovery
         self._recovery = before.after(motion, frame.pose, frame.stamp_ns, self._config.recovery)
-        if self._recovery.means is RecoveryAction.CLOSE and before.means is not RecoveryAction.CLOSE and before.at is not None:
-            # Before where it stands now: it has moved a little since it was boxed in, and must not stand in what it closes.
+        if (
+            self._recovery.means is RecoveryAction.CLOSE
+            and before.means is not RecoveryAction.CLOSE
+            and before.at is not None
+        ):
+            # Before where it stands now: it has moved a little since it was boxed in, and must not
+            # stand in what it closes.
             self._closed = (*self._closed, closed_way(route.track, frame.pose, self._profile))
         if self._recovery.means is RecoveryAction.GIVE_UP:
             self._closed = ()  # should one of the ways that were found closed be open again, it goes on
@@ -336,14 +444,16 @@ class Navigator:
         )
 
     def put_down(self) -> None:
-        """The robot is where the next frame says, however it came there: what it did before does not lead on from here."""
+        """The robot is where the next frame says, however it came there: what it did before does
+        not lead on from here."""
         self._placed, self._motion, self._trail = False, IDLE, NO_POINTS
         self._recovery, self._patience = Recovery(), WaitingTimer()
 
     def _tread(self, pose: Pose2) -> None:
         outline = self._profile.footprint()
         if not self._placed:
-            # Where it is put down it has been given room; the camera cannot see the floor at its own feet.
+            # Where it is put down it has been given room; the camera cannot see the floor at its
+            # own feet.
             angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
             outline = self._config.start_clear_m * np.column_stack([np.cos(angles), np.sin(angles)])
             self._placed = True
@@ -351,4 +461,5 @@ class Navigator:
 
 
 _BESIDE_M, _LOOK_M = 1.5, 3.0
-"""So far beside a goal that is taken the robot would go, and from so far away it is sure of that."""
+"""So far beside a goal that is taken the robot would go, and from so far away it is sure of that.
+"""

@@ -1,4 +1,5 @@
-"""Read dataclasses from TOML tables: unknown, missing, mistyped and out-of-range keys are refused by name."""
+"""Read dataclasses from TOML tables: unknown, missing, mistyped and out-of-range keys are refused
+by name."""
 
 from __future__ import annotations
 
@@ -28,11 +29,13 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def from_table(kind: type[T], table: object, where: str, usual: T | None = None) -> T:
-    """Build the dataclass `kind` from a TOML table; what that leaves out is as in `usual`, or else as it is by default.
+    """Build the dataclass `kind` from a TOML table; what that leaves out is as in `usual`, or else
+    as it is by default.
 
-    `where` is the key path shown in errors, e.g. `office.toml: people[0]`. Types follow the annotations: float (an
-    integer will do), int, bool, str, nested dataclasses, tuples of those, `Literal` and optionals. Ranges live in the
-    field's metadata (see `between`). Raises `BadConfiguration`.
+    `where` is the key path shown in errors, e.g. `office.toml: people[0]`. Types follow the
+    annotations: float (an integer will do), int, bool, str, nested dataclasses, tuples of those,
+    `Literal` and optionals. Ranges live in the field's metadata (see `between`). Raises
+    `BadConfiguration`.
     """
     if not isinstance(table, dict):
         raise BadConfiguration(f"{where}: expected a table, got {table!r}")
@@ -40,11 +43,19 @@ def from_table(kind: type[T], table: object, where: str, usual: T | None = None)
     hints = typing.get_type_hints(kind)
     for key in table:
         if key not in fields:
-            raise BadConfiguration(f"{where}: unknown key {key!r}; known keys: {', '.join(sorted(fields))}")
+            raise BadConfiguration(
+                f"{where}: unknown key {key!r}; known keys: {', '.join(sorted(fields))}"
+            )
     values = {}
     for name, field in fields.items():
         if name in table:
-            values[name] = _value(hints[name], table[name], f"{where}.{name}", field.metadata, getattr(usual, name, None))
+            values[name] = _value(
+                hints[name],
+                table[name],
+                f"{where}.{name}",
+                field.metadata,
+                getattr(usual, name, None),
+            )
         elif usual is not None:
             values[name] = getattr(usual, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
@@ -57,13 +68,19 @@ def ranged(low: float, high: float, **default: Any) -> Any:
     return dataclasses.field(metadata={"low": low, "high": high}, **default)
 
 
-def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any], usual: Any = None) -> Any:
+def _value(
+    hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any], usual: Any = None
+) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType or origin is typing.Union:
-        return _value(next(a for a in arguments if a is not types.NoneType), value, where, metadata, usual)
+        return _value(
+            next(a for a in arguments if a is not types.NoneType), value, where, metadata, usual
+        )
     if origin is typing.Literal:
         if value not in arguments:
-            raise BadConfiguration(f"{where}: expected one of {', '.join(map(repr, arguments))}, got {value!r}")
+            raise BadConfiguration(
+                f"{where}: expected one of {', '.join(map(repr, arguments))}, got {value!r}"
+            )
         return value
     if origin is tuple:
         if not isinstance(value, list | tuple):
@@ -71,10 +88,18 @@ def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, A
         if arguments[-1] is not Ellipsis and len(value) != len(arguments):
             raise BadConfiguration(f"{where}: expected {len(arguments)} values, got {len(value)}")
         inner = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
-        return tuple(_value(a, v, f"{where}[{i}]", metadata) for i, (a, v) in enumerate(zip(inner, value, strict=True)))
+        return tuple(
+            _value(a, v, f"{where}[{i}]", metadata)
+            for i, (a, v) in enumerate(zip(inner, value, strict=True))
+        )
     if dataclasses.is_dataclass(hint):
         return from_table(hint, value, where, usual)  # type: ignore[arg-type]
-    if hint is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_INT:
+    if (
+        hint is float
+        and isinstance(value, int)
+        and not isinstance(value, bool)
+        and abs(value) <= _LARGEST_INT
+    ):
         value = float(value)
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _LARGEST_INT:
         raise BadConfiguration(f"{where}: the number is out of range")
@@ -83,5 +108,7 @@ def _value(hint: Any, value: object, where: str, metadata: typing.Mapping[str, A
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
         if not low <= value <= high or value in (math.inf, -math.inf):
-            raise BadConfiguration(f"{where}: {value!r:.40} is out of range, allowed {low:g} to {high:g}")
+            raise BadConfiguration(
+                f"{where}: {value!r:.40} is out of range, allowed {low:g} to {high:g}"
+            )
     return value

@@ -34,20 +34,26 @@ WALL_M = 2.0
 
 
 def warm_up(segmenter: Segmenter | None = None) -> None:
-    """Drive a made-up robot towards a made-up wall: loads the compiled code from its cache, or compiles it.
+    """Drive a made-up robot towards a made-up wall: loads the compiled code from its cache, or
+    compiles it.
 
-    The segmenter that is to drive runs too, by default the colour rules: a network's first pictures take longest.
+    The segmenter that is to drive runs too, by default the colour rules: a network's first pictures
+    take longest.
     """
     beware = default_beware_list()
     for number in range(2):
-        (segmenter or ColourSegmenter()).segment(_picture(stamp_ns=number, x_m=0.5 * number), beware)
+        (segmenter or ColourSegmenter()).segment(
+            _picture(stamp_ns=number, x_m=0.5 * number), beware
+        )
     _warm_kernels()
 
 
 @cache
 def _warm_kernels() -> None:
     beware, goal = default_beware_list(), (1.0, 1.0)
-    frames = [_picture(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))]
+    frames = [
+        _picture(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))
+    ]
     navigator = Navigator(
         spec=GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05),
         profile=HUSKY,
@@ -56,11 +62,19 @@ def _warm_kernels() -> None:
     )
     for frame in frames:
         decision = navigator.tick(frame, NavigationRequest(goal=goal, beware=beware, zones=()))
-    here = Zone(id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
+    here = Zone(
+        id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+    )
     navigator.tick(frame, NavigationRequest(goal=None, leave=True, beware=beware, zones=(here,)))
     # What such a drive seldom or never meets.
     spec, people = navigator.map.spec, NavigatorConfig().people
-    viewpoint_before_gap(decision.occupancy, spec.cell(0.0, 0.0), spec.cell(*goal), vehicle_width_m=0.7, relief_cells=9.0)
+    viewpoint_before_gap(
+        decision.occupancy,
+        spec.cell(0.0, 0.0),
+        spec.cell(*goal),
+        vehicle_width_m=0.7,
+        relief_cells=9.0,
+    )
     navigator.preview(decision.occupancy, frame.pose, goal)
     tight = ManoeuvreProblem(
         obstacles=np.array([[WALL_M, 0.0]]),
@@ -73,7 +87,9 @@ def _warm_kernels() -> None:
     manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
     near_points(_picture(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # ground that rises
     time_to_contact(near_points(frame), Twist(v_mps=0.5, w_radps=0.1), HUSKY)
-    overhung(_Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware)
+    overhung(
+        _Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware
+    )
     poses = np.zeros((1, 2, 3))
     somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     clear_of_people(somebody, poses, poses[..., 0].copy(), HUSKY, people)
@@ -82,13 +98,17 @@ def _warm_kernels() -> None:
 
 
 class _Doubtful:
-    """Takes all that is red for a low thing, and is not sure of it: what a network's labels go through is compiled too."""
+    """Takes all that is red for a low thing, and is not sure of it: what a network's labels go
+    through is compiled too."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """The same class wherever it is red."""
         low = max(entry.class_id for entry in beware.classes if entry.max_height_m)
         class_ids = np.where(frame.rgb[..., 0] > 0, np.uint8(low), np.uint8(NOTHING))
-        return Labels(class_ids=class_ids, confidence=np.where(class_ids > 0, np.float32(0.7), np.float32(1.0)))
+        return Labels(
+            class_ids=class_ids,
+            confidence=np.where(class_ids > 0, np.float32(0.7), np.float32(1.0)),
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         """Nothing in earnest."""
@@ -97,9 +117,18 @@ class _Doubtful:
 
 def _picture(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
     """A wall, grey above and red at its foot, and the floor before it."""
-    lens, mount = Intrinsics(width=160, height=120, fx=80.0, fy=80.0, cx=79.5, cy=59.5), HUSKY.camera.T_base_camera
+    lens, mount = (
+        Intrinsics(width=160, height=120, fx=80.0, fy=80.0, cx=79.5, cy=59.5),
+        HUSKY.camera.T_base_camera,
+    )
     columns, rows = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
-    rays = np.stack([(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1) @ mount[:3, :3].T
+    rays = (
+        np.stack(
+            [(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)],
+            axis=-1,
+        )
+        @ mount[:3, :3].T
+    )
     with np.errstate(divide="ignore"):
         floor_m = np.where(rays[..., 2] < 0, (mount[2, 3] - floor_z_m) / -rays[..., 2], np.inf)
     wall_m = (WALL_M - x_m - mount[0, 3]) / rays[..., 0]
@@ -109,4 +138,12 @@ def _picture(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
     # Read-only as the real ones are: to the compiler that is a type of its own.
     depth_m.flags.writeable = rgb.flags.writeable = False
     pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
-    return Frame(stamp_ns=stamp_ns, rgb=rgb, depth_m=depth_m, intrinsics=lens, T_base_camera=mount, pose=pose, twist=STANDSTILL)
+    return Frame(
+        stamp_ns=stamp_ns,
+        rgb=rgb,
+        depth_m=depth_m,
+        intrinsics=lens,
+        T_base_camera=mount,
+        pose=pose,
+        twist=STANDSTILL,
+    )

@@ -1,6 +1,8 @@
-"""The simulated robot: physics, driver, sensors, people and referee behind the port that every robot satisfies.
+"""The simulated robot: physics, driver, sensors, people and referee behind the port that every
+robot satisfies.
 
-It is stepped from outside and reads no clock: time passes by 1/240 s in each `step`, and only there.
+It is stepped from outside and reads no clock: time passes by 1/240 s in each `step`, and only
+there.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ SETTLING_STEPS = 60
 
 
 class Simulator:
-    """One scenario, one seed; same seed and commands, same run, bit for bit. Several may live in one process."""
+    """One scenario, one seed; same seed and commands, same run, bit for bit. Several may live in
+    one process."""
 
     def __init__(
         self,
@@ -53,24 +56,32 @@ class Simulator:
         robot: RobotProfile = HUSKY,
         as_found: bool = False,
     ) -> None:
-        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors err.
+        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors
+        err.
 
-        `as_found`: the scenario is what a seed has made of it already, and everything stands where it says.
+        `as_found`: the scenario is what a seed has made of it already, and everything stands where
+        it says.
         """
         if not 0 < camera_rate_hz <= STEPS_PER_S:
-            raise BadConfiguration(f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}")
+            raise BadConfiguration(
+                f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}"
+            )
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.profile, self._chassis = robot, chassis_for(robot)
         self.scenario = scenario if as_found else randomise(scenario, seed)
         """As it is found in this run."""
         with quiet_stdout():
-            self._client: int = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*camera_size))
+            self._client: int = pybullet.connect(
+                pybullet.DIRECT, options="--width={} --height={}".format(*camera_size)
+            )
             try:
-                self._camera = self._add_camera(renderer, camera_size, errors or StereoErrors(), seed)
+                self._camera = self._add_camera(
+                    renderer, camera_size, errors or StereoErrors(), seed
+                )
                 self._build(seed)
                 for _ in range(2):  # EGL talks during its first pictures
-                    self._camera.render(self.true_pose())
+                    self._camera.render_ideal(self.true_pose())
             except BaseException:
                 pybullet.disconnect(physicsClientId=self._client)
                 raise
@@ -94,12 +105,18 @@ class Simulator:
         """Let 1/240 s pass; takes a picture when one is due."""
         before = self.true_pose()
         t_s = self._steps * PERIOD_S
-        self._robot.drive(*self._faults.wheels(self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps), t_s))
+        self._robot.drive(
+            *self._faults.wheels(
+                self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps), t_s
+            )
+        )
         self._crowd.step(before)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._steps += 1
         pose = self.true_pose()
-        self._yaw_rate_radps = self._faults.gyro(self._gyro.measure(self._robot.velocity(pose).w_radps), t_s)
+        self._yaw_rate_radps = self._faults.gyro(
+            self._gyro.measure(self._robot.velocity(pose).w_radps), t_s
+        )
         self._odometry.update(*self._robot.rolled_m(), self._yaw_rate_radps)
         self.referee.observe(
             t_s=self._steps * PERIOD_S,
@@ -133,7 +150,8 @@ class Simulator:
         )
 
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
-        """(H, W) which pixels of a picture taken now show what is to beware of and people, by class: for oracles and tests."""
+        """(H, W) which pixels of a picture taken now show what is to beware of and people, by
+        class: for oracles and tests."""
         bodies = self._camera.bodies(self.true_pose())
         shown: dict[str, npt.NDArray[np.bool_]] = {}
         for body, name in self._class_of.items():
@@ -142,7 +160,8 @@ class Simulator:
         return shown
 
     def send(self, twist: Twist) -> None:
-        """Ask the wheels for a velocity; it is clipped to the platform's limits and forgotten after 0.25 s."""
+        """Ask the wheels for a velocity; it is clipped to the platform's limits and forgotten after
+        0.25 s."""
         self._driver.ask(twist, self.now_ns())
 
     def odometry(self) -> Pose2:
@@ -167,7 +186,8 @@ class Simulator:
         return self._faults.faults
 
     def inject(self, fault: Fault) -> None:
-        """Let one more thing go wrong, from `fault.from_s` on this clock; raises `BadConfiguration` when it cannot."""
+        """Let one more thing go wrong, from `fault.from_s` on this clock; raises `BadConfiguration`
+        when it cannot."""
         self._faults.add(fault)
 
     def new_run(self) -> None:
@@ -186,15 +206,28 @@ class Simulator:
     def __enter__(self) -> Simulator:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def _lies_at(self, body: int) -> Pose2:
-        (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
-        return Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
+            body, physicsClientId=self._client
+        )
+        return Pose2(
+            x_m=x_m, y_m=y_m, yaw_rad=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        )
 
     def _add_camera(
-        self, renderer: Literal["auto", "tiny", "egl"], size: tuple[int, int], errors: StereoErrors, seed: int
+        self,
+        renderer: Literal["auto", "tiny", "egl"],
+        size: tuple[int, int],
+        errors: StereoErrors,
+        seed: int,
     ) -> Camera:
         rng = generator(seed, Source.CAMERA)
         return Camera(
@@ -211,14 +244,22 @@ class Simulator:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
         build_world(self._client, self.scenario)
-        self._loose = newest_bodies(self._client, len(self.scenario.items))  # the world's last: see `build_world`
+        self._loose = newest_bodies(
+            self._client, len(self.scenario.items)
+        )  # the world's last: see `build_world`
         first = pybullet.getNumBodies(physicsClientId=self._client)
-        self._crowd = Crowd(self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile)
+        self._crowd = Crowd(
+            self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
+        )
         self._class_of = class_of_bodies(self.scenario, loose=self._loose, first_person=first)
-        self._robot = SkidSteer(self._client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief))
+        self._robot = SkidSteer(
+            self._client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief)
+        )
         for _ in range(SETTLING_STEPS):
             self._robot.drive(0.0, 0.0)
             pybullet.stepSimulation(physicsClientId=self._client)
         self._driver = Driver(PERIOD_S, self.profile, self._chassis)
         self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
-        self._odometry: Odometry = Odometry(self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S)
+        self._odometry: Odometry = Odometry(
+            self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S
+        )

@@ -1,4 +1,5 @@
-"""What an operator gives, not yet applied: drafts of zones and goals, what they would lead to, and what is kept of them."""
+"""What an operator gives, not yet applied: drafts of zones and goals, what they would lead to, and
+what is kept of them."""
 
 from __future__ import annotations
 
@@ -94,6 +95,7 @@ class Preview:
     path: PathPreview
     """With the draft."""
     present: PathPreview | None
-    """Without it: between the same places under the stored zones, or to the present goal where no zone is drafted."""
+    """Without it: between the same places under the stored zones, or to the present goal where no
+    zone is drafted."""
     cut_by: tuple[str, ...] = ()
     """Names of the zones that cut the goal off, where they do."""

@@ -1,8 +1,11 @@
-"""The one door: what every request and every websocket upgrade must satisfy before any handler runs.
+"""The one door: what every request and every websocket upgrade must satisfy before any handler
+runs.
 
-1. Host is one the operator has allowed, so that a foreign name that resolves here (DNS rebinding) gets nothing.
+1. Host is one the operator has allowed, so that a foreign name that resolves here (DNS rebinding)
+   gets nothing.
 2. Origin, where a browser names one, is the console itself.
-3. The visitor is known: by session or bearer token, or because the console serves this machine only.
+3. The visitor is known: by session or bearer token, or because the console serves this machine
+   only.
 4. His role allows it, and for what drives the robot he is in control, or gets it because nobody is.
 5. The body is bounded. What may change something goes into the audit.
 
@@ -36,7 +39,15 @@ POLICY_VIOLATION = 1008
 class Guard:
     """ASGI middleware; see the module's text."""
 
-    def __init__(self, app: ASGIApp, *, allowed_hosts: Sequence[str], house: House, control: Control, auditor: Auditor) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        allowed_hosts: Sequence[str],
+        house: House,
+        control: Control,
+        auditor: Auditor,
+    ) -> None:
         self._app = app
         self._hosts = frozenset(host.lower() for host in allowed_hosts)
         self._house, self._control, self._auditor = house, control, auditor
@@ -58,7 +69,10 @@ class Guard:
         body: bytes | Response = b""
         if answer is None:
             visitor = self._house.recognise(headers, _cookie(scope, headers))
-            knocks = self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGIN_PATH)
+            knocks = self._login is not None and (scope["method"], scope["path"]) == (
+                "POST",
+                LOGIN_PATH,
+            )
             answer = None if knocks else self._refusal(scope, headers, visitor)
             if answer is None:
                 body = await bounded_body(scope, receive)
@@ -70,7 +84,9 @@ class Guard:
                     receive = replayed(body, receive)
                     answer = self._claimed(scope, headers, visitor)
             if visitor is not None and not knocks:
-                send = self._auditor.watching(send, scope, visitor, body if isinstance(body, bytes) else b"")
+                send = self._auditor.watching(
+                    send, scope, visitor, body if isinstance(body, bytes) else b""
+                )
         await (answer or self._app)(scope, receive, send)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
@@ -86,7 +102,8 @@ class Guard:
         return None
 
     def _claimed(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
-        """Control is his if he needs it, or the answer that says whose it is. Logging out is answered here too."""
+        """Control is his if he needs it, or the answer that says whose it is. Logging out is
+        answered here too."""
         assert visitor is not None
         self._control.note_life(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
@@ -103,7 +120,9 @@ class Guard:
         if (scope["method"], scope["path"]) != ("GET", "/"):
             return {}
         seat = self._house.seat_at(_cookie(scope, headers))
-        return {} if seat is None else {"Set-Cookie": cookie_header(_cookie_name(scope), seat, scope)}
+        return (
+            {} if seat is None else {"Set-Cookie": cookie_header(_cookie_name(scope), seat, scope)}
+        )
 
     async def _upgrade(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
@@ -120,14 +139,17 @@ class Guard:
     def _while_known(
         self, scope: Scope, headers: Headers, visitor: Visitor, receive: Receive, send: Send
     ) -> tuple[Receive, Send]:
-        """The connection's two ways, both shut as soon as the visitor is no longer who he was when it was opened."""
+        """The connection's two ways, both shut as soon as the visitor is no longer who he was when
+        it was opened."""
 
         def known() -> bool:
             return self._house.recognise(headers, _cookie(scope, headers)) == visitor
 
         async def receive_if_known() -> Message:
             message = await receive()
-            return message if known() else {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
+            return (
+                message if known() else {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
+            )
 
         async def send_if_known(message: Message) -> None:
             if not known():

@@ -1,6 +1,6 @@
-"""What the console needs to explain the robot: its log of decisions, why its path leads where it does, what it has recognised,
-its figures over time. `app` satisfies this port; every method may be called from any thread, and none of them waits for, or
-holds up, the tick or the command thread.
+"""What the console needs to explain the robot: its log of decisions, why its path leads where it
+does, what it has recognised, its figures over time. `app` satisfies this port; every method may be
+called from any thread, and none of them waits for, or holds up, the tick or the command thread.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-Kind = Literal["mission", "goal", "replanned", "stopped", "released", "seen", "zone", "beware", "labelled"]
+Kind = Literal[
+    "mission", "goal", "replanned", "stopped", "released", "seen", "zone", "beware", "labelled"
+]
 """What a decision is about."""
 Place = tuple[float, float]
 
@@ -62,7 +64,8 @@ class ExplainedRule:
     along_m: float
     """Metres of the path that lie against it."""
     saves_m: float | None = None
-    """How much shorter the path would be without it; None when that was not asked or cannot be said."""
+    """How much shorter the path would be without it; None when that was not asked or cannot be
+    said."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,11 +83,14 @@ class Explanation:
     stretches: tuple[tuple[str | None, int, int], ...]
     """(key of a rule or None, first, last index of `points`), in order, all of the path."""
     rules: tuple[ExplainedRule, ...]
-    """What stands there, where the path lies against it, and all that can be lifted; the costliest first."""
+    """What stands there, where the path lies against it, and all that can be lifted; the costliest
+    first."""
     all_cost_m: float | None
-    """How much shorter the path would be with every rule lifted; None without a path, or when that cannot be said."""
+    """How much shorter the path would be with every rule lifted; None without a path, or when that
+    cannot be said."""
     lift: tuple[str, ...] | None
-    """Without a path: keys of the smallest set of rules whose lifting opens one; None when none does, or none was found."""
+    """Without a path: keys of the smallest set of rules whose lifting opens one; None when none
+    does, or none was found."""
     lift_exact: bool
     """Whether that is proven; False when the search was given up at its bound."""
     lift_at_least: int
@@ -116,7 +122,8 @@ class Candidates:
     free: npt.NDArray[np.int64]
     """(A,) how many points of it the body can be driven along, the first ones."""
     chosen: int | None = None
-    """Index of the one that is driven; None while the robot does something else, such as turning in place."""
+    """Index of the one that is driven; None while the robot does something else, such as turning in
+    place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,13 +169,17 @@ class LabellingState:
 class Insight(Protocol):
     """The robot's reasons, as seen from the console. Refusals are exceptions of `navcore.errors`."""
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
-        """The newest entries after the id `since` and, unless it is None, before `before`, at most `limit`; no `kinds` means
-        all. `StorageFailed` when older ones are asked for that cannot be read.
+    def journal(
+        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
+    ) -> Page:
+        """The newest entries after the id `since` and, unless it is None, before `before`, at most
+        `limit`; no `kinds` means all. `StorageFailed` when older ones are asked for that cannot be
+        read.
         """
 
     def explain(self) -> Explanation:
-        """Why the present path, or the one to the first goal that waits. `Refused` without a goal or a map."""
+        """Why the present path, or the one to the first goal that waits. `Refused` without a goal
+        or a map."""
 
     def without(self, keys: Collection[str]) -> Alternative:
         """The path if these rules did not stand. `NotKnown` for a key that names none."""
@@ -186,19 +197,25 @@ class Insight(Protocol):
         """How many things of each class id were recognised, those called wrong left out."""
 
     def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
-        """It is no such thing but another, or nothing of the list: its frame goes into the labelling folder, corrected."""
+        """It is no such thing but another, or nothing of the list: its frame goes into the
+        labelling folder, corrected."""
 
     def snapshot(self) -> int:
-        """Hold the present picture for `add_example`; only the newest few are held. `Refused` before the first picture."""
+        """Hold the present picture for `add_example`; only the newest few are held. `Refused`
+        before the first picture."""
 
     def snapshot_picture(self, snapshot: int) -> bytes:
         """JPEG of a picture that is held; `NotKnown`."""
 
-    def add_example(self, snapshot: int, class_name: str, box: tuple[int, int, int, int]) -> LabellingState:
-        """Something in a held picture was missed: (left, top, right, bottom) pixels hold a thing of this class."""
+    def add_example(
+        self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
+    ) -> LabellingState:
+        """Something in a held picture was missed: (left, top, right, bottom) pixels hold a thing of
+        this class."""
 
     def labelling(self) -> LabellingState:
         """The labelling folder as it is."""
 
     def series(self, since_s: float) -> Mapping[str, list[float | None]]:
-        """Columns of equal length, one row a second, after this time of the robot's clock: `t_s`, `speed_mps`, …"""
+        """Columns of equal length, one row a second, after this time of the robot's clock: `t_s`,
+        `speed_mps`, …"""

@@ -1,4 +1,5 @@
-"""The console's port, taken before anything slow is begun: whether it is free is the first thing that a start finds out."""
+"""The console's port, taken before anything slow is begun: whether it is free is the first thing
+that a start finds out."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ class PortInUse(OSError):  # noqa: N818 - named after what is wrong, as in navco
 
 
 def reserve(host: str, port: int) -> socket.socket:
-    """A bound and listening socket; close it, or use it as a context. Raises `PortInUse`, which names port and remedy."""
+    """A bound and listening socket; close it, or use it as a context. Raises `PortInUse`, which
+    names port and remedy."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,5 @@
-"""The operator's page and its files, read once at start: no path of a request ever becomes a path of the disk."""
+"""The operator's page and its files, read once at start: no path of a request ever becomes a path
+of the disk."""
 
 from __future__ import annotations
 
@@ -9,13 +10,21 @@ from pathlib import Path
 from fastapi import APIRouter, HTTPException, Request, Response
 
 FOLDER = Path(__file__).with_name("page")
-_TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".html": "text/html; charset=utf-8"}
+_TYPES = {
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+}
 
 
 def pages_router() -> APIRouter:
     """`/`, its files, and the description of the API."""
     router = APIRouter(include_in_schema=False)
-    files = {path.name: path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.suffix in (*_TYPES, ".svg")}
+    files = {
+        path.name: path.read_bytes()
+        for path in sorted(FOLDER.iterdir())
+        if path.suffix in (*_TYPES, ".svg")
+    }
     tags = {name: f'"{hashlib.sha256(data).hexdigest()[:16]}"' for name, data in files.items()}
 
     def file(request: Request, name: str) -> Response:

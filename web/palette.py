@@ -1,4 +1,5 @@
-"""One colour and one pattern per layer, the same on the floor of the 3D view, on the map and in the legend."""
+"""One colour and one pattern per layer, the same on the floor of the 3D view, on the map and in the
+legend."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ GOAL: Rgb = (0, 168, 107)
 DRAFT: Rgb = (255, 183, 3)
 PERSON: Rgb = (232, 93, 4)
 
-# Readable beside each other for the common forms of colour blindness (after Okabe and Ito); patterns tell them apart as well.
+# Readable beside each other for the common forms of colour blindness (after Okabe and Ito);
+# patterns tell them apart as well.
 _CLASSES: tuple[Rgb, ...] = (
     (230, 57, 53),
     (64, 160, 43),

@@ -1,4 +1,5 @@
-"""Values of the navigation as files: the map as PNG and in Nav2's format, the cloud as PLY, the camera as JPEG."""
+"""Values of the navigation as files: the map as PNG and in Nav2's format, the cloud as PLY, the
+camera as JPEG."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ class Newest(Generic[T]):
 def paint_map(picture: Picture, beware: BewareList, part: Part | None = None) -> Image:
     """(SCALE · rows, SCALE · cols, 4) RGBA of all layers, row 0 at the top, as pictures have it.
 
-    `part` is (top, left, bottom, right) cells of the grid; tiles painted one by one are the whole picture, cut.
+    `part` is (top, left, bottom, right) cells of the grid; tiles painted one by one are the whole
+    picture, cut.
     """
     window = part or _whole(picture)
     grid, seen, blocked = _unpacked(picture, window)
@@ -69,7 +71,10 @@ def paint_map(picture: Picture, beware: BewareList, part: Part | None = None) ->
     _texture(canvas, _zones(grid), palette.ZONE, "stripes falling", period=10, at=at)
     for entry in beware.classes:
         if (cells := grid.beware.get(entry.class_id)) is not None:
-            colour, pattern = palette.class_colour(entry.class_id), palette.class_pattern(entry.class_id)
+            colour, pattern = (
+                palette.class_colour(entry.class_id),
+                palette.class_pattern(entry.class_id),
+            )
             _texture(canvas, cells, colour, pattern, period=6, at=at)
     return np.ascontiguousarray(canvas[::-1])
 
@@ -78,7 +83,9 @@ def paint_floor(picture: Picture, beware: BewareList, part: Part | None = None) 
     """As `paint_map`, but see-through where nothing is known, for the floor of the 3D view."""
     image = paint_map(picture, beware, part)
     grid, seen, blocked = _unpacked(picture, part or _whole(picture))
-    alpha = _enlarged(np.where(seen | blocked | grid.occupied(), 235, UNKNOWN_ALPHA).astype(np.uint8))
+    alpha = _enlarged(
+        np.where(seen | blocked | grid.occupied(), 235, UNKNOWN_ALPHA).astype(np.uint8)
+    )
     image[..., 3] = alpha[::-1]
     return image
 
@@ -89,7 +96,11 @@ def _whole(picture: Picture) -> Part:
 
 def _unpacked(picture: Picture, part: Part) -> tuple[OccupancyGrid, Mask, Mask]:
     """Of a part of the map: the layers, what was seen, where the robot's centre may not be."""
-    return picture.occupancy.part(*part), picture.seen_mask.window(*part), ~picture.occupancy.free.window(*part)
+    return (
+        picture.occupancy.part(*part),
+        picture.seen_mask.window(*part),
+        ~picture.occupancy.free.window(*part),
+    )
 
 
 def map_png(picture: Picture, beware: BewareList, part: Part | None = None) -> bytes:
@@ -101,8 +112,9 @@ def map_png(picture: Picture, beware: BewareList, part: Part | None = None) -> b
 def cells_png(picture: Picture, part: Part | None = None) -> bytes:
     """The cells of the map, or of a part of it: a pixel a cell, the uppermost row at the top.
 
-    Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue hold
-    class ids of the beware list, the lower first where two are in one cell, 0 for none.
+    Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16
+    prior map. Green and blue hold class ids of the beware list, the lower first where two are in
+    one cell, 0 for none.
     """
     window = part or _whole(picture)
     grid, seen, blocked = _unpacked(picture, window)
@@ -115,20 +127,27 @@ def cells_png(picture: Picture, part: Part | None = None) -> bytes:
         second = mask & (cells[..., 1] > 0)
         cells[..., 2][second] = class_id
         cells[..., 1][mask & ~second] = class_id
-    return _encoded(".png", cv2.cvtColor(cells[::-1], cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    return _encoded(
+        ".png", cv2.cvtColor(cells[::-1], cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 3]
+    )
 
 
 def floor_view(picture: Picture) -> npt.NDArray[np.float64]:
-    """(4, 2) corners of the floor in the camera's picture, metres of the map frame, as far as `VIEW_M` from it."""
+    """(4, 2) corners of the floor in the camera's picture, metres of the map frame, as far as
+    `VIEW_M` from it."""
     lens, camera = picture.intrinsics, picture.T_map_camera
-    corners = np.array([[0, 0], [lens.width, 0], [lens.width, lens.height], [0, lens.height]], dtype=np.float64)
+    corners = np.array(
+        [[0, 0], [lens.width, 0], [lens.width, lens.height], [0, lens.height]], dtype=np.float64
+    )
     optical = np.column_stack([(corners - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(4)])
     rays = optical @ camera[:3, :3].T
     flat_m = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-9)
     # Where the ray meets the floor, or as far as it is drawn when it does later or never.
     with np.errstate(divide="ignore"):
         reach = np.where(rays[:, 2] < 0, -camera[2, 3] / rays[:, 2] * flat_m, np.inf)
-    return np.asarray(camera[:2, 3] + rays[:, :2] / flat_m[:, None] * np.minimum(reach, VIEW_M)[:, None])
+    return np.asarray(
+        camera[:2, 3] + rays[:, :2] / flat_m[:, None] * np.minimum(reach, VIEW_M)[:, None]
+    )
 
 
 def map_pgm(picture: Picture) -> bytes:
@@ -144,7 +163,9 @@ def map_yaml(picture: Picture) -> str:
 
 def cloud_ply(cloud: Cloud) -> bytes:
     """Binary little-endian PLY: x, y, z in metres of the map frame, colour, class id."""
-    points = np.empty(len(cloud.points_map), dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3), ("class_id", "u1")])
+    points = np.empty(
+        len(cloud.points_map), dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3), ("class_id", "u1")]
+    )
     points["xyz"], points["rgb"], points["class_id"] = cloud.points_map, cloud.rgb, cloud.class_ids
     axes = "".join(f"property float {axis}\n" for axis in "xyz")
     colours = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "class_id"))
@@ -154,19 +175,27 @@ def cloud_ply(cloud: Cloud) -> bytes:
 
 def camera_jpg(image: Image) -> bytes:
     """A picture (H, W, 3) of the camera, or one drawn over, as JPEG."""
-    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return _encoded(
+        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    )
 
 
 def overlaid(picture: Picture, beware: BewareList) -> Image:
-    """(H, W, 3) the camera's picture; what binds the robot is tinted (the surer, the stronger), outlined and named."""
+    """(H, W, 3) the camera's picture; what binds the robot is tinted (the surer, the stronger),
+    outlined and named."""
     image, binding = picture.rgb.copy(), bewared(picture, beware)
     for entry in beware.enabled:
-        mask, colour = binding & (picture.labels == entry.class_id), palette.class_colour(entry.class_id)
+        mask, colour = (
+            binding & (picture.labels == entry.class_id),
+            palette.class_colour(entry.class_id),
+        )
         if not mask.any():
             continue
         opacity = (0.25 + 0.45 * picture.confidence[mask])[:, None]
         image[mask] = ((1 - opacity) * image[mask] + opacity * np.array(colour)).astype(np.uint8)
-        outlines, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        outlines, _ = cv2.findContours(
+            mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+        )
         cv2.drawContours(image, outlines, -1, colour, 2)
         left, top, _, _ = cv2.boundingRect(max(outlines, key=cv2.contourArea))
         _name(image, f"{entry.name} {picture.confidence[mask].mean():.0%}", left, top)
@@ -174,7 +203,8 @@ def overlaid(picture: Picture, beware: BewareList) -> Image:
 
 
 def bewared(picture: Picture, beware: BewareList) -> Mask:
-    """(H, W) the pixels that bind the robot: the union of the enabled classes where the segmenter is sure enough of them."""
+    """(H, W) the pixels that bind the robot: the union of the enabled classes where the segmenter
+    is sure enough of them."""
     return Labels(class_ids=picture.labels, confidence=picture.confidence).mask(beware)
 
 
@@ -185,7 +215,9 @@ def _name(image: Image, text: str, left: int, top: int) -> None:
     at = min(left, max(image.shape[1] - wide - 2, 0)), top - 4 if top > high + 6 else top + high + 6
     for x, y, level in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 255)):
         place = at[0] + x, at[1] + y
-        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (level, level, level), 1, cv2.LINE_AA)
+        cv2.putText(
+            image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (level, level, level), 1, cv2.LINE_AA
+        )
 
 
 def class_colours() -> npt.NDArray[np.uint8]:
@@ -201,7 +233,8 @@ def _enlarged(cells: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _dot_unknown(canvas: Image, mask: Mask, at: tuple[int, int]) -> None:
-    """A sparse raster of dots: "not seen" must not be mistaken for "occupied" by anybody who sees no blue."""
+    """A sparse raster of dots: "not seen" must not be mistaken for "occupied" by anybody who sees
+    no blue."""
     raster = np.s_[-at[0] % 8 :: 8, -at[1] % 8 :: 8]
     canvas[raster][mask[raster], :3] = palette.UNKNOWN_DOT
 
@@ -213,8 +246,17 @@ def _zones(grid: OccupancyGrid) -> Mask:
     return mask
 
 
-def _texture(canvas: Image, cells: Mask, colour: palette.Rgb, pattern: str, *, period: int, at: tuple[int, int]) -> None:
-    """Paint the cells in a solid light tone and a pattern in the full one: told apart without their colour too.
+def _texture(
+    canvas: Image,
+    cells: Mask,
+    colour: palette.Rgb,
+    pattern: str,
+    *,
+    period: int,
+    at: tuple[int, int],
+) -> None:
+    """Paint the cells in a solid light tone and a pattern in the full one: told apart without their
+    colour too.
 
     `at` is where on the whole picture the canvas begins: the pattern goes on from tile to tile.
     """
@@ -243,7 +285,9 @@ def _mixed(colour: palette.Rgb, other: palette.Rgb, share: float) -> palette.Rgb
     return r, g, b
 
 
-def _encoded(suffix: str, image: npt.NDArray[np.integer | np.floating], options: list[int]) -> bytes:
+def _encoded(
+    suffix: str, image: npt.NDArray[np.integer | np.floating], options: list[int]
+) -> bytes:
     ok, data = cv2.imencode(suffix, image, options)
     if not ok:
         raise RuntimeError(f"OpenCV could not encode {suffix} of shape {image.shape}")

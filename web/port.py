@@ -1,8 +1,10 @@
-"""What the console needs of the system behind it. `app` satisfies this port; `web` imports nothing else of the project's
-composition. Every method returns at once: it posts an intent or reads an immutable snapshot, and may be called from any thread.
+"""What the console needs of the system behind it. `app` satisfies this port; `web` imports nothing
+else of the project's composition. Every method returns at once: it posts an intent or reads an
+immutable snapshot, and may be called from any thread.
 
-Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422), `NotKnown` (404), `Outdated` (409),
-`Refused` (409), `StorageFailed` (503). What is refused changes nothing.
+Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422),
+`NotKnown` (404), `Outdated` (409), `Refused` (409), `StorageFailed` (503). What is refused changes
+nothing.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ class GoalList(Protocol):
     """The goals that wait, and goals kept under a name."""
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """Queue a goal, perhaps with a heading to stand in. Refused outside the map, and inside an obstacle or zone that is
-        known already (`BlockedGoal`, which names the nearest place where the robot could stand).
+        """Queue a goal, perhaps with a heading to stand in. Refused outside the map, and inside an
+        obstacle or zone that is known already (`BlockedGoal`, which names the nearest place where
+        the robot could stand).
         """
 
     def change(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
@@ -58,7 +61,8 @@ class GoalList(Protocol):
 
 
 class ZoneEdits(Protocol):
-    """The stored zones, what can be undone of them, and sets of them by name. An edit binds the robot from the next tick on."""
+    """The stored zones, what can be undone of them, and sets of them by name. An edit binds the
+    robot from the next tick on."""
 
     @property
     def stored(self) -> tuple[Zone, ...]:
@@ -74,7 +78,9 @@ class ZoneEdits(Protocol):
     def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
         """Store many zones as one edit, all or nothing."""
 
-    def replace(self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None) -> Zone:
+    def replace(
+        self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None
+    ) -> Zone:
         """Change a zone; `Outdated` when its version is not the expected one."""
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
@@ -109,9 +115,12 @@ class BewareEdits(Protocol):
     def finder(self, entry: BewareClass) -> LabelSource:
         """What finds an entry of the list in the pictures; perhaps nothing."""
 
-    def edit(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
-        """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a table); None takes an optional
-        one away. `Outdated` when the list's version is not the expected one.
+    def edit(
+        self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
+    ) -> BewareList:
+        """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a
+        table); None takes an optional one away. `Outdated` when the list's version is not the
+        expected one.
         """
 
     def replace(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
@@ -158,7 +167,8 @@ class Operations(Protocol):
         """Start, pause, resume or cancel; or leave the beware area that the robot stands in."""
 
     def drive(self, twist: Twist | None) -> None:
-        """By hand: this velocity for 0.25 s at most, through the safety gate; None lets go. A driving mission is paused."""
+        """By hand: this velocity for 0.25 s at most, through the safety gate; None lets go. A
+        driving mission is paused."""
 
     def stop(self, source: str) -> None:
         """Latched emergency stop; `source` says who, e.g. `console button`, `REST`."""
@@ -173,7 +183,8 @@ class Operations(Protocol):
         """T_map_base by pose ID: the places from which the map's points were seen."""
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Put past poses right, e.g. after a loop closure: what was seen from them moves along, before the next tick."""
+        """Put past poses right, e.g. after a loop closure: what was seen from them moves along,
+        before the next tick."""
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Reports of past missions, newest first, without their series."""

@@ -1,7 +1,8 @@
-"""Every refusal in one shape, `{"error": {"code", "message", "where"}}`, and never the input itself in it.
+"""Every refusal in one shape, `{"error": {"code", "message", "where"}}`, and never the input itself
+in it.
 
-FastAPI's own 422 echoes what was sent; NaN, 1e999 and lone surrogates in an echo cannot be written as JSON and turn the refusal
-into a 500. So an answer holds the place and the reason only.
+FastAPI's own 422 echoes what was sent; NaN, 1e999 and lone surrogates in an echo cannot be written
+as JSON and turn the refusal into a 500. So an answer holds the place and the reason only.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"model": Problem, "description": text}
     for status, text in (
         (404, "Nothing has this id, or there is nothing to show yet"),
-        (409, "Refused in the present state, or somebody else changed it meanwhile (then both versions are in the body)"),
+        (
+            409,
+            "Refused in the present state, or somebody else changed it meanwhile (then both versions are in the body)",
+        ),
         (422, "A value is wrong; the answer names the place and the reason"),
         (503, "The store did not take it; what was stored before is intact"),
     )
@@ -58,13 +62,16 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 
 
 class JsonResponse(Response):
-    """JSON that can always be written: whatever is no Unicode text is escaped, a number that is none is an error here."""
+    """JSON that can always be written: whatever is no Unicode text is escaped, a number that is
+    none is an error here."""
 
     media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
         """ASCII only, so that no surrogate can fail the encoding."""
-        return json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":")).encode("ascii")
+        return json.dumps(
+            content, ensure_ascii=True, allow_nan=False, separators=(",", ":")
+        ).encode("ascii")
 
 
 def problem(
@@ -77,8 +84,14 @@ def problem(
     headers: Mapping[str, str] | None = None,
 ) -> JsonResponse:
     """A refusal."""
-    error = {"code": code, "message": _clean(message, MAX_MESSAGE), "where": _clean(where, MAX_WHERE) if where else None}
-    return JsonResponse({"error": error, **(extra or {})}, status_code=int(status), headers=dict(headers or {}))
+    error = {
+        "code": code,
+        "message": _clean(message, MAX_MESSAGE),
+        "where": _clean(where, MAX_WHERE) if where else None,
+    }
+    return JsonResponse(
+        {"error": error, **(extra or {})}, status_code=int(status), headers=dict(headers or {})
+    )
 
 
 def refusal(error: BewareNavError) -> JsonResponse:
@@ -115,17 +128,26 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def _(request: Request, error: Exception) -> Response:
-        # Starlette raises the error again after this answer, and the server logs it with its traceback.
-        return problem(500, "internal_error", "the console failed; the robot is not affected, its log says more")
+        # Starlette raises the error again after this answer, and the server logs it with its
+        # traceback.
+        return problem(
+            500,
+            "internal_error",
+            "the console failed; the robot is not affected, its log says more",
+        )
 
 
 def _invalid(errors: Sequence[Any]) -> JsonResponse:
-    details = [{"where": _where(error.get("loc", ())), "message": _reason(error)} for error in errors[:10]]
+    details = [
+        {"where": _where(error.get("loc", ())), "message": _reason(error)} for error in errors[:10]
+    ]
     first = details[0] if details else {"where": "body", "message": "is not valid"}
     where = _clean(str(first["where"]), MAX_WHERE)
     unreadable = errors and errors[0].get("type") == "json_invalid"
     message = "the body is not JSON" if unreadable else f"{where}: {first['message']}"
-    return problem(422, "invalid", message, where, extra={"details": details} if len(details) > 1 else None)
+    return problem(
+        422, "invalid", message, where, extra={"details": details} if len(details) > 1 else None
+    )
 
 
 def _reason(error: Mapping[str, Any]) -> str:
@@ -133,7 +155,9 @@ def _reason(error: Mapping[str, Any]) -> str:
     if kind == "extra_forbidden":
         return "unknown key"
     if place == ["body"] and kind != "missing":
-        return "must be a JSON object of text that is Unicode, sent as Content-Type: application/json"
+        return (
+            "must be a JSON object of text that is Unicode, sent as Content-Type: application/json"
+        )
     return _clean(str(error.get("msg", "")), 200)
 
 
@@ -152,6 +176,7 @@ def _parts(location: Sequence[Any]) -> list[str]:
 
 
 def _clean(text: str, limit: int) -> str:
-    """Text that can be printed and sent: an unknown key is named here, and its name came from outside."""
+    """Text that can be printed and sent: an unknown key is named here, and its name came from
+    outside."""
     printable = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text[: limit + 1])
     return printable if len(printable) <= limit else printable[: limit - 1] + "…"

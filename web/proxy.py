@@ -1,7 +1,8 @@
 """The 3D viewer behind the one door: HTTP and websocket of viser, relayed below `/viewer`.
 
-The relay keeps no queue: a message is taken from viser when the one before it has left, so a slow client costs no memory and
-gets the newest values when it wakes, as viser itself promises. Deflate is off on both legs; it costs more than a LAN saves.
+The relay keeps no queue: a message is taken from viser when the one before it has left, so a slow
+client costs no memory and gets the newest values when it wakes, as viser itself promises. Deflate
+is off on both legs; it costs more than a LAN saves.
 """
 
 from __future__ import annotations
@@ -61,7 +62,11 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
     async def relay(socket: WebSocket, visitor: CurrentVisitor, page_id: str = "") -> None:
         """viser's websocket."""
         offered = socket.scope.get("subprotocols", [])
-        if viewer is None or viewer.subprotocol not in offered or (page_id and PAGE_ID.fullmatch(page_id) is None):
+        if (
+            viewer is None
+            or viewer.subprotocol not in offered
+            or (page_id and PAGE_ID.fullmatch(page_id) is None)
+        ):
             await socket.close(TRY_AGAIN)
             return
         await _relay(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR))
@@ -71,15 +76,21 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
 
 async def _fetch(viewer: Viewer | None) -> Response:
     if viewer is None:
-        raise HTTPException(404, "the 3D view is not running; the map and every control work without it")
+        raise HTTPException(
+            404, "the 3D view is not running; the map and every control work without it"
+        )
     # The body is handed on as it came, compressed, hence the raw stream.
     async with (
         httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client,
-        client.stream("GET", f"{viewer.http_url}/", headers={"Accept-Encoding": "gzip"}) as upstream,
+        client.stream(
+            "GET", f"{viewer.http_url}/", headers={"Accept-Encoding": "gzip"}
+        ) as upstream,
     ):
         body = b"".join([chunk async for chunk in upstream.aiter_raw()])
     headers = {name: upstream.headers[name] for name in _KEPT if name in upstream.headers}
-    return Response(body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"})
+    return Response(
+        body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"}
+    )
 
 
 async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:
@@ -95,7 +106,10 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool)
     async with connecting as upstream:
         await socket.accept(subprotocol=viewer.subprotocol)
         await until_one_ends(_down(upstream, socket), _up(socket, upstream, acts=acts))
-    if socket.client_state is WebSocketState.CONNECTED and socket.application_state is WebSocketState.CONNECTED:
+    if (
+        socket.client_state is WebSocketState.CONNECTED
+        and socket.application_state is WebSocketState.CONNECTED
+    ):
         await socket.close(GOING_AWAY)
 
 

@@ -9,7 +9,8 @@ from pydantic import BaseModel, BeforeValidator, Field
 
 
 def _finite_or_none(value: Any) -> Any:
-    """JSON knows no NaN; a figure that is none is shown as missing instead of failing the whole answer."""
+    """JSON knows no NaN; a figure that is none is shown as missing instead of failing the whole
+    answer."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -74,12 +75,20 @@ class StateOut(BaseModel):
     zones_version: int
     beware_version: int
     by_hand: bool = Field(description="somebody drives it by hand")
-    in_zone: bool = Field(description="the robot stands in an area that it must not be in; mission/leave gets it out")
+    in_zone: bool = Field(
+        description="the robot stands in an area that it must not be in; mission/leave gets it out"
+    )
     loop: bool = Field(description="goals that are reached wait again")
     segmenter: str = Field(description="what labels the pictures")
-    segmenter_warning: str | None = Field(description="why it is not what it should be; null when it is")
-    picture_serial: int | None = Field(description="grows with every tick; `path` and `camera.jpg` follow it")
-    grid_version: int | None = Field(description="changes whenever the map does; `map.png` follows it")
+    segmenter_warning: str | None = Field(
+        description="why it is not what it should be; null when it is"
+    )
+    picture_serial: int | None = Field(
+        description="grows with every tick; `path` and `camera.jpg` follow it"
+    )
+    grid_version: int | None = Field(
+        description="changes whenever the map does; `map.png` follows it"
+    )
 
 
 class MissionOut(BaseModel):
@@ -131,7 +140,9 @@ class ZonePropertiesOut(BaseModel):
     kind: str = Field(description="keep-out or speed-limit")
     max_speed_mps: float | None
     colour: str | None
-    expires_at_s: float | None = Field(description="when it is switched off, seconds since 1970 by the robot's clock")
+    expires_at_s: float | None = Field(
+        description="when it is switched off, seconds since 1970 by the robot's clock"
+    )
     drawn: CircleOut | CorridorOut | None = Field(description="what the polygon was made of")
     version: int
     frame: Literal["map"] = "map"
@@ -165,9 +176,15 @@ class ZoneSetOut(BaseModel):
 class RegionOut(BaseModel):
     """What was clicked in the picture."""
 
-    name: str | None = Field(description="of the beware list; null for a thing told apart by its depth")
-    footprint: list[tuple[float, float]] = Field(description="its outline on the floor, metres of the map frame")
-    outline: list[tuple[float, float]] = Field(description="its outline in the picture, shares of width and height")
+    name: str | None = Field(
+        description="of the beware list; null for a thing told apart by its depth"
+    )
+    footprint: list[tuple[float, float]] = Field(
+        description="its outline on the floor, metres of the map frame"
+    )
+    outline: list[tuple[float, float]] = Field(
+        description="its outline in the picture, shares of width and height"
+    )
 
 
 class ColourRuleOut(BaseModel):
@@ -233,21 +250,28 @@ class TilesOut(BaseModel):
     """Which parts of the map have changed."""
 
     version: int = Field(description="ask again with `since` at this")
-    tile_cells: int = Field(description="cells to a side of a tile; those at the upper and right rim may be smaller")
+    tile_cells: int = Field(
+        description="cells to a side of a tile; those at the upper and right rim may be smaller"
+    )
     rows: int
     cols: int
-    changed: list[tuple[int, int, int]] = Field(description="row and column of the tile, and the version at which it changed")
+    changed: list[tuple[int, int, int]] = Field(
+        description="row and column of the tile, and the version at which it changed"
+    )
 
 
 class PathOut(BaseModel):
-    """The planned path, its corners and the way driven, in metres of the map frame; and what else moves with the robot."""
+    """The planned path, its corners and the way driven, in metres of the map frame; and what else
+    moves with the robot."""
 
     serial: int
     path: list[tuple[float, float]]
     waypoints: list[tuple[float, float]]
     driven: list[tuple[float, float]]
     people: list[PersonOut]
-    closed: list[ZoneOut] = Field(description="where the robot keeps out for a while of its own accord; the names say why")
+    closed: list[ZoneOut] = Field(
+        description="where the robot keeps out for a while of its own accord; the names say why"
+    )
     view: list[tuple[float, float]] = Field(description="the floor that the camera looks at")
 
 
@@ -275,7 +299,9 @@ class VisitorOut(BaseModel):
 
     name: str
     role: str
-    logged_in: bool = Field(description="false on a console that serves its own machine without a log-in")
+    logged_in: bool = Field(
+        description="false on a console that serves its own machine without a log-in"
+    )
 
 
 class ControlOut(BaseModel):

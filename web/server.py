@@ -1,4 +1,5 @@
-"""The console's web application and the server that runs it in a thread of its own, with its own loop."""
+"""The console's web application and the server that runs it in a thread of its own, with its own
+loop."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ log = logging.getLogger(__name__)
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 MAX_MESSAGE_BYTES = 2_000_000
-"""Of one websocket message from a browser; what the 3D view sends to browsers is not bound by it."""
+"""Of one websocket message from a browser; what the 3D view sends to browsers is not bound by it.
+"""
 START_S, STOP_S = 10.0, 5.0
 _ABOUT = """Operate the robot: goals, mission, beware zones, beware list, stop; read its map, path, camera and state.
 
@@ -51,9 +53,14 @@ The state arrives by websocket at `/api/v1/events`, ten times a second and on ev
 
 
 def create_app(
-    operations: Operations, *, allowed_hosts: Sequence[str], access: Access | None = None, viewer: Viewer | None = None
+    operations: Operations,
+    *,
+    allowed_hosts: Sequence[str],
+    access: Access | None = None,
+    viewer: Viewer | None = None,
 ) -> FastAPI:
-    """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or without a port."""
+    """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or
+    without a port."""
     access = access or Access()
     auditor = Auditor(access.ledger)
     app = FastAPI(
@@ -64,7 +71,15 @@ def create_app(
         redoc_url=None,
         default_response_class=JsonResponse,
     )
-    for router in (mission_router, zones_router, drawing_router, beware_router, maps_router, poses_router, events_router):
+    for router in (
+        mission_router,
+        zones_router,
+        drawing_router,
+        beware_router,
+        maps_router,
+        poses_router,
+        events_router,
+    ):
         app.include_router(router(operations), prefix="/api/v1")
     for router in (journal_router, explain_router, sightings_router):
         app.include_router(router(operations), prefix="/api/v1")
@@ -76,7 +91,13 @@ def create_app(
     app.include_router(pages_router())
     app.include_router(viewer_router(viewer))
     problems.install(app)
-    app.add_middleware(Guard, allowed_hosts=allowed_hosts, house=access.house, control=access.control, auditor=auditor)
+    app.add_middleware(
+        Guard,
+        allowed_hosts=allowed_hosts,
+        house=access.house,
+        control=access.control,
+        auditor=auditor,
+    )
     return app
 
 
@@ -94,8 +115,8 @@ class ConsoleServer:
         access: Access | None = None,
         unattended: Unattended = "go on",
     ) -> None:
-        """`listener` comes from `reserve`; without it, `start` takes the port itself. `unattended`: what becomes of a mission
-        when whoever is in control has gone silent.
+        """`listener` comes from `reserve`; without it, `start` takes the port itself. `unattended`:
+        what becomes of a mission when whoever is in control has gone silent.
         """
         self._operations, self._host, self._port = operations, host, port
         self._access = access or Access()
@@ -113,13 +134,18 @@ class ConsoleServer:
         return f"http://{name}:{self._port}"
 
     def start(self) -> None:
-        """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is taken."""
+        """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is
+        taken."""
         listener = self._listener or reserve(self._host, self._port)
         self._port = listener.getsockname()[1]
         self._viewer = Viewer(self._operations)
-        app = create_app(self._operations, allowed_hosts=self._allowed, access=self._access, viewer=self._viewer)
+        app = create_app(
+            self._operations, allowed_hosts=self._allowed, access=self._access, viewer=self._viewer
+        )
         self._server = _Server(_config(app))
-        self._thread = threading.Thread(target=self._server.run, args=([listener],), name="console", daemon=True)
+        self._thread = threading.Thread(
+            target=self._server.run, args=([listener],), name="console", daemon=True
+        )
         self._thread.start()
         self._attendance.start()
         if not self._server.up.wait(START_S):
@@ -171,7 +197,8 @@ def _config(app: FastAPI) -> uvicorn.Config:
 
 
 def _names_of(host: str) -> tuple[str, ...]:
-    """What this machine is called in the address of a browser, when it listens on `host`; the best one first."""
+    """What this machine is called in the address of a browser, when it listens on `host`; the best
+    one first."""
     if host not in ("0.0.0.0", "::"):
         return (f"[{host}]" if ":" in host else host,)
     name = socket.gethostname()
@@ -179,7 +206,8 @@ def _names_of(host: str) -> tuple[str, ...]:
 
 
 def _address_on_the_network() -> str:
-    # Connecting a datagram socket sends nothing; it only asks which of this machine's addresses would be used.
+    # Connecting a datagram socket sends nothing; it only asks which of this machine's addresses
+    # would be used.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))

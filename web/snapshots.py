@@ -1,4 +1,5 @@
-"""What is shown of the running system: one small snapshot of its state, and the large values of the newest tick."""
+"""What is shown of the running system: one small snapshot of its state, and the large values of the
+newest tick."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ class State:
     stop_latched: bool
     """An emergency stop holds until it is reset."""
     reasons: tuple[StopReason, ...]
-    """Why the robot stands although it was told to drive; the worst first. Empty when nothing holds it."""
+    """Why the robot stands although it was told to drive; the worst first. Empty when nothing holds
+    it."""
     pose: Pose2
     """T_map_base by odometry."""
     twist: Twist
@@ -69,7 +71,8 @@ class State:
     in_zone: bool = False
     """The robot stands in an area that it must not be in; `leave` gets it out."""
     segmenter: str
-    """What labels the pictures, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 416 × 256` or `colour rules`."""
+    """What labels the pictures, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 416 × 256` or
+    `colour rules`."""
     segmenter_warning: str | None
     """Why it is not what it should be, e.g. that the network does not run; None when it is."""
     loop: bool = False
@@ -111,9 +114,11 @@ class Picture:
     closed: tuple[Zone, ...] = ()
     """Where the robot keeps out for a while of its own accord, with the name of why."""
     depth_m: npt.NDArray[np.float32] | None = None
-    """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not kept."""
+    """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not
+    kept."""
     prior: CellMask | None = None
-    """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
+    """Cells that are occupied on a map from elsewhere and were not seen free; None without such a
+    map."""
 
     @property
     def grid_spec(self) -> GridSpec:
@@ -132,7 +137,8 @@ class Picture:
 
     @property
     def seen(self) -> npt.NDArray[np.bool_]:
-        """(rows, cols) cells into which the camera has looked; the rest is unknown (and counts as free)."""
+        """(rows, cols) cells into which the camera has looked; the rest is unknown (and counts as
+        free)."""
         return self.seen_mask.bools
 
 

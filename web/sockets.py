@@ -11,7 +11,8 @@ from websockets.exceptions import ConnectionClosed
 
 
 async def until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
-    """Run all; when the first ends, cancel the others. Raises its error, unless it only says that the other side has gone."""
+    """Run all; when the first ends, cancel the others. Raises its error, unless it only says that
+    the other side has gone."""
     tasks = [asyncio.create_task(way) for way in ways]
     try:
         ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -1,4 +1,5 @@
-"""The map in tiles, and which of them changed: what a large map costs follows what changes on it, not its size."""
+"""The map in tiles, and which of them changed: what a large map costs follows what changes on it,
+not its size."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class TileVersions:
         self._newest = 0
 
     def follow(self, picture: Picture, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
-        """The newest version, and (tiles down, tiles across) the version at which each tile last changed."""
+        """The newest version, and (tiles down, tiles across) the version at which each tile last
+        changed."""
         with self._lock:
             layers = {**picture.occupancy.masks, "seen": picture.seen_mask}
             if picture.prior is not None:
@@ -52,7 +54,9 @@ class TileVersions:
             self._layers = layers
             return self._newest, self._versions
 
-    def _changed(self, layers: dict[Hashable, CellMask], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    def _changed(
+        self, layers: dict[Hashable, CellMask], shape: tuple[int, int]
+    ) -> npt.NDArray[np.bool_]:
         changed = np.zeros(shape, dtype=np.bool_)
         for name in {**self._layers, **layers}:
             old, new = self._layers.get(name), layers.get(name)
@@ -74,7 +78,9 @@ def newer(versions: npt.NDArray[np.int64], since: int) -> Iterator[tuple[Tile, i
         yield (int(row), int(col)), int(versions[row, col])
 
 
-def _differing(old: CellMask | None, new: CellMask | None, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _differing(
+    old: CellMask | None, new: CellMask | None, shape: tuple[int, int]
+) -> npt.NDArray[np.bool_]:
     """Tiles in which two sets of cells differ; one that is missing is empty."""
     if old is None or new is None:
         one = old or new

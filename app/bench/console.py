@@ -1,7 +1,9 @@
-"""What a live map costs the console: a map of 150 m × 150 m in cells of 5 cm with two million points, seen by one 3D view.
+"""What a live map costs the console: a map of 150 m × 150 m in cells of 5 cm with two million
+points, seen by one 3D view.
 
-The whole way is measured, through viser and the one door: from the moment a changed map is there to the moment its message has
-arrived at a client on this machine. Each change is one look of the camera: what lies in 5 m before the robot is measured anew.
+The whole way is measured, through viser and the one door: from the moment a changed map is there to
+the moment its message has arrived at a client on this machine. Each change is one look of the
+camera: what lies in 5 m before the robot is measured anew.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ class _World:
     profile: RobotProfile = HUSKY
     robot_urdf: None = None
     zones: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(stored=()))
-    beware: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(list=default_beware_list()))
+    beware: SimpleNamespace = field(
+        default_factory=lambda: SimpleNamespace(list=default_beware_list())
+    )
     _generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     _serial: int = 1
     _at: tuple[float, float] = (-60.0, -60.0)
@@ -59,7 +63,9 @@ class _World:
         xy = self._generator.uniform(-SIDE_M / 2 + 1, SIDE_M / 2 - 1, (POINTS, 2))
         points = np.column_stack([xy, self._generator.exponential(0.5, POINTS)]).astype(np.float32)
         rgb = self._generator.integers(0, 255, (POINTS, 3), dtype=np.uint8)
-        self._cloud = Cloud(serial=1, points_map=points, rgb=rgb, class_ids=np.zeros(POINTS, dtype=np.uint8))
+        self._cloud = Cloud(
+            serial=1, points_map=points, rgb=rgb, class_ids=np.zeros(POINTS, dtype=np.uint8)
+        )
         held = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
         cells = np.floor((xy[::40] + SIDE_M / 2) / CELL_M).astype(np.int64)
         held[cells[:, 1], cells[:, 0]] = True
@@ -78,9 +84,13 @@ class _World:
         held = picture.occupancy.masks[0].bools.copy()
         row, col = SPEC.cell(*self._at)
         reach = round(LOOK_M / 2 / CELL_M)
-        held[row - reach : row + reach, col - reach : col + reach] = self._generator.random((2 * reach, 2 * reach)) < 0.02
+        held[row - reach : row + reach, col - reach : col + reach] = (
+            self._generator.random((2 * reach, 2 * reach)) < 0.02
+        )
         self._paint(held)
-        self._cloud = Cloud(serial=self._serial, points_map=points, rgb=rgb, class_ids=cloud.class_ids)
+        self._cloud = Cloud(
+            serial=self._serial, points_map=points, rgb=rgb, class_ids=cloud.class_ids
+        )
 
     def _paint(self, held: npt.NDArray[np.bool_]) -> None:
         geometric, nothing = CellMask.of(held), CellMask.of(np.zeros_like(held))
@@ -160,18 +170,25 @@ def console_table(changes: int = CHANGES) -> Table:
     p50, p99 = np.percentile(latency_ms, [50, 99])
     mean = float(np.mean(sent))
     table = Table(
-        "what", "figure", title=f"live map, {SIDE_M:g} m × {SIDE_M:g} m, {POINTS / 1e6:g} million points, one 3D view"
+        "what",
+        "figure",
+        title=f"live map, {SIDE_M:g} m × {SIDE_M:g} m, {POINTS / 1e6:g} million points, one 3D view",
     )
     table.add_row("the whole scene, once", f"{whole / 1e6:.2f} MB")
-    table.add_row("one change of the map", f"{mean / 1e3:.0f} kB, 1/{whole / mean:.0f} of the whole")
+    table.add_row(
+        "one change of the map", f"{mean / 1e3:.0f} kB, 1/{whole / mean:.0f} of the whole"
+    )
     table.add_row(f"at {1 / PERIOD_S:g} changes a second", f"{mean / PERIOD_S / 1e3:.0f} kB/s")
     table.add_row("from change to message, p50", f"{p50:.0f} ms")
     table.add_row("from change to message, p99", f"{p99:.0f} ms")
     return table
 
 
-def _measured(server: ConsoleServer, world: _World, changes: int) -> tuple[int, list[float], list[int]]:
-    """Bytes of the first picture of everything; then for each change milliseconds until its points have come, and bytes."""
+def _measured(
+    server: ConsoleServer, world: _World, changes: int
+) -> tuple[int, list[float], list[int]]:
+    """Bytes of the first picture of everything; then for each change milliseconds until its points
+    have come, and bytes."""
     address = server.url.replace("http", "ws") + "/viewer"
     with connect(address, subprotocols=[SUBPROTOCOL], proxy=None, max_size=None) as client:
         client.send(camera())
@@ -181,9 +198,13 @@ def _measured(server: ConsoleServer, world: _World, changes: int) -> tuple[int, 
             began = time.perf_counter()
             world.look()
             swapped = time.perf_counter()
-            total = _read_until(client, lambda names: any(name.startswith("/cloud/") for name in names))
+            total = _read_until(
+                client, lambda names: any(name.startswith("/cloud/") for name in names)
+            )
             latency_ms.append((time.perf_counter() - swapped) * 1e3)
-            sent.append(total + _read_for(client, max(PERIOD_S - (time.perf_counter() - began), 0.05)))
+            sent.append(
+                total + _read_for(client, max(PERIOD_S - (time.perf_counter() - began), 0.05))
+            )
     return whole, latency_ms, sent
 
 

@@ -1,7 +1,7 @@
 """Figures of the training: pictures per second of this machine, and mOSD as a data set to train on.
 
-python -m app.bench_learning speed
-python -m app.bench_learning mosd FOLDER OUT    FOLDER/learn and FOLDER/test with NN.rgb.jpg, NN.depth.png, NN.semantic.png
+python -m app.bench_learning speed python -m app.bench_learning mosd FOLDER OUT    FOLDER/learn and
+FOLDER/test with NN.rgb.jpg, NN.depth.png, NN.semantic.png
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ CLASSES = 12
 @bench.command()
 def speed(
     threads: Annotated[int, typer.Option(min=0, help="0 = one per core.")] = 0,
-    steps: Annotated[int, typer.Option(min=1, help="Measured ones, after one to warm up; the median counts.")] = 5,
+    steps: Annotated[
+        int, typer.Option(min=1, help="Measured ones, after one to warm up; the median counts.")
+    ] = 5,
     batch: Annotated[int, typer.Option(min=2)] = 8,
 ) -> None:
     """Pictures per second, forward, backward and optimiser, without reading pictures."""
@@ -44,13 +46,17 @@ def speed(
             for bfloat16 in (False, True):
                 rate = _rate(Recipe(width=width, size=size, batch=batch), steps, bfloat16=bfloat16)
                 precision = "bfloat16" if bfloat16 else "float32"
-                typer.echo(f"{size.width}×{size.height}  width {width:<4g}  {precision:8}  {rate:6.1f} pictures/s")
+                typer.echo(
+                    f"{size.width}×{size.height}  width {width:<4g}  {precision:8}  {rate:6.1f} pictures/s"
+                )
 
 
 @bench.command()
 def mosd(source: Path, out: Path) -> None:
     """Write mOSD (Kinect pictures of table tops) as a data set: void, table, object."""
-    writer = DatasetWriter(out, class_names=("table", "object"), source={"from": "mOSD, PointCloudLibrary/data"})
+    writer = DatasetWriter(
+        out, class_names=("table", "object"), source={"from": "mOSD, PointCloudLibrary/data"}
+    )
     splits: dict[str, Split] = {"learn": "train", "test": "test"}
     for folder, split in splits.items():
         pictures = sorted((source / folder).glob("*.rgb.jpg"))

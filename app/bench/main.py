@@ -1,4 +1,5 @@
-"""Figures of this machine: how long each stage of a tick takes, and how much faster than real time the whole loop runs.
+"""Figures of this machine: how long each stage of a tick takes, and how much faster than real time
+the whole loop runs.
 
 Absolute times belong to the machine they were taken on; compare only figures of one run.
 """
@@ -57,7 +58,9 @@ def _engines() -> Table:
         if trial.failure is not None:
             table.add_row(trial.name, "–", "–", trial.failure)
         else:
-            table.add_row(trial.name, f"{trial.p50_ms:.1f}", f"{trial.p99_ms:.1f}", f"{trial.agreement:.3%}")
+            table.add_row(
+                trial.name, f"{trial.p50_ms:.1f}", f"{trial.p99_ms:.1f}", f"{trial.agreement:.3%}"
+            )
     return table
 
 
@@ -65,15 +68,30 @@ def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
     """Drive the scenario's own mission for some simulated seconds."""
     warm_up()
     start = time.perf_counter()
-    episode = Episode(load_scenario(scenario), seed=0, beware=default_beware_list(), max_time_s=seconds)
+    episode = Episode(
+        load_scenario(scenario), seed=0, beware=default_beware_list(), max_time_s=seconds
+    )
     built_s = time.perf_counter() - start
     try:
         report = episode.run()
-        table = Table("stage", "what", "n", "p50 ms", "p99 ms", "max ms", title=f"{scenario}, {platform.machine()}")
+        table = Table(
+            "stage",
+            "what",
+            "n",
+            "p50 ms",
+            "p99 ms",
+            "max ms",
+            title=f"{scenario}, {platform.machine()}",
+        )
         for stage in STAGES:
             figures = episode.stopwatch.summary(stage)
             count = len(episode.stopwatch.ms[stage])
-            table.add_row(stage, WHAT[stage], str(count), *(f"{figures[key]:.2f}" for key in ("p50", "p99", "max")))
+            table.add_row(
+                stage,
+                WHAT[stage],
+                str(count),
+                *(f"{figures[key]:.2f}" for key in ("p50", "p99", "max")),
+            )
     finally:
         episode.close()
     terminal.print(table)

@@ -1,4 +1,5 @@
-"""A* as the textbook has it, compiled: the peer of the planner in the bench, and what knows the lengths of its own maps."""
+"""A* as the textbook has it, compiled: the peer of the planner in the bench, and what knows the
+lengths of its own maps."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from navcore.grid.grid import BoolGrid, Cell
 
 
 def length_by_astar(blocked: BoolGrid, start: Cell, goal: Cell) -> float:
-    """The peer: an exact A* over the eight neighbours with a binary heap, compiled like the project's own search."""
+    """The peer: an exact A* over the eight neighbours with a binary heap, compiled like the
+    project's own search."""
     return float(_astar(blocked.view(np.uint8), start[0], start[1], goal[0], goal[1]))
 
 
@@ -20,20 +22,27 @@ _MOVE_COL = np.array([1, -1, 0, 0, 1, -1, 1, -1], dtype=np.int64)
 
 @numba.njit(cache=True, nogil=True)
 def _octile(rows: int, cols: int) -> float:
-    """Length of the shortest path between two cells on an empty grid; consistent, so no cell is expanded twice."""
+    """Length of the shortest path between two cells on an empty grid; consistent, so no cell is
+    expanded twice."""
     low, high = min(rows, cols), max(rows, cols)
     return (high - low) + low * 1.4142135623730951
 
 
 @numba.njit(cache=True, nogil=True)
-def _astar(blocked: npt.NDArray[np.uint8], start_row: int, start_col: int, goal_row: int, goal_col: int) -> float:
+def _astar(
+    blocked: npt.NDArray[np.uint8], start_row: int, start_col: int, goal_row: int, goal_col: int
+) -> float:
     rows, cols = blocked.shape
     length = np.full(rows * cols, np.inf)
     closed = np.zeros(rows * cols, dtype=np.uint8)
     keys, nodes = np.empty(1024, dtype=np.float64), np.empty(1024, dtype=np.int64)
     start, goal = start_row * cols + start_col, goal_row * cols + goal_col
     length[start] = 0.0
-    keys[0], nodes[0], size = _octile(abs(start_row - goal_row), abs(start_col - goal_col)), start, 1
+    keys[0], nodes[0], size = (
+        _octile(abs(start_row - goal_row), abs(start_col - goal_col)),
+        start,
+        1,
+    )
     while size > 0:
         node = nodes[0]
         size = _pop(keys, nodes, size)
@@ -57,12 +66,16 @@ def _astar(blocked: npt.NDArray[np.uint8], start_row: int, start_col: int, goal_
             if size == len(keys):
                 keys = np.concatenate((keys, np.empty_like(keys)))
                 nodes = np.concatenate((nodes, np.empty_like(nodes)))
-            size = _push(keys, nodes, size, cost + _octile(abs(r - goal_row), abs(c - goal_col)), other)
+            size = _push(
+                keys, nodes, size, cost + _octile(abs(r - goal_row), abs(c - goal_col)), other
+            )
     return float(np.inf)
 
 
 @numba.njit(cache=True, nogil=True)
-def _push(keys: npt.NDArray[np.float64], nodes: npt.NDArray[np.int64], size: int, key: float, node: int) -> int:
+def _push(
+    keys: npt.NDArray[np.float64], nodes: npt.NDArray[np.int64], size: int, key: float, node: int
+) -> int:
     at = size
     while at > 0:
         parent = (at - 1) >> 1

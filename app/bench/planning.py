@@ -1,7 +1,8 @@
 """How fast plans are made on this machine, beside other planners in the same run, each on one core.
 
-Published maps are read from a folder laid out like `shared/data/maps`; without it two forests are made. The peers pyastar2d and
-scikit-image are measured if they are installed (`pip install pyastar2d scikit-image`); the project does not need them.
+Published maps are read from a folder laid out like `shared/data/maps`; without it two forests are
+made. The peers pyastar2d and scikit-image are measured if they are installed (`pip install
+pyastar2d scikit-image`); the project does not need them.
 """
 
 from __future__ import annotations
@@ -54,14 +55,21 @@ class Problem:
     """… and the disc's radius in cells."""
 
     def tolerance(self, length: float) -> float:
-        """How far a known length may be off, in cells: … but no more than six digits in all, which is what `%g` writes."""
-        return max(math.pow(10.0, -self.decimals), math.pow(10.0, math.floor(math.log10(max(length, 1.0))) - 5))
+        """How far a known length may be off, in cells: … but no more than six digits in all, which
+        is what `%g` writes."""
+        return max(
+            math.pow(10.0, -self.decimals),
+            math.pow(10.0, math.floor(math.log10(max(length, 1.0))) - 5),
+        )
 
 
 def run_planning_bench(terminal: Terminal, maps: FilePath | None = None) -> None:
-    """Measure planners on the given maps, replanning on changing ones, and the way from a raw grid to a path; print tables."""
+    """Measure planners on the given maps, replanning on changing ones, and the way from a raw grid
+    to a path; print tables."""
     folder = maps or FilePath(__file__).parents[2] / "shared" / "data" / "maps"
-    problems = list(published(folder)) if folder.is_dir() else [forest(1500, 0.08), forest(3000, 0.08)]
+    problems = (
+        list(published(folder)) if folder.is_dir() else [forest(1500, 0.08), forest(3000, 0.08)]
+    )
     terminal.print(compare(problems))
     grown = [problem for problem in problems if problem.occupied is not None]
     terminal.print(replanning(grown, folder))
@@ -72,11 +80,17 @@ def published(folder: FilePath) -> Iterator[Problem]:
     """Every map in the folder for which lengths are known."""
     for file in sorted(folder.glob("movingai/*/*.map")):
         rows = file.read_text().splitlines()[4:]
-        lines = [line.split() for line in FilePath(f"{file}.scen").read_text().splitlines()[1:] if line.strip()]
+        lines = [
+            line.split()
+            for line in FilePath(f"{file}.scen").read_text().splitlines()[1:]
+            if line.strip()
+        ]
         yield Problem(
             name=file.stem,
             blocked=np.array([[letter not in ".GS" for letter in row] for row in rows]),
-            queries=tuple(((int(w[5]), int(w[4])), (int(w[7]), int(w[6])), float(w[8])) for w in lines),
+            queries=tuple(
+                ((int(w[5]), int(w[4])), (int(w[7]), int(w[6])), float(w[8])) for w in lines
+            ),
             decimals=max(len(w[8].partition(".")[2]) for w in lines),
         )
     for file in sorted([*folder.glob("ros/*.npz"), *folder.glob("synthetic/forest*.npz")]):
@@ -87,13 +101,16 @@ def published(folder: FilePath) -> Iterator[Problem]:
 def _stored(name: str, stored: Any) -> Problem:
     rows, cols = (int(side) for side in stored["shape"])
     free, occupied = (
-        np.unpackbits(stored[key], axis=1)[:rows, :cols].astype(np.bool_) if key in stored else None for key in ("free", "occ")
+        np.unpackbits(stored[key], axis=1)[:rows, :cols].astype(np.bool_) if key in stored else None
+        for key in ("free", "occ")
     )
     assert free is not None
     return Problem(
         name=name,
         blocked=~free,
-        queries=tuple(((int(q[1]), int(q[0])), (int(q[3]), int(q[2])), float(q[4])) for q in stored["queries"]),
+        queries=tuple(
+            ((int(q[1]), int(q[0])), (int(q[3]), int(q[2])), float(q[4])) for q in stored["queries"]
+        ),
         decimals=3,
         occupied=occupied,
         radius=int(float(stored["inflation_m"]) / float(stored["res"]) + 1e-9),
@@ -136,7 +153,10 @@ def peers() -> dict[str, Callable[[BoolGrid], Callable[[Cell, Cell], object]]]:
 
 
 def _pyastar(blocked: BoolGrid) -> Callable[[Cell, Cell], object]:
-    module, weights = importlib.import_module("pyastar2d"), np.where(blocked, np.inf, 1.0).astype(np.float32)
+    module, weights = (
+        importlib.import_module("pyastar2d"),
+        np.where(blocked, np.inf, 1.0).astype(np.float32),
+    )
     return lambda start, goal: module.astar_path(weights, start, goal, allow_diagonal=True)
 
 
@@ -154,7 +174,15 @@ def _mcp(blocked: BoolGrid) -> Callable[[Cell, Cell], object]:
 def compare(problems: list[Problem]) -> Table:
     """All queries of all maps, and a sample of them with every peer."""
     planners = peers()
-    table = Table("map", "queries", "wrong", "mean µs", "p99 µs", "plan() µs", *(f"{name} ÷" for name in planners))
+    table = Table(
+        "map",
+        "queries",
+        "wrong",
+        "mean µs",
+        "p99 µs",
+        "plan() µs",
+        *(f"{name} ÷" for name in planners),
+    )
     table.title = "Queries: packed map and memory kept, plan() from the bool grid, and how many times longer peers take"
     ratios: dict[str, list[float]] = {name: [] for name in planners}
     for problem in problems:
@@ -163,7 +191,13 @@ def compare(problems: list[Problem]) -> Table:
         own, wrong = _all_queries(problem, space, arena)
         sample = np.linspace(0, len(own) - 1, min(PEER_QUERIES, len(own))).astype(int)
         whole = [_best(partial(plan, problem.blocked, *problem.queries[i][:2])) for i in sample]
-        row = [problem.name, str(len(own)), str(wrong), f"{own.mean():.1f}", f"{np.percentile(own, 99):.1f}"]
+        row = [
+            problem.name,
+            str(len(own)),
+            str(wrong),
+            f"{own.mean():.1f}",
+            f"{np.percentile(own, 99):.1f}",
+        ]
         row.append(f"{np.mean(whole):.0f}")
         for name, planner in planners.items():
             query = planner(problem.blocked)
@@ -177,17 +211,22 @@ def compare(problems: list[Problem]) -> Table:
     return table
 
 
-def _all_queries(problem: Problem, space: FreeSpace, arena: SearchWorkspace) -> tuple[npt.NDArray[np.float64], int]:
+def _all_queries(
+    problem: Problem, space: FreeSpace, arena: SearchWorkspace
+) -> tuple[npt.NDArray[np.float64], int]:
     took, wrong = np.empty(len(problem.queries)), 0
     for index, (start, goal, length) in enumerate(problem.queries):
         outcome = plan_in(space, arena, start, goal)
-        wrong += isinstance(outcome, NoPath) or abs(outcome.length - length) > problem.tolerance(length)
+        wrong += isinstance(outcome, NoPath) or abs(outcome.length - length) > problem.tolerance(
+            length
+        )
         took[index] = _best(partial(plan_in, space, arena, start, goal))
     return took, wrong
 
 
 def _best(action: Callable[[], object], times: int = 2) -> float:
-    """Microseconds of the fastest of several runs: what the work costs when nothing else is in its way."""
+    """Microseconds of the fastest of several runs: what the work costs when nothing else is in its
+    way."""
     best = float("inf")
     for _ in range(times):
         before = time.perf_counter()
@@ -199,7 +238,8 @@ def _best(action: Callable[[], object], times: int = 2) -> float:
 def replanning(problems: list[Problem], folder: FilePath) -> Table:
     """A drive through each map that is seen as it is driven, unknown cells counting as free.
 
-    Then the same with a map in hand that is out of date, so that cells are freed as well, by a robot that strays from its path.
+    Then the same with a map in hand that is out of date, so that cells are freed as well, by a
+    robot that strays from its path.
     """
     table = Table("drive", "frames", "searches", "wrong", "mean µs", "p50", "p95", "p99", "max")
     table.title = "Replanning on a changed map: inflation where cells changed, certificate or search; every frame"
@@ -207,7 +247,9 @@ def replanning(problems: list[Problem], folder: FilePath) -> Table:
     for problem in problems:
         _add_drive(table, problem.name, *_explore(problem))
     for problem in problems:
-        _add_drive(table, f"{problem.name}, out of date, strays", *_explore(problem, out_of_date=True))
+        _add_drive(
+            table, f"{problem.name}, out of date, strays", *_explore(problem, out_of_date=True)
+        )
     for file in sorted(folder.glob("synthetic/seq*.npz")):
         with np.load(file) as stored:
             _replay(stored)  # loads the compiled code that only this needs
@@ -217,21 +259,27 @@ def replanning(problems: list[Problem], folder: FilePath) -> Table:
 
 def _add_drive(table: Table, name: str, took: list[float], searches: int, wrong: int) -> None:
     figures = (np.mean(took), *np.percentile(took, [50, 95, 99]), max(took))
-    table.add_row(name, str(len(took)), str(searches), str(wrong), *(f"{figure:.1f}" for figure in figures))
+    table.add_row(
+        name, str(len(took)), str(searches), str(wrong), *(f"{figure:.1f}" for figure in figures)
+    )
 
 
 def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float], int, int]:
     """Microseconds a frame, searches, and wrong lengths among every 50th frame.
 
-    `out_of_date`: the map in hand has boxes all over that are seen to be gone when the robot comes near; and every fourth frame
-    the robot stands beside its path.
+    `out_of_date`: the map in hand has boxes all over that are seen to be gone when the robot comes
+    near; and every fourth frame the robot stands beside its path.
     """
     assert problem.occupied is not None
     start, goal, _ = max(problem.queries, key=lambda query: query[2])
     rows, cols = problem.blocked.shape
     grid, rng = InflatedGrid(rows, cols), np.random.default_rng(rows)
     hidden = problem.occupied.copy()
-    gone = _boxes(rng, hidden.shape, (start, goal), clear=2 * problem.radius) if out_of_date else np.zeros_like(hidden)
+    gone = (
+        _boxes(rng, hidden.shape, (start, goal), clear=2 * problem.radius)
+        if out_of_date
+        else np.zeros_like(hidden)
+    )
     grid.update({problem.radius: gone})
     replanner, took, wrong = Replanner(grid.space), list[float](), 0
     replanner.plan(start, goal)
@@ -254,8 +302,11 @@ def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float
     return took, replanner.searches, wrong
 
 
-def _boxes(rng: np.random.Generator, shape: tuple[int, ...], away_from: tuple[Cell, ...], *, clear: int) -> BoolGrid:
-    """(rows, cols) with boxes of a few cells, one in each 64 × 64 cells, none within `clear` of the given cells."""
+def _boxes(
+    rng: np.random.Generator, shape: tuple[int, ...], away_from: tuple[Cell, ...], *, clear: int
+) -> BoolGrid:
+    """(rows, cols) with boxes of a few cells, one in each 64 × 64 cells, none within `clear` of the
+    given cells."""
     boxes = np.zeros(shape, dtype=np.bool_)
     for row, col in rng.integers(0, shape, size=(shape[0] * shape[1] // 64**2, 2)):
         boxes[row : row + 6, col : col + 6] = True
@@ -280,15 +331,20 @@ def _cell(cell: npt.NDArray[np.int64]) -> Cell:
 
 
 def _replay(stored: Any) -> tuple[list[float], int, int]:
-    """The recorded blocked cells (its disc of 4.5 cells has no radius in whole cells); its starts are (col, row)."""
+    """The recorded blocked cells (its disc of 4.5 cells has no radius in whole cells); its starts
+    are (col, row)."""
     rows, cols = (int(side) for side in stored["shape"])
     goal = _cell(stored["goal"])
     space = FreeSpace.of(np.zeros((rows, cols), dtype=np.bool_))
     replanner, took, wrong = Replanner(space), list[float](), 0
     replanner.plan((0, 0), goal)
-    blocked, pointers, starts, costs = (stored[key] for key in ("blocked", "blocked_ptr", "starts", "cost"))
+    blocked, pointers, starts, costs = (
+        stored[key] for key in ("blocked", "blocked_ptr", "starts", "cost")
+    )
     for frame, cost in enumerate(costs):
-        cells = np.column_stack(np.divmod(blocked[pointers[frame] : pointers[frame + 1]].astype(np.int64), cols))
+        cells = np.column_stack(
+            np.divmod(blocked[pointers[frame] : pointers[frame + 1]].astype(np.int64), cols)
+        )
         start = _cell(starts[frame][::-1])
         before = time.perf_counter()
         space.set_cells(cells, True)
@@ -299,7 +355,8 @@ def _replay(stored: Any) -> tuple[list[float], int, int]:
 
 
 def from_raw(problems: list[Problem]) -> Table:
-    """Everything anew: packing, inflation, marks and search, in memory that is kept; beside OpenCV's dilation and the A*."""
+    """Everything anew: packing, inflation, marks and search, in memory that is kept; beside
+    OpenCV's dilation and the A*."""
     table = Table("map", "grid ms", "search ms", "both ms", "dilate + A* ms")
     table.title = "From an occupied grid that changed everywhere to the path across it"
     for problem in problems:
@@ -314,7 +371,10 @@ def from_raw(problems: list[Problem]) -> Table:
             steps.append((made, _best(partial(plan_in, grid.space, arena, start, goal), times=1)))
         plain = _best(partial(_inflate_and_search, problem, start, goal), times=1)
         made, searched = min(steps, key=sum)
-        table.add_row(problem.name, *(f"{figure / 1e3:.3f}" for figure in (made, searched, made + searched, plain)))
+        table.add_row(
+            problem.name,
+            *(f"{figure / 1e3:.3f}" for figure in (made, searched, made + searched, plain)),
+        )
     return table
 
 

@@ -1,6 +1,8 @@
-"""How long a tick takes without the segmentation, on a map of 150 m × 150 m in cells of 5 cm, with pictures of 640 × 480.
+"""How long a tick takes without the segmentation, on a map of 150 m × 150 m in cells of 5 cm, with
+pictures of 640 × 480.
 
-The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray is met with each near trunk.
+The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray
+is met with each near trunk.
 """
 
 from __future__ import annotations
@@ -47,7 +49,15 @@ class Stage:
 
 def tick_table(ticks: int) -> Table:
     """Drive through the forest for so many pictures; the figures of every stage."""
-    table = Table("stage", "mean ms", "p50", "p95", "p99", "max", title=f"tick without segmentation, 640×480, {SIDE_M:g} m map")
+    table = Table(
+        "stage",
+        "mean ms",
+        "p50",
+        "p95",
+        "p99",
+        "max",
+        title=f"tick without segmentation, 640×480, {SIDE_M:g} m map",
+    )
     for stage in _measured(ticks):
         durations = np.array(stage.ms)
         figures = [durations.mean(), *np.percentile(durations, [50, 95, 99]), durations.max()]
@@ -57,14 +67,24 @@ def tick_table(ticks: int) -> Table:
 
 def _measured(ticks: int) -> list[Stage]:
     spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
-    names = ("depth → cells, by itself", "points, map", "layers, inflation", "path", "motion", "all but the first")
+    names = (
+        "depth → cells, by itself",
+        "points, map",
+        "layers, inflation",
+        "path",
+        "motion",
+        "all but the first",
+    )
     stages = [Stage(what=name, ms=[]) for name in names]
     forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
     for number in range(ticks + WARM_UP):
         frame = forest.picture(pose, number)
-        # The pictures are grey and the colour rules find nothing; how long that takes does not count.
+        # The pictures are grey and the colour rules find nothing; how long that takes does not
+        # count.
         labels = navigator.label(frame, order)
         marks = [time.perf_counter()]
         navigator.remember(frame, labels, order)
@@ -91,7 +111,9 @@ class _Forest:
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng, self._lens = rng, d455_intrinsics(SIZE)
         half = SIDE_M / 2 - 3
-        self._trunks = np.column_stack([rng.uniform(-half, half, (TRUNKS, 2)), rng.uniform(0.1, 0.4, TRUNKS)])
+        self._trunks = np.column_stack(
+            [rng.uniform(-half, half, (TRUNKS, 2)), rng.uniform(0.1, 0.4, TRUNKS)]
+        )
         ends = np.array([[-60.0, -60.0], [60.0, 60.0]])
         clear = np.hypot(*(self._trunks[:, None, :2] - ends).transpose(2, 0, 1)).min(axis=1) > 3.0
         self._trunks = self._trunks[clear]
@@ -101,7 +123,9 @@ class _Forest:
         eye = pose.matrix() @ T_BASE_CAMERA
         near = self._trunks[np.hypot(*(self._trunks[:, :2] - eye[:2, 3]).T) < 9.0]
         lens = self._lens
-        depth = _trace(near, eye, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), lens.height, lens.width)
+        depth = _trace(
+            near, eye, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), lens.height, lens.width
+        )
         depth += 0.002 * depth**2 * self._rng.standard_normal(depth.shape, dtype=np.float32)
         rgb = np.full((lens.height, lens.width, 3), 120, dtype=np.uint8)
         rgb.flags.writeable = depth.flags.writeable = False
@@ -118,7 +142,11 @@ class _Forest:
 
 @numba.njit(cache=True)
 def _trace(
-    trunks: npt.NDArray[np.float64], t: npt.NDArray[np.float64], lens: npt.NDArray[np.float64], height: int, width: int
+    trunks: npt.NDArray[np.float64],
+    t: npt.NDArray[np.float64],
+    lens: npt.NDArray[np.float64],
+    height: int,
+    width: int,
 ) -> npt.NDArray[np.float32]:
     """(H, W) depth of the floor or of the nearest trunk, 0 beyond 8 m."""
     depth = np.zeros((height, width), dtype=np.float32)
@@ -130,7 +158,11 @@ def _trace(
             nearest = -t[2, 3] / dz if dz < -1e-9 else np.inf
             for k in range(len(trunks)):
                 x, y = t[0, 3] - trunks[k, 0], t[1, 3] - trunks[k, 1]
-                square, half, rest = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - trunks[k, 2] ** 2
+                square, half, rest = (
+                    dx * dx + dy * dy,
+                    x * dx + y * dy,
+                    x * x + y * y - trunks[k, 2] ** 2,
+                )
                 root = half * half - square * rest
                 if root > 0.0:
                     hit = (-half - math.sqrt(root)) / square
@@ -144,7 +176,9 @@ def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
     rules = ObservationConfig()
     start = time.perf_counter()
     looked = depth_view(frame, spec, rules.max_range_m)
-    measured_voxels(looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support)
+    measured_voxels(
+        looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
+    )
     return time.perf_counter() - start
 
 

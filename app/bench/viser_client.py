@@ -1,4 +1,5 @@
-"""As much of a viser client as figures and tests need: to be taken for a browser, and to read which nodes a frame speaks of."""
+"""As much of a viser client as figures and tests need: to be taken for a browser, and to read which
+nodes a frame speaks of."""
 
 from __future__ import annotations
 
@@ -26,5 +27,7 @@ def camera() -> bytes:
 def names_in(frame: bytes) -> set[str]:
     """Names of the scene nodes that a frame of viser speaks of."""
     size = int.from_bytes(frame[8:16], "little")
-    messages: Any = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
+    messages: Any = msgspec.msgpack.decode(
+        zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size])
+    )["messages"]
     return {str(message["name"]) for message in messages if "name" in message}

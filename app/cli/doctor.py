@@ -10,7 +10,17 @@ from collections.abc import Iterator
 
 import typer
 
-PACKAGES = ("numpy", "numba", "opencv-python-headless", "torch", "pybullet", "viser", "fastapi", "uvicorn", "shapely")
+PACKAGES = (
+    "numpy",
+    "numba",
+    "opencv-python-headless",
+    "torch",
+    "pybullet",
+    "viser",
+    "fastapi",
+    "uvicorn",
+    "shapely",
+)
 FASTER = ("onnx", "onnxruntime", "openvino")
 TRIAL_S = 1.0
 
@@ -30,7 +40,10 @@ def examine() -> int:
         _say(*line)
     found = shutil.which("chromium")
     _say(
-        bool(found), f"chromium {found}" if found else "chromium is missing, needed for browser tests: apt-get install chromium"
+        bool(found),
+        f"chromium {found}"
+        if found
+        else "chromium is missing, needed for browser tests: apt-get install chromium",
     )
     return 1 if missing else 0
 
@@ -42,7 +55,10 @@ def _renderer() -> tuple[bool, str]:
     with Simulator(load_scenario("empty_room"), seed=0) as simulator:
         if simulator.renderer == "egl":
             return True, "camera renderer: EGL"
-    return False, "camera renderer: TINY, slower; for EGL: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+    return (
+        False,
+        "camera renderer: TINY, slower; for EGL: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri",
+    )
 
 
 def _segmentation() -> Iterator[tuple[bool, str]]:
@@ -57,7 +73,9 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
             there,
             f"{package} {importlib.metadata.version(package)}"
             if there
-            else (f"{package} is missing; not needed, but the network runs faster with it: pip install 'bewarenav[fast]'"),
+            else (
+                f"{package} is missing; not needed, but the network runs faster with it: pip install 'bewarenav[fast]'"
+            ),
         )
     what, trials = measure_segmenter(trial_s=TRIAL_S)
     yield True, f"measured {what}"

@@ -56,13 +56,18 @@ cli.command()(plan)
 cli.command()(replay)
 cli.command()(evaluate)
 cli.command()(compare)
-ScenarioOption = Annotated[str, typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file.")]
+ScenarioOption = Annotated[
+    str,
+    typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file."),
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same run.")]
 
 
 def main() -> None:
     """Run the command line; refusals of this project become one line and exit code 2."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logging.basicConfig(
+        level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s"
+    )
     for chatty in ("httpx", "websockets", "viser", "trimesh", "matplotlib"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
@@ -75,12 +80,19 @@ def main() -> None:
 def console(
     scenario: ScenarioOption = "office",
     recording: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Play a recording, as for `replay`, instead of the simulated robot.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Play a recording, as for `replay`, instead of the simulated robot."
+        ),
     ] = None,
     level: LevelOption = False,
-    host: Annotated[str, typer.Option(help="Address to listen on; anything but loopback asks for a login.")] = "127.0.0.1",
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; anything but loopback asks for a login.")
+    ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8000,
-    data: Annotated[Path, typer.Option(metavar="DIR", help="Where zones, beware list and runs are kept.")] = Path("data"),
+    data: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where zones, beware list and runs are kept.")
+    ] = Path("data"),
     seed: SeedOption = 0,
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
@@ -88,9 +100,12 @@ def console(
     prior: PriorOption = None,
     kept: KeptOption = None,
     navigation: NavigationOption = None,
-    login: Annotated[bool, typer.Option("--login", help="Ask for a login on loopback too.")] = False,
+    login: Annotated[
+        bool, typer.Option("--login", help="Ask for a login on loopback too.")
+    ] = False,
     unattended: Annotated[
-        Literal["go on", "pause"], typer.Option(help="What a mission does when whoever was in control has gone silent.")
+        Literal["go on", "pause"],
+        typer.Option(help="What a mission does when whoever was in control has gone silent."),
     ] = "go on",
 ) -> None:
     """Start the operator console with the simulated robot, or before a recording."""
@@ -122,11 +137,20 @@ def console(
 @cli.command()
 def drive(
     scenario: ScenarioOption = "office",
-    goal: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Metres of the map frame; repeat for more.")] = None,
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="Metres of the map frame; repeat for more."),
+    ] = None,
     seed: SeedOption = 0,
-    max_time: Annotated[float, typer.Option(metavar="S", min=1.0, help="Simulated seconds after which to give up.")] = 600.0,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the episode report here.")] = None,
-    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write plots of the episode here.")] = None,
+    max_time: Annotated[
+        float, typer.Option(metavar="S", min=1.0, help="Simulated seconds after which to give up.")
+    ] = 600.0,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the episode report here.")
+    ] = None,
+    plots: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write plots of the episode here.")
+    ] = None,
     beware: BewareOption = None,
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
@@ -138,7 +162,8 @@ def drive(
     zones: ZonesOption = None,
     ablation: AblationOption = Ablation.NONE,
 ) -> None:
-    """Drive a mission without a console, as fast as the machine allows; exit code 0 only without any violation."""
+    """Drive a mission without a console, as fast as the machine allows; exit code 0 only without
+    any violation."""
     from app.episode.keyframes import Keyframes
     from app.episode.task import Task, episode_of
     from app.evaluation.plots import plot_episode
@@ -149,21 +174,40 @@ def drive(
     from sim.scenario.load import load_scenario
 
     goals = tuple(point(text, "--goal") for text in goal or [])
-    for folder in [*(file.parent for file in (report, kept) if file is not None), *([plots] if plots else [])]:
+    for folder in [
+        *(file.parent for file in (report, kept) if file is not None),
+        *([plots] if plots else []),
+    ]:
         prepare(folder)
     about = Task(
-        scenario=load_scenario(scenario), goals=goals, random=random, zones=zones, ablation=ablation, max_time_s=max_time
+        scenario=load_scenario(scenario),
+        goals=goals,
+        random=random,
+        zones=zones,
+        ablation=ablation,
+        max_time_s=max_time,
     )
     listed, config = beware_list(beware), None if navigation is None else load_config(navigation)
     # After what can be wrong at a glance: trying the engines takes seconds.
     perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
-    episode = episode_of(about, seed, robot=HUSKY, beware=listed, perception=perception, config=config)
+    episode = episode_of(
+        about, seed, robot=HUSKY, beware=listed, perception=perception, config=config
+    )
     try:
         album = Keyframes(episode)
         load_map(episode.pilot.navigator.map, listed, prior=prior, kept=kept)
-        with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Terminal(stderr=True)) as bar:
+        with Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            console=Terminal(stderr=True),
+        ) as bar:
             shown = bar.add_task("starting", total=1.0)
-            result = episode.run(lambda progress: bar.update(shown, description=progress.text(), completed=progress.share))
+            result = episode.run(
+                lambda progress: bar.update(
+                    shown, description=progress.text(), completed=progress.share
+                )
+            )
         if report is not None:
             report.write_text(json.dumps(result, indent=1), encoding="utf-8")
         save_map(episode.pilot.navigator.map, listed, kept)
@@ -181,11 +225,14 @@ def drive(
 
 @cli.command()
 def bench(
-    part: Annotated[list[BenchPart] | None, typer.Argument(help="What to measure; everything if left out.")] = None,
+    part: Annotated[
+        list[BenchPart] | None, typer.Argument(help="What to measure; everything if left out.")
+    ] = None,
     scenario: ScenarioOption = "office",
     seconds: Annotated[float, typer.Option(min=1.0, help="Simulated seconds to drive.")] = 30.0,
 ) -> None:
-    """Print this machine's figures: a drive, a tick on a large map, planners, segmentation by engine, a live map."""
+    """Print this machine's figures: a drive, a tick on a large map, planners, segmentation by
+    engine, a live map."""
     from app.bench.main import run_bench
 
     run_bench(part or list(BenchPart), scenario, seconds)
@@ -193,10 +240,15 @@ def bench(
 
 @cli.command()
 def reliability(
-    row: Annotated[list[int] | None, typer.Option(min=1, max=25, help="Only this row; repeat for more.")] = None,
-    factor: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")] = 1.0,
+    row: Annotated[
+        list[int] | None, typer.Option(min=1, max=25, help="Only this row; repeat for more.")
+    ] = None,
+    factor: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")
+    ] = 1.0,
 ) -> None:
-    """Measure the promises of the reliability page and print them; exit code 0 only when all are met."""
+    """Measure the promises of the reliability page and print them; exit code 0 only when all are
+    met."""
     from tests.reliability.main import measure_reliability
 
     sys.exit(measure_reliability(rows=frozenset(row or ()), factor=factor))

@@ -1,4 +1,5 @@
-"""What the commands share: options, points given as text, and places to write to. Imports nothing that takes a second."""
+"""What the commands share: options, points given as text, and places to write to. Imports nothing
+that takes a second."""
 
 from __future__ import annotations
 
@@ -15,24 +16,50 @@ from navcore.mission.beware_list import BewareList, default_beware_list, load_be
 
 PriorOption = Annotated[
     Path | None,
-    typer.Option("--prior", metavar="MAP.yaml", help="A Nav2 map; its obstacles count until the camera sees their floor free."),
+    typer.Option(
+        "--prior",
+        metavar="MAP.yaml",
+        help="A Nav2 map; its obstacles count until the camera sees their floor free.",
+    ),
 ]
 NavigationOption = Annotated[
-    Path | None, typer.Option("--navigation", metavar="FILE.toml", help="How the navigation is set, where not as it comes.")
+    Path | None,
+    typer.Option(
+        "--navigation",
+        metavar="FILE.toml",
+        help="How the navigation is set, where not as it comes.",
+    ),
 ]
 LevelOption = Annotated[
-    bool, typer.Option("--level", help="The poses' world of a recording has z up and its floor at 0: look for none.")
+    bool,
+    typer.Option(
+        "--level",
+        help="The poses' world of a recording has z up and its floor at 0: look for none.",
+    ),
 ]
 KeptOption = Annotated[
     Path | None,
-    typer.Option("--map", metavar="FILE", help="The map of an earlier session: loaded if it is there, kept there at the end."),
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        help="The map of an earlier session: loaded if it is there, kept there at the end.",
+    ),
 ]
 
-BewareOption = Annotated[Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")]
-RandomOption = Annotated[bool, typer.Option("--random", help="Each seed draws a start and a goal that can be reached.")]
+BewareOption = Annotated[
+    Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")
+]
+RandomOption = Annotated[
+    bool, typer.Option("--random", help="Each seed draws a start and a goal that can be reached.")
+]
 ZonesOption = Annotated[
     int | None,
-    typer.Option("--zones", min=0, max=8, help="The operator's zones that each seed draws across the way; 2 with --random."),
+    typer.Option(
+        "--zones",
+        min=0,
+        max=8,
+        help="The operator's zones that each seed draws across the way; 2 with --random.",
+    ),
 ]
 
 
@@ -42,7 +69,11 @@ def beware_list(path: Path | None) -> BewareList:
 
 
 AblationOption = Annotated[
-    Ablation, typer.Option("--ablation", help="Leave a part of the navigation out, or give it the simulator's own labels.")
+    Ablation,
+    typer.Option(
+        "--ablation",
+        help="Leave a part of the navigation out, or give it the simulator's own labels.",
+    ),
 ]
 
 

@@ -18,22 +18,35 @@ if TYPE_CHECKING:
 
 def replay(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="poses.txt, camera-intrinsics.txt, frame-NNNNNN.{color,depth}.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="poses.txt, camera-intrinsics.txt, frame-NNNNNN.{color,depth}."
+        ),
     ],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write replay.json and the map (map.npz) here.")] = None,
-    goal: Annotated[str | None, typer.Option(metavar="X,Y", help="Plan to here; else to where the camera began.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write replay.json and the map (map.npz) here."),
+    ] = None,
+    goal: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y", help="Plan to here; else to where the camera began."),
+    ] = None,
     reference: Annotated[
-        Path | None, typer.Option(metavar="FILE.npz", help="Free and occupied voxels to compare with.")
+        Path | None,
+        typer.Option(metavar="FILE.npz", help="Free and occupied voxels to compare with."),
     ] = None,
     picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False,
-    robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="Whose size the path is for.")] = "husky",
+    robot: Annotated[
+        str, typer.Option(metavar="NAME|FILE.toml", help="Whose size the path is for.")
+    ] = "husky",
     every: Annotated[int, typer.Option(min=1, max=1000, help="Only every so manieth frame.")] = 1,
     level: LevelOption = False,
     segmenter: KindOption = "auto",
     weights: WeightsOption = None,
     backend: BackendOption = "auto",
 ) -> None:
-    """Build the map of a recording, frame by frame as a robot would, plan on it and say how well it agrees with a reference."""
+    """Build the map of a recording, frame by frame as a robot would, plan on it and say how well it
+    agrees with a reference."""
     import numpy as np
     from rich.console import Console as Terminal
     from rich.progress import Progress
@@ -80,7 +93,10 @@ def replay(
         write_whole(out / "replay.json", json.dumps(report, indent=1).encode())
         save_map(replayed.navigator.map, beware, out / "map.npz")
     if out is not None and picture:
-        write_whole(out / "replay.png", draw_replay(recording, replayed, known, config, title="\n".join(lines)))
+        write_whole(
+            out / "replay.png",
+            draw_replay(recording, replayed, known, config, title="\n".join(lines)),
+        )
     typer.echo("\n".join(lines))
 
 

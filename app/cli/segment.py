@@ -24,17 +24,31 @@ OPACITY = 0.55
 
 
 def segment(
-    weights: Annotated[Path, typer.Argument(metavar="MODEL.safetensors", help="A trained or converted network.")],
+    weights: Annotated[
+        Path, typer.Argument(metavar="MODEL.safetensors", help="A trained or converted network.")
+    ],
     rgb: Annotated[Path | None, typer.Option("--rgb", help="A picture, PNG or JPEG.")] = None,
     depth: Annotated[Path | None, typer.Option("--depth", help="Its depth, 16-bit PNG.")] = None,
-    units_per_m: Annotated[float, typer.Option(help="Of the depth PNG; 1000 = millimetres.", min=1e-3, max=1e6)] = 1000.0,
-    data: Annotated[Path | None, typer.Option("--data", metavar="DIR", help="A data set instead of one picture.")] = None,
+    units_per_m: Annotated[
+        float, typer.Option(help="Of the depth PNG; 1000 = millimetres.", min=1e-3, max=1e6)
+    ] = 1000.0,
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="DIR", help="A data set instead of one picture."),
+    ] = None,
     split: Annotated[str, typer.Option(help="Of the data set: train, valid or test.")] = "test",
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write overlays and masks here.")] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Working size; else the one it was trained at.")] = "",
-    mirrored_too: Annotated[bool, typer.Option("--mirrored-too", help="Average with the mirrored picture.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write overlays and masks here.")
+    ] = None,
+    size: Annotated[
+        str, typer.Option(metavar="WxH", help="Working size; else the one it was trained at.")
+    ] = "",
+    mirrored_too: Annotated[
+        bool, typer.Option("--mirrored-too", help="Average with the mirrored picture.")
+    ] = False,
 ) -> None:
-    """Label a picture pair or a data set's split; with labels at hand, print the IoU of every class."""
+    """Label a picture pair or a data set's split; with labels at hand, print the IoU of every
+    class."""
     import torch
 
     from navcore.learning.training.evaluation import Looking
@@ -51,7 +65,14 @@ def segment(
         _picture(trained, looking, rgb, depth, units_per_m, out)
 
 
-def _picture(trained: TrainedNetwork, looking: Looking, rgb: Path, depth: Path, units_per_m: float, out: Path | None) -> None:
+def _picture(
+    trained: TrainedNetwork,
+    looking: Looking,
+    rgb: Path,
+    depth: Path,
+    units_per_m: float,
+    out: Path | None,
+) -> None:
     import numpy as np
 
     from navcore.learning.data.card import Sample, check_sample
@@ -62,7 +83,9 @@ def _picture(trained: TrainedNetwork, looking: Looking, rgb: Path, depth: Path, 
     scaled = np.rint(distances * (trained.card.depth.units_per_m / units_per_m))
     distances = np.minimum(scaled, np.iinfo(np.uint16).max).astype(np.uint16)
     sample = Sample(rgb=colours, depth=distances, labels=np.zeros(distances.shape, dtype=np.uint8))
-    check_sample(sample.rgb, sample.depth, sample.labels, trained.card.num_classes, f"{rgb}, {depth}")
+    check_sample(
+        sample.rgb, sample.depth, sample.labels, trained.card.num_classes, f"{rgb}, {depth}"
+    )
     (classes,) = predict(trained.network, [sample], looking, trained.card.depth)
     for index in np.argsort(-np.bincount(classes.ravel(), minlength=trained.card.num_classes)):
         share = float((classes == index).mean())
@@ -72,7 +95,9 @@ def _picture(trained: TrainedNetwork, looking: Looking, rgb: Path, depth: Path, 
         _draw(out, rgb.stem, sample, classes)
 
 
-def _data_set(trained: TrainedNetwork, looking: Looking, data: Path, split: str, out: Path | None) -> None:
+def _data_set(
+    trained: TrainedNetwork, looking: Looking, data: Path, split: str, out: Path | None
+) -> None:
     import numpy as np
 
     from app.learning.report import figures, show

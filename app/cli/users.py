@@ -1,4 +1,5 @@
-"""`bewarenav users`: who may log in. The console may be running meanwhile; it hears of changes within a second."""
+"""`bewarenav users`: who may log in. The console may be running meanwhile; it hears of changes
+within a second."""
 
 from __future__ import annotations
 
@@ -17,10 +18,14 @@ if TYPE_CHECKING:
     from web.access.users import User
 
 users_cli = typer.Typer(help="Who may log in to the console.", no_args_is_help=True)
-DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="The console's data folder.")]
+DataOption = Annotated[
+    Path, typer.Option("--data", metavar="DIR", help="The console's data folder.")
+]
 RoleOption = Annotated[
     Literal["viewer", "operator", "admin"],
-    typer.Option(help="viewer: look and stop; operator: drive and edit as well; admin: users as well."),
+    typer.Option(
+        help="viewer: look and stop; operator: drive and edit as well; admin: users as well."
+    ),
 ]
 NameArgument = Annotated[str, typer.Argument(metavar="NAME")]
 
@@ -41,7 +46,9 @@ def list_users(data: DataOption = Path("data")) -> None:
     """Print who may log in."""
     with _users(data) as users:
         for user in users.all():
-            typer.echo(f"{user.name:20} {user.role:10} {'token' if user.token_hash else ''}".rstrip())
+            typer.echo(
+                f"{user.name:20} {user.role:10} {'token' if user.token_hash else ''}".rstrip()
+            )
 
 
 @users_cli.command("remove")
@@ -78,7 +85,8 @@ def change_role(
 
 @users_cli.command("token")
 def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
-    """Print a bearer token for a program that acts as NAME; it is shown this once, and the one before it is void."""
+    """Print a bearer token for a program that acts as NAME; it is shown this once, and the one
+    before it is void."""
     from web.access.users import new_token
 
     token, token_hash = new_token()

@@ -1,4 +1,5 @@
-"""`bewarenav weights`: convert an official ESANet checkpoint once, and say what a weights file holds."""
+"""`bewarenav weights`: convert an official ESANet checkpoint once, and say what a weights file
+holds."""
 
 from __future__ import annotations
 
@@ -14,12 +15,16 @@ if TYPE_CHECKING:  # at run time these would make every command wait for torch
     from navcore.learning.training.evaluation import Looking
     from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 
-weights_cli = typer.Typer(help="Trained ESANet networks: convert an official checkpoint, say what a file holds.")
+weights_cli = typer.Typer(
+    help="Trained ESANet networks: convert an official checkpoint, say what a file holds."
+)
 
 
 @weights_cli.command()
 def convert(
-    source: Annotated[Path, typer.Argument(help="Official checkpoint (.pth) with 37 or 40 classes.")],
+    source: Annotated[
+        Path, typer.Argument(help="Official checkpoint (.pth) with 37 or 40 classes.")
+    ],
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
 ) -> None:
     """Read a checkpoint without executing anything in it and write it as safetensors with its hash."""
@@ -45,10 +50,14 @@ def halve(
 def calibrate(
     source: Annotated[Path, typer.Argument(help="A trained .safetensors file.")],
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
-    data: Annotated[Path, typer.Option(metavar="DIR", help="A data set that it was not trained on the split of.")],
+    data: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="A data set that it was not trained on the split of."),
+    ],
     split: Annotated[str, typer.Option(help="The split to do best on.")] = "valid",
 ) -> None:
-    """Shift the classes' logits so that the mean IoU of a split is largest, and scale them: as sure as it is right."""
+    """Shift the classes' logits so that the mean IoU of a split is largest, and scale them: as sure
+    as it is right."""
     from navcore.learning.training.calibration import calibrate as shift
     from navcore.perception.esanet.weights import weights_file as weights
 
@@ -64,20 +73,31 @@ def calibrate(
 def quantise(
     source: Annotated[Path, typer.Argument(help="A trained .safetensors file.")],
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
-    data: Annotated[Path, typer.Option(metavar="DIR", help="A data set that it was not trained on the split of.")],
+    data: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="A data set that it was not trained on the split of."),
+    ],
     split: Annotated[str, typer.Option(help="The split to measure on.")] = "valid",
-    most_lost: Annotated[float, typer.Option(help="Mean IoU that may be lost; else nothing is written.", min=0, max=1)] = 0.01,
+    most_lost: Annotated[
+        float,
+        typer.Option(help="Mean IoU that may be lost; else nothing is written.", min=0, max=1),
+    ] = 0.01,
 ) -> None:
-    """Measure on pictures what ranges eight bits must hold, and what they cost; engines may run the network in them then."""
+    """Measure on pictures what ranges eight bits must hold, and what they cost; engines may run the
+    network in them then."""
     from navcore.errors import BadConfiguration
     from navcore.learning.training.quantisation import quantise as measure
     from navcore.perception.esanet.weights import weights_file as weights
 
     trained, pictures, looking = _shown(source, target, data, split)
     found = measure(trained.network, pictures, looking)
-    typer.echo(f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}")
+    typer.echo(
+        f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}"
+    )
     if math.isnan(found.mean_iou):
-        raise BadConfiguration(f"{data}: the pictures of {split} have no labels, so nothing can be measured")
+        raise BadConfiguration(
+            f"{data}: the pictures of {split} have no labels, so nothing can be measured"
+        )
     if found.mean_iou - found.mean_iou_in_bytes > most_lost:
         raise BadConfiguration(f"eight bits cost more than {most_lost:g}: {target} was not written")
     kept = len(found.ranges) - found.ranges.count(0.0)
@@ -86,15 +106,20 @@ def quantise(
 
 
 @weights_cli.command()
-def info(path: Annotated[Path, typer.Argument(help="A converted or shipped .safetensors file.")]) -> None:
+def info(
+    path: Annotated[Path, typer.Argument(help="A converted or shipped .safetensors file.")],
+) -> None:
     """Check that a file is whole and say what network it holds."""
     from navcore.perception.esanet.weights import weights_file as weights
 
     _say(weights.load(path).card)
 
 
-def _shown(source: Path, target: Path, data: Path, split: str) -> tuple[TrainedNetwork, Pictures, Looking]:
-    """A network, the pictures of a split, and how it looks at them; raises `BadConfiguration` where they do not fit."""
+def _shown(
+    source: Path, target: Path, data: Path, split: str
+) -> tuple[TrainedNetwork, Pictures, Looking]:
+    """A network, the pictures of a split, and how it looks at them; raises `BadConfiguration` where
+    they do not fit."""
     from navcore.errors import BadConfiguration
     from navcore.learning.data.dataset import dataset_for
     from navcore.learning.training.batches import Pictures
@@ -114,7 +139,11 @@ def _shown(source: Path, target: Path, data: Path, split: str) -> tuple[TrainedN
 
 
 def _say(card: WeightsCard) -> None:
-    typer.echo(f"{card.variant}, width {card.width:g}, {card.num_classes} classes: {', '.join(card.class_names)}")
+    typer.echo(
+        f"{card.variant}, width {card.width:g}, {card.num_classes} classes: {', '.join(card.class_names)}"
+    )
     typer.echo(f"depth: {card.depth}")
     typer.echo(f"made from sha256 {card.source_sha256}")
-    typer.echo("runs in eight bits where an engine can" if card.ranges is not None else "not quantised")
+    typer.echo(
+        "runs in eight bits where an engine can" if card.ranges is not None else "not quantised"
+    )

@@ -1,4 +1,5 @@
-"""The operator console of a robot, simulated or recorded: builds the parts, joins them, takes them down in the right order."""
+"""The operator console of a robot, simulated or recorded: builds the parts, joins them, takes them
+down in the right order."""
 
 from __future__ import annotations
 
@@ -90,13 +91,18 @@ class ConsoleOptions:
 
 
 @contextmanager
-def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> Iterator[RunningConsole]:
-    """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand before anything goes."""
+def console(
+    options: ConsoleOptions, *, listener: socket.socket | None = None
+) -> Iterator[RunningConsole]:
+    """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand
+    before anything goes."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or taken_port(options.host, options.port))
-        config = NavigatorConfig() if options.navigation is None else load_config(options.navigation)
+        config = (
+            NavigatorConfig() if options.navigation is None else load_config(options.navigation)
+        )
         store = Store(options.data)
         stack.callback(store.close)
         perception = compose(options.choice)
@@ -106,11 +112,17 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
         stack.callback(robot.close)
         pilot, began_ns = _pilot(store, back_end.spec, perception, config), robot.now_ns()
         if back_end.faults:
-            sabotage = FaultInjector(pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
+            sabotage = FaultInjector(
+                pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9
+            )
             sabotage.take_time(time.sleep)
         load_map(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
-        stack.callback(lambda: save_map(pilot.navigator.map, pilot.intent.beware, options.kept))  # when the loop has stopped
-        recorder = Recorder(pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name)
+        stack.callback(
+            lambda: save_map(pilot.navigator.map, pilot.intent.beware, options.kept)
+        )  # when the loop has stopped
+        recorder = Recorder(
+            pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name
+        )
         stack.callback(recorder.close)
         recorder.watch_zones(pilot.intent.zones)
         operations = LiveOperations(
@@ -129,14 +141,21 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
         stack.callback(expiry.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
-        loop = ControlLoop(robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
+        loop = ControlLoop(
+            robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict
+        )
         loop.start()
         stack.callback(loop.stop)
         locked = options.login or options.host not in LOOPBACK
         password = _first_admin(store) if locked else None
         access = Access.by_login(store.users, store.audit) if locked else Access(ledger=store.audit)
         server = ConsoleServer(
-            operations, options.host, options.port, listener=listener, access=access, unattended=options.unattended
+            operations,
+            options.host,
+            options.port,
+            listener=listener,
+            access=access,
+            unattended=options.unattended,
         )
         server.start()
         stack.callback(server.stop)
@@ -145,7 +164,8 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
 
 
 def _first_admin(store: Store) -> str | None:
-    """Where nobody can log in yet, somebody can from now on: the password, which is kept as a hash only."""
+    """Where nobody can log in yet, somebody can from now on: the password, which is kept as a hash
+    only."""
     if store.users.all():
         return None
     password = secrets.token_urlsafe(12)
@@ -159,10 +179,14 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
     return simulated(options.scenario, seed=options.seed, profile=HUSKY)
 
 
-def _pilot(store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig) -> RobotController:
+def _pilot(
+    store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig
+) -> RobotController:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
     navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=config)
-    intent = OperatorState(mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones())
+    intent = OperatorState(
+        mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones()
+    )
     return RobotController(navigator=navigator, profile=HUSKY, intent=intent)
 
 
@@ -174,5 +198,8 @@ def run_console(options: ConsoleOptions, *, listener: socket.socket | None = Non
     with console(options, listener=listener) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
-            print(f"Log in as admin with the password {running.password} - it is shown this once.", flush=True)
+            print(
+                f"Log in as admin with the password {running.password} - it is shown this once.",
+                flush=True,
+            )
         ended.wait()

@@ -1,4 +1,5 @@
-"""What the console can be put before: the simulated robot in a world, or a recording that plays as one."""
+"""What the console can be put before: the simulated robot in a world, or a recording that plays as
+one."""
 
 from __future__ import annotations
 
@@ -39,19 +40,25 @@ class BackEnd:
 
 
 def simulated(scenario: str, *, seed: int, profile: RobotProfile) -> BackEnd:
-    """The simulated robot in a process of its own; raises `SimulatorFailed` when it does not come up."""
+    """The simulated robot in a process of its own; raises `SimulatorFailed` when it does not come
+    up."""
     world = load_scenario(scenario)
     robot = SimulatorProcess(scenario, seed=seed, profile=profile)
-    return BackEnd(robot=robot, spec=map_grid(world), name=world.name, referee=robot, faults=world.faults)
+    return BackEnd(
+        robot=robot, spec=map_grid(world), name=world.name, referee=robot, faults=world.faults
+    )
 
 
 def recorded(folder: Path, *, config: NavigatorConfig, level: bool = False) -> BackEnd:
-    """A recording that plays back and forth; its wheels are nowhere. `level`: its world has z up and the floor at 0.
+    """A recording that plays back and forth; its wheels are nowhere. `level`: its world has z up
+    and the floor at 0.
 
     Raises `BadConfiguration` naming the file for what is no recording.
     """
     recording = open_recording(folder)
     T_map_world = np.eye(4) if level else find_floor(recording)
-    spec = map_around(recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M)
+    spec = map_around(
+        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
+    )
     robot = ReplayRobot(recording, T_map_world, back_and_forth=True)
     return BackEnd(robot=robot, spec=spec, name=f"recording {folder.resolve().name}")

@@ -21,7 +21,8 @@ class BewareEditor:
         put: Callable[[BewareList], None],
         finds: Callable[[BewareClass], LabelSource],
     ) -> None:
-        """`present` is the list in force, `save` stores another, `put` puts it in force; `finds` asks the segmenter."""
+        """`present` is the list in force, `save` stores another, `put` puts it in force; `finds`
+        asks the segmenter."""
         self._present, self._save, self._put, self._finds = present, save, put, finds
         self._editing = threading.Lock()
 
@@ -34,7 +35,9 @@ class BewareEditor:
         """What finds an entry in the pictures."""
         return self._finds(entry)
 
-    def edit(self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None) -> BewareList:
+    def edit(
+        self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
+    ) -> BewareList:
         """Change fields of one class."""
         with self._editing:
             return self._kept(self._expected(expected_version).edited(name, **changes))
@@ -47,7 +50,9 @@ class BewareEditor:
     def _expected(self, version: int | None) -> BewareList:
         beware = self._present()
         if version is not None and version != beware.version:
-            raise Outdated(f"the beware list is at version {beware.version}, the edit was made on {version}")
+            raise Outdated(
+                f"the beware list is at version {beware.version}, the edit was made on {version}"
+            )
         return beware
 
     def _kept(self, beware: BewareList) -> BewareList:

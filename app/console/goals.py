@@ -25,13 +25,22 @@ class Goals:
         change: Callable[[Callable[[Mission], Mission]], Mission],
         check: Callable[[float, float], None],
     ) -> None:
-        """`present` is the mission now, `change` replaces it, `check` refuses a place where the robot could not stand."""
-        self._spec, self._shelf, self._present, self._change, self._check = spec, shelf, present, change, check
+        """`present` is the mission now, `change` replaces it, `check` refuses a place where the
+        robot could not stand."""
+        self._spec, self._shelf, self._present, self._change, self._check = (
+            spec,
+            shelf,
+            present,
+            change,
+            check,
+        )
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """Queue a goal; refused where the robot could not stand as far as the map is known."""
         self._standable(x_m, y_m)
-        return self._change(lambda mission: mission.add(x_m, y_m, self._spec, yaw_rad=yaw_rad, name=name)).queue[-1]
+        return self._change(
+            lambda mission: mission.add(x_m, y_m, self._spec, yaw_rad=yaw_rad, name=name)
+        ).queue[-1]
 
     def change(self, goal_id: int, changes: Mapping[str, object]) -> Goal:
         """Move, turn or rename a waiting goal."""
@@ -43,7 +52,9 @@ class Goals:
             # Looked at before the mission is locked: the command thread must not wait for it.
             goal = changed(self._present())
             self._standable(goal.x_m, goal.y_m)
-        return self._change(lambda mission: mission.change(changed(mission), self._spec)).waiting(goal_id)
+        return self._change(lambda mission: mission.change(changed(mission), self._spec)).waiting(
+            goal_id
+        )
 
     def order(self, ids: Sequence[int]) -> None:
         """Drive to the waiting goals in this order."""

@@ -1,4 +1,5 @@
-"""The console's port, satisfied: operators' intents go to the pilot and the store, snapshots come from the newest tick."""
+"""The console's port, satisfied: operators' intents go to the pilot and the store, snapshots come
+from the newest tick."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ class LiveOperations:
         labelling: FilePath,
         config: NavigatorConfig,
     ) -> None:
-        """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing else asks for it."""
+        """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing
+        else asks for it."""
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
         self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._stopwatch = Stopwatch(pilot.navigator)
@@ -79,7 +81,9 @@ class LiveOperations:
             change=pilot.change_mission,
             check=self._check_goal,
         )
-        self.zones = ZoneEditor(pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s)
+        self.zones = ZoneEditor(
+            pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s
+        )
         self.beware = BewareEditor(
             present=lambda: pilot.intent.beware,
             save=store.save_beware,
@@ -146,7 +150,9 @@ class LiveOperations:
             command=verdict.twist,
             queue=intent.mission.queue,
             reached=intent.mission.reached,
-            distance_to_goal_m=_length_m(decision) if intent.mission.phase is not Phase.IDLE else None,
+            distance_to_goal_m=_length_m(decision)
+            if intent.mission.phase is not Phase.IDLE
+            else None,
             travelled_m=self._recorder.travelled_m,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
@@ -175,7 +181,9 @@ class LiveOperations:
 
         def edit(intent: OperatorState) -> OperatorState:
             if intent.stopped_by is not None and action in ("start", "resume", "leave"):
-                raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
+                raise Refused(
+                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
+                )
             return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
 
         self._pilot.change(edit)
@@ -189,7 +197,9 @@ class LiveOperations:
 
         def edit(intent: OperatorState) -> OperatorState:
             if intent.stopped_by is not None:
-                raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
+                raise Refused(
+                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
+                )
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
             return dataclasses.replace(intent, by_hand=command, mission=mission)
 
@@ -201,7 +211,9 @@ class LiveOperations:
         def edit(intent: OperatorState) -> OperatorState:
             driving = intent.mission.phase in MOVING
             mission = intent.mission.pause() if driving else intent.mission
-            return dataclasses.replace(intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None)
+            return dataclasses.replace(
+                intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None
+            )
 
         self._pilot.change(edit)
         # The command thread would send it within its period; the wheels need not wait for that.
@@ -212,7 +224,11 @@ class LiveOperations:
 
         def edit(intent: OperatorState) -> OperatorState:
             doubted = self._pilot.pose_in_doubt and intent.mission.phase in MOVING
-            return dataclasses.replace(intent, stopped_by=None, mission=intent.mission.pause() if doubted else intent.mission)
+            return dataclasses.replace(
+                intent,
+                stopped_by=None,
+                mission=intent.mission.pause() if doubted else intent.mission,
+            )
 
         self._pilot.change(edit)
         self._pilot.trust_pose()
@@ -255,23 +271,38 @@ class LiveOperations:
             raise Refused("there is no map yet; the camera has not delivered a picture")
         grid, spec = decision.occupancy.grid, navigator.map.spec
         goal = place_on(grid, target, "goal")
-        pose = decision.frame.pose if draft.start is None else standing_at(place_on(grid, draft.start, "start"))
-        zone = None if draft.zone is None else self.zones.checked(draft.zone, zone_id="draft", version=1)
+        pose = (
+            decision.frame.pose
+            if draft.start is None
+            else standing_at(place_on(grid, draft.start, "start"))
+        )
+        zone = (
+            None
+            if draft.zone is None
+            else self.zones.checked(draft.zone, zone_id="draft", version=1)
+        )
 
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
             route = navigator.preview(navigator.drafted(grid), pose, goal)
             if isinstance(route.outcome, NoPath):
-                return PathPreview(outcome=route.outcome, points=route.points, length_m=None, time_s=None)
+                return PathPreview(
+                    outcome=route.outcome, points=route.points, length_m=None, time_s=None
+                )
             yaw_rad = pose.yaw_rad if draft.start is None else None
             time_s = navigator.travel_time_s(route, zones, start_yaw_rad=yaw_rad)
             length_m = route.outcome.length * spec.resolution_m
-            return PathPreview(outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s)
+            return PathPreview(
+                outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s
+            )
 
         return compared(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Reports of past missions, newest first, without their series."""
-        return tuple({key: value for key, value in report.items() if key != "series"} for report in self._store.runs())
+        return tuple(
+            {key: value for key, value in report.items() if key != "series"}
+            for report in self._store.runs()
+        )
 
     def run(self, run_id: str) -> Mapping[str, Any]:
         """One mission's whole report."""
@@ -288,7 +319,12 @@ def _in_zone(decision: TickResult | None) -> bool:
     return decision is not None and decision.motion.outcome is ControllerState.IN_ZONE
 
 
-def _summary(intent: OperatorState, decision: TickResult | None, reasons: tuple[StopReason, ...], moving: bool) -> str:
+def _summary(
+    intent: OperatorState,
+    decision: TickResult | None,
+    reasons: tuple[StopReason, ...],
+    moving: bool,
+) -> str:
     mission = intent.mission
     if reasons:
         return reasons[0].text

@@ -29,11 +29,17 @@ def under(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
 
 
 def compared(
-    grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, *, draft: Zone | None, replaces: str | None
+    grid: OccupancyGrid,
+    zones: tuple[Zone, ...],
+    plan: Planner,
+    *,
+    draft: Zone | None,
+    replaces: str | None,
 ) -> Preview:
     """The path under the zones and the draft beside the path under the zones as they are stored.
 
-    `draft` is added to `zones`, in the place of the one with the id `replaces`. Without one there is nothing to compare with.
+    `draft` is added to `zones`, in the place of the one with the id `replaces`. Without one there
+    is nothing to compare with.
     """
     drafted = tuple(zone for zone in zones if zone.id != replaces)
     drafted = drafted if draft is None else (*drafted, draft)
@@ -43,9 +49,12 @@ def compared(
     return Preview(path=path, present=present, cut_by=cut_by)
 
 
-def blocking_zones(grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, draft: Zone | None) -> tuple[str, ...]:
-    """The names of the zones that cut the goal off: the draft, if without it there is a path, else those whose lifting alone
-    opens one, else all that lie on the way that would be taken without zones; none if it is not the zones that cut it off."""
+def blocking_zones(
+    grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, draft: Zone | None
+) -> tuple[str, ...]:
+    """The names of the zones that cut the goal off: the draft, if without it there is a path, else
+    those whose lifting alone opens one, else all that lie on the way that would be taken without
+    zones; none if it is not the zones that cut it off."""
 
     def opens(lifted: Zone) -> bool:
         left = tuple(zone for zone in zones if zone is not lifted)
@@ -62,7 +71,8 @@ def blocking_zones(grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, 
 
 
 def _lies_on(zone: Zone, points: npt.NDArray[np.float64], grid: OccupancyGrid) -> bool:
-    """Whether a zone lies within a metre of a path, its own margin added: as near as any robot's half width and margin."""
+    """Whether a zone lies within a metre of a path, its own margin added: as near as any robot's
+    half width and margin."""
     corners = np.array(zone.polygon)
     low, high = corners.min(axis=0) - 1.0 - zone.margin_m, corners.max(axis=0) + 1.0 + zone.margin_m
     return bool(((points >= low) & (points <= high)).all(axis=1).any())
@@ -71,7 +81,9 @@ def _lies_on(zone: Zone, points: npt.NDArray[np.float64], grid: OccupancyGrid) -
 def place_on(grid: OccupancyGrid, place: Place, what: str) -> Place:
     """A place that is on the map; raises `BadGeometry` for one that is not."""
     if not grid.spec.contains(*place):
-        raise BadGeometry(f"the {what} ({place[0]:g}, {place[1]:g}) lies outside the map, {grid.spec.extent()}")
+        raise BadGeometry(
+            f"the {what} ({place[0]:g}, {place[1]:g}) lies outside the map, {grid.spec.extent()}"
+        )
     return place
 
 

@@ -1,4 +1,5 @@
-"""A port for the console, or the refusal that the command line shows. Imports nothing that takes a second."""
+"""A port for the console, or the refusal that the command line shows. Imports nothing that takes a
+second."""
 
 from __future__ import annotations
 

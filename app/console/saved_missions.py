@@ -50,7 +50,11 @@ class SavedMissions:
         kept = self._shelf.kept(MISSIONS)
         if name not in kept and len(kept) >= MAX_MISSIONS:
             raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
-        self._shelf.keep(MISSIONS, name, {"goals": [goal_record(goal) for goal in mission.queue], "loop": mission.loop})
+        self._shelf.keep(
+            MISSIONS,
+            name,
+            {"goals": [goal_record(goal) for goal in mission.queue], "loop": mission.loop},
+        )
 
     def delete(self, name: str) -> None:
         """Forget a mission."""

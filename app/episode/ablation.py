@@ -32,7 +32,9 @@ class SeesNothing:
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Nothing in every pixel."""
         shape = frame.depth_m.shape
-        return Labels(class_ids=np.full(shape, NOTHING, np.uint8), confidence=np.ones(shape, dtype=np.float32))
+        return Labels(
+            class_ids=np.full(shape, NOTHING, np.uint8), confidence=np.ones(shape, dtype=np.float32)
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         """Nothing."""
@@ -40,7 +42,8 @@ class SeesNothing:
 
 
 class Oracle:
-    """A segmenter that is told by the simulator. It must be asked about a picture before the simulator steps on."""
+    """A segmenter that is told by the simulator. It must be asked about a picture before the
+    simulator steps on."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -67,19 +70,26 @@ def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) ->
     return Oracle(simulator) if ablation is Ablation.ORACLE else usual
 
 
-def ablate(navigator: Navigator, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig) -> None:
+def ablate(
+    navigator: Navigator, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig
+) -> None:
     """Take the local planner away, where that is asked for."""
     if ablation is not Ablation.NO_LOCAL_PLANNER:
         return
 
-    def move(occupancy: Costmap, pose: Pose2, route: Route | None, *rest: Any, **named: Any) -> Motion:
-        return IDLE if route is None or not len(route.points) else pursue(route, pose, profile, config)
+    def move(
+        occupancy: Costmap, pose: Pose2, route: Route | None, *rest: Any, **named: Any
+    ) -> Motion:
+        return (
+            IDLE if route is None or not len(route.points) else pursue(route, pose, profile, config)
+        )
 
     navigator.move = move  # type: ignore[method-assign]
 
 
 def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> Motion:
-    """Pure pursuit of the path, blind to all else: towards a point ahead on it, turning on the spot where it leads off."""
+    """Pure pursuit of the path, blind to all else: towards a point ahead on it, turning on the spot
+    where it leads off."""
     rules = config.local
     path = path_from(route.track, pose)
     goal_m = float(np.hypot(*path[-1]))
@@ -91,7 +101,8 @@ def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorCo
     bearing = math.atan2(y, x)
     if abs(bearing) > TURN_FROM_RAD:
         return Motion(
-            twist=Twist(v_mps=0.0, w_radps=math.copysign(rules.turn_rate_radps, bearing)), outcome=ControllerState.TURN
+            twist=Twist(v_mps=0.0, w_radps=math.copysign(rules.turn_rate_radps, bearing)),
+            outcome=ControllerState.TURN,
         )
     curvature = 2 * y / max(x**2 + y**2, 1e-6)
     v_mps = min(
@@ -99,7 +110,9 @@ def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorCo
         math.sqrt(rules.braking_mps2 * goal_m) + 0.02,
         rules.turn_rate_radps / max(abs(curvature), 1e-6),
     )
-    return dataclasses.replace(IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=ControllerState.FOLLOW)
+    return dataclasses.replace(
+        IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=ControllerState.FOLLOW
+    )
 
 
 class Ablation(StrEnum):
@@ -111,6 +124,7 @@ class Ablation(StrEnum):
     NO_ZONES = "no-zones"
     """The operator's zones are not told to the robot; the referee judges by them all the same."""
     NO_LOCAL_PLANNER = "no-local-planner"
-    """The path is followed directly, with no look at what stands near it; the gate before the wheels stays."""
+    """The path is followed directly, with no look at what stands near it; the gate before the
+    wheels stays."""
     ORACLE = "oracle"
     """The simulator's own labels in the place of a segmenter's."""

@@ -1,4 +1,5 @@
-"""A mission without a console: simulated robot, pilot and referee, stepped in one thread as fast as the machine allows."""
+"""A mission without a console: simulated robot, pilot and referee, stepped in one thread as fast as
+the machine allows."""
 
 from __future__ import annotations
 
@@ -58,7 +59,11 @@ class Progress:
 
     def text(self) -> str:
         """One line for the bar."""
-        where = f"goal {self.goal.id} ({self.goal.x_m:g}, {self.goal.y_m:g}), {self.distance_m:5.1f} m" if self.goal else "done"
+        where = (
+            f"goal {self.goal.id} ({self.goal.x_m:g}, {self.goal.y_m:g}), {self.distance_m:5.1f} m"
+            if self.goal
+            else "done"
+        )
         return f"{self.goals_done} of {self.goals} goals, {where}, {self.sim_time_s:5.0f} s"
 
 
@@ -97,7 +102,8 @@ class Episode:
     ) -> None:
         """Without a perception the colour rules look for what is to beware of.
 
-        `as_found`: a seed has made its changes to the scenario already. `zones`: polygons that the operator has drawn.
+        `as_found`: a seed has made its changes to the scenario already. `zones`: polygons that the
+        operator has drawn.
         """
         self.seed, self.zones, self.ablation, self._max_time_s = seed, zones, ablation, max_time_s
         self.spec = spec = map_grid(scenario)
@@ -105,28 +111,41 @@ class Episode:
         for x_m, y_m in goals or scenario.goals:
             mission = mission.add(x_m, y_m, spec)
         if not mission.queue:
-            raise BadConfiguration(f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y")
+            raise BadConfiguration(
+                f"scenario {scenario.name!r} has no goals of its own; give --goal X,Y"
+            )
         self.goals = mission.queue
-        self.simulator = Simulator(scenario, seed=seed, camera_size=camera_size, robot=robot, as_found=as_found)
+        self.simulator = Simulator(
+            scenario, seed=seed, camera_size=camera_size, robot=robot, as_found=as_found
+        )
         self.scenario, profile = self.simulator.scenario, self.simulator.profile
         self.simulator.referee.set_zones([np.array(zone) for zone in zones])
         config, perception = config or NavigatorConfig(), perception or colour_perception()
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Room that the robot's middle keeps from everything."""
         across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
-        self.eyes = SensorModel(ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m)
+        self.eyes = SensorModel(
+            ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m
+        )
         """What is in the robot's view."""
         self._segmenter = segmenter_for(ablation, perception.segmenter, self.simulator)
-        self.seen_by = perception.identity if self._segmenter is perception.segmenter else str(ablation)
+        self.seen_by = (
+            perception.identity if self._segmenter is perception.segmenter else str(ablation)
+        )
         """What labels the pictures."""
         navigator = Navigator(spec=spec, profile=profile, segmenter=self._segmenter, config=config)
         ablate(navigator, ablation, profile, config)
         self._sabotage = FaultInjector(navigator, lambda: self.simulator.faults, lambda: self.now_s)
         self.stopwatch = Stopwatch(navigator)
         drawn = () if ablation is Ablation.NO_ZONES else zones
-        told = tuple(Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon) for i, polygon in enumerate(drawn, start=1))
+        told = tuple(
+            Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon)
+            for i, polygon in enumerate(drawn, start=1)
+        )
         self.pilot = RobotController(
-            navigator=navigator, profile=profile, intent=OperatorState(mission=mission, beware=beware, zones=told)
+            navigator=navigator,
+            profile=profile,
+            intent=OperatorState(mission=mission, beware=beware, zones=told),
         )
         self.finds = DetectionScore(self.scenario)
         """What came into view."""
@@ -137,7 +156,8 @@ class Episode:
         self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
         """Told of each tick's outcome, with the simulated time."""
         self.arrived: dict[int, float] = {}
-        """Number of a goal → how far from it the robot truly was when it said that it was there …"""
+        """Number of a goal → how far from it the robot truly was when it said that it was there …
+        """
         self.believed: dict[int, float] = {}
         """… and how far by its odometry."""
         self.samples: list[Sample] = []
@@ -151,9 +171,11 @@ class Episode:
         ended: Callable[[Simulator], bool] = lambda simulator: False,
         look_first_s: float = 0.0,
     ) -> dict[str, Any]:
-        """Drive until every goal is reached, the time is up or `ended` says so; the report of the contract.
+        """Drive until every goal is reached, the time is up or `ended` says so; the report of the
+        contract.
 
-        Before it sets out the robot stands and looks for `look_first_s`. A robot that then stands for a minute has ended, too.
+        Before it sets out the robot stands and looks for `look_first_s`. A robot that then stands
+        for a minute has ended, too.
         """
         warm_up(self._segmenter)
         started = time.perf_counter()
@@ -202,7 +224,8 @@ class Episode:
         return self.simulator.now_ns() / 1e9
 
     def _look(self, seconds: float) -> Frame | None:
-        """Stand and look for so long, at least until there is a picture; the last one thought about, None without any."""
+        """Stand and look for so long, at least until there is a picture; the last one thought
+        about, None without any."""
         seen: Frame | None = None
         while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:
             if newest is not None and newest is not seen:
@@ -212,7 +235,8 @@ class Episode:
         return seen
 
     def _begin_tick(self, frame: Frame | None) -> None:
-        """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile are missed."""
+        """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile
+        are missed."""
         if frame is not None:
             self.finds.look(frame, self.simulator.true_pose().matrix() @ frame.T_base_camera)
         if self._thinks_of is None:
@@ -241,7 +265,9 @@ class Episode:
 
     def _command(self) -> None:
         newest = self.simulator.newest_frame()
-        verdict = self.pilot.command(self.simulator.now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest)
+        verdict = self.pilot.command(
+            self.simulator.now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest
+        )
         self.on_verdict(self.now_s, verdict)
         pose = self.simulator.true_pose()
         self.driven.append((pose.x_m, pose.y_m))
@@ -270,7 +296,10 @@ class Episode:
         )
 
     def _share(self, pose: Pose2) -> float:
-        places = [(self.scenario.start[0], self.scenario.start[1]), *((goal.x_m, goal.y_m) for goal in self.goals)]
+        places = [
+            (self.scenario.start[0], self.scenario.start[1]),
+            *((goal.x_m, goal.y_m) for goal in self.goals),
+        ]
         legs = [math.dist(here, there) for here, there in pairwise(places)]
         done = len(self.pilot.intent.mission.reached)
         left = pose.distance_to(*places[done + 1]) if done < len(legs) else 0.0

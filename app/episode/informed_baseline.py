@@ -1,8 +1,10 @@
-"""The way of a driver without faults who sees no more than the robot: what a way through an unknown world can be held against.
+"""The way of a driver without faults who sees no more than the robot: what a way through an unknown
+world can be held against.
 
-He follows the paper's rule that unknown is free and plans the shortest path in full at every picture, as the navigator does. He
-sees at once and without error whatever stands in his view, drives exactly along the path, and nobody walks in his way. Where
-even he drives into dead ends, better driving does not bring the way nearer to that of somebody who knows the map.
+He follows the paper's rule that unknown is free and plans the shortest path in full at every
+picture, as the navigator does. He sees at once and without error whatever stands in his view,
+drives exactly along the path, and nobody walks in his way. Where even he drives into dead ends,
+better driving does not bring the way nearer to that of somebody who knows the map.
 """
 
 from __future__ import annotations
@@ -83,7 +85,9 @@ def ideal_way_m(
 class _Driver:
     """What he has seen so far, and the shortest path over it."""
 
-    def __init__(self, true: TrueGrids, spec: GridSpec, eyes: SensorModel, inflation_m: float) -> None:
+    def __init__(
+        self, true: TrueGrids, spec: GridSpec, eyes: SensorModel, inflation_m: float
+    ) -> None:
         self._true, self._spec, self._eyes = true, spec, eyes
         self._seen, self._radius = true.known.copy(), math.ceil(inflation_m / spec.resolution_m)
         self._grid = InflatedGrid(spec.rows, spec.cols)
@@ -98,7 +102,10 @@ class _Driver:
             ahead = self._corner_ahead(here, goal)
             if ahead is None:
                 return None
-            away_m, towards = here.distance_to(*ahead), math.atan2(ahead[1] - here.y_m, ahead[0] - here.x_m)
+            away_m, towards = (
+                here.distance_to(*ahead),
+                math.atan2(ahead[1] - here.y_m, ahead[0] - here.x_m),
+            )
             if away_m < 1e-6:
                 return here, way_m
             turn = wrap_angle(towards - here.yaw_rad)
@@ -113,10 +120,25 @@ class _Driver:
 
     def _look(self, here: Pose2) -> None:
         spec, eyes = self._spec, self._eyes
-        x_m, y_m = here.x_m + eyes.ahead_m * math.cos(here.yaw_rad), here.y_m + eyes.ahead_m * math.sin(here.yaw_rad)
-        row, col = (y_m - spec.origin_y_m) / spec.resolution_m, (x_m - spec.origin_x_m) / spec.resolution_m
+        x_m, y_m = (
+            here.x_m + eyes.ahead_m * math.cos(here.yaw_rad),
+            here.y_m + eyes.ahead_m * math.sin(here.yaw_rad),
+        )
+        row, col = (
+            (y_m - spec.origin_y_m) / spec.resolution_m,
+            (x_m - spec.origin_x_m) / spec.resolution_m,
+        )
         reach = eyes.range_m / spec.resolution_m
-        new = _newly_seen(self._true.tall, self._true.low, self._seen, row, col, here.yaw_rad, eyes.angle_rad / 2, reach)
+        new = _newly_seen(
+            self._true.tall,
+            self._true.low,
+            self._seen,
+            row,
+            col,
+            here.yaw_rad,
+            eyes.angle_rad / 2,
+            reach,
+        )
         if len(new):
             self._grid.set_cells(self._radius, new, True)
 
@@ -133,13 +155,22 @@ class _Driver:
         path = self._replanner.plan(cell, end)
         if isinstance(path, NoPath):
             return None
-        corners = shortcut(path.cells, space.across[FREE], stretch=math.ceil(TAUT_M / spec.resolution_m))
+        corners = shortcut(
+            path.cells, space.across[FREE], stretch=math.ceil(TAUT_M / spec.resolution_m)
+        )
         return goal if len(corners) < 3 else spec.centre(*corners[1].tolist())
 
 
 @numba.njit(cache=True, nogil=True)
 def _newly_seen(
-    tall: BoolGrid, low: BoolGrid, seen: BoolGrid, row: float, col: float, yaw: float, half_angle: float, reach: float
+    tall: BoolGrid,
+    low: BoolGrid,
+    seen: BoolGrid,
+    row: float,
+    col: float,
+    yaw: float,
+    half_angle: float,
+    reach: float,
 ) -> npt.NDArray[np.int64]:
     """(N, 2) cells of what stands or lies in view and was not seen before; they are seen now."""
     rows, cols = tall.shape
@@ -148,7 +179,10 @@ def _newly_seen(
     for ray in range(rays):
         angle = yaw - half_angle + ray * 2 * half_angle / rays
         for step in range(int(2 * reach)):
-            i, j = math.floor(row + 0.5 * step * math.sin(angle)), math.floor(col + 0.5 * step * math.cos(angle))
+            i, j = (
+                math.floor(row + 0.5 * step * math.sin(angle)),
+                math.floor(col + 0.5 * step * math.cos(angle)),
+            )
             if not (0 <= i < rows and 0 <= j < cols):
                 break
             if (tall[i, j] or low[i, j]) and not seen[i, j]:

@@ -1,4 +1,5 @@
-"""What is kept of an episode while it runs, to draw it afterwards: the ways that were planned, and telling pictures."""
+"""What is kept of an episode while it runs, to draw it afterwards: the ways that were planned, and
+telling pictures."""
 
 from __future__ import annotations
 
@@ -51,18 +52,28 @@ class Keyframes:
         """At most `FRAMES`, spread over the time: of each stretch the one that shows most."""
         telling = [shot for shot in self._shots if shot.size] or self._shots
         parts = np.array_split(np.arange(len(telling)), min(FRAMES, max(len(telling), 1)))
-        return [max((telling[i] for i in part), key=lambda shot: shot.size) for part in parts if len(part)]
+        return [
+            max((telling[i] for i in part), key=lambda shot: shot.size)
+            for part in parts
+            if len(part)
+        ]
 
     def _note(self, t_s: float, decision: TickResult) -> None:
         intent = self._episode.pilot.intent
         goal, route = intent.mission.goal, decision.route
-        if goal is not None and route is not None and len(route.points) and goal.id != self._planned_for:
+        if (
+            goal is not None
+            and route is not None
+            and len(route.points)
+            and goal.id != self._planned_for
+        ):
             self._planned_for = goal.id
             self.planned.append(route)
         self._keep(t_s, decision, intent.beware)
 
     def _keep(self, t_s: float, decision: TickResult, beware: BewareList) -> None:
-        """The best picture of each stretch of time; when there are too many, stretches become twice as long."""
+        """The best picture of each stretch of time; when there are too many, stretches become twice
+        as long."""
         binding = decision.labels.mask(beware)
         size, last = int(np.count_nonzero(binding)), self._shots[-1] if self._shots else None
         same = last is not None and t_s // self._span_s == last.t_s // self._span_s

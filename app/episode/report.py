@@ -1,4 +1,5 @@
-"""The report of an episode: what the referee says, how the navigator did, and what its map holds of the true world."""
+"""The report of an episode: what the referee says, how the navigator did, and what its map holds of
+the true world."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from app.episode.failure_causes import GOAL_RADIUS_M, causes_of
 from app.episode.informed_baseline import TrueGrids, ideal_way_m
+from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.mission import Phase
@@ -39,16 +41,28 @@ def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[
         "zones": [[list(corner) for corner in zone] for zone in episode.zones],
         "goals_reached": reached,
         "success": everywhere and referee.violations() == 0,
-        "ended": "all goals" if done else "by its judge" if cut_short else "standing" if episode.stands else "time",
+        "ended": "all goals"
+        if done
+        else "by its judge"
+        if cut_short
+        else "standing"
+        if episode.stands
+        else "time",
         "sim_time_s": round(episode.now_s, 3),
         "wall_time_s": round(wall_time_s, 3),
         **judged,
-        "min_clearance_m": judged["min_clearance_m"] if math.isfinite(judged["min_clearance_m"]) else None,
+        "min_clearance_m": judged["min_clearance_m"]
+        if math.isfinite(judged["min_clearance_m"])
+        else None,
         "shortest_m": None if shortest_m is None else round(shortest_m, 3),
         "spl": round(share, 4) if everywhere else 0.0,
         "ideal_m": None if ideal_m is None else round(ideal_m, 3),
-        "goal_errors_m": {str(goal_id): round(error, 3) for goal_id, error in episode.arrived.items()},
-        "goal_errors_by_odometry_m": {str(goal_id): round(error, 3) for goal_id, error in episode.believed.items()},
+        "goal_errors_m": {
+            str(goal_id): round(error, 3) for goal_id, error in episode.arrived.items()
+        },
+        "goal_errors_by_odometry_m": {
+            str(goal_id): round(error, 3) for goal_id, error in episode.believed.items()
+        },
         "items": _items(episode),
         "explored_share": _explored_share(episode),
         "replans": len(watch.ms["plan"]),
@@ -73,7 +87,8 @@ def _series(episode: Episode) -> dict[str, list[float]]:
 
 
 def _shortest_m(episode: Episode) -> float | None:
-    """The shortest way through all goals for who knows the true map and keeps the navigator's margin."""
+    """The shortest way through all goals for who knows the true map and keeps the navigator's
+    margin."""
     goals = [(goal.x_m, goal.y_m) for goal in episode.goals]
     return episode.simulator.referee.shortest_m(episode.spec, episode.inflation_m, goals)
 
@@ -94,13 +109,14 @@ def _ideal_m(episode: Episode) -> float | None:
 
 def _items(episode: Episode) -> dict[str, dict[str, int]]:
     beware = episode.pilot.intent.beware
-    grid = episode.pilot.navigator.map.grid(beware, ())
+    grid = layer_grid(episode.pilot.navigator.map, beware, ())
     held = {entry.name: grid.beware[entry.class_id] for entry in beware.enabled}
     return episode.finds.verdict(held, episode.spec)
 
 
 def _explored_share(episode: Episode) -> float:
-    """How much of the floor that the robot could stand on, truly and from its start, its map has seen."""
+    """How much of the floor that the robot could stand on, truly and from its start, its map has
+    seen."""
     spec: GridSpec = episode.spec
     free = ~episode.simulator.referee.true_blocked(spec, episode.simulator.profile.width_m / 2)
     _, areas = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)

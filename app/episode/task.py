@@ -32,7 +32,8 @@ class Task:
     random: bool = False
     """Whether each seed draws start and goal instead."""
     zones: int | None = None
-    """How many zones of the operator each seed draws; 2 with a random start, else none, when left out."""
+    """How many zones of the operator each seed draws; 2 with a random start, else none, when left
+    out."""
     ablation: Ablation = Ablation.NONE
     """What is left out of the navigation."""
     max_time_s: float = 600.0
@@ -40,11 +41,17 @@ class Task:
 
     def __post_init__(self) -> None:
         if self.random and self.goals:
-            raise BadConfiguration("--random with --goal: a random episode draws its goal; leave one of them out")
+            raise BadConfiguration(
+                "--random with --goal: a random episode draws its goal; leave one of them out"
+            )
         if self.ablation is Ablation.NO_ZONES and not self.zone_count:
-            raise BadConfiguration("--ablation no-zones where no zone is drawn shows nothing; give --zones N or --random")
+            raise BadConfiguration(
+                "--ablation no-zones where no zone is drawn shows nothing; give --zones N or --random"
+            )
         if not (self.random or self.goals or self.scenario.goals):
-            raise BadConfiguration(f"scenario {self.scenario.name!r} has no goals of its own; give --goal X,Y or --random")
+            raise BadConfiguration(
+                f"scenario {self.scenario.name!r} has no goals of its own; give --goal X,Y or --random"
+            )
 
     @property
     def zone_count(self) -> int:
@@ -61,7 +68,8 @@ def episode_of(
     perception: Perception | None,
     config: NavigatorConfig | None = None,
 ) -> Episode:
-    """The episode of a seed: places and zones drawn, if so asked, on the world as the seed makes it.
+    """The episode of a seed: places and zones drawn, if so asked, on the world as the seed makes
+    it.
 
     Without a configuration it is driven with the one that the robot starts with.
     """
@@ -73,7 +81,9 @@ def episode_of(
         world = dataclasses.replace(world, goals=task.goals)
     mission = Mission()
     for x_m, y_m in world.goals:
-        mission = mission.add(x_m, y_m, map_grid(world))  # refuses what lies outside before anything is built
+        mission = mission.add(
+            x_m, y_m, map_grid(world)
+        )  # refuses what lies outside before anything is built
     inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,
@@ -84,15 +94,22 @@ def episode_of(
         perception=perception,
         robot=robot,
         as_found=True,
-        zones=draw_zones(world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m),
+        zones=draw_zones(
+            world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
+        ),
         ablation=task.ablation,
     )
 
 
 def _placed(
-    world: Scenario, seed: int, robot: RobotProfile, config: NavigatorConfig, margins_m: dict[str, float]
+    world: Scenario,
+    seed: int,
+    robot: RobotProfile,
+    config: NavigatorConfig,
+    margins_m: dict[str, float],
 ) -> tuple[Scenario, NavigatorConfig]:
-    """With start and goal drawn; where there is nowhere as much room as the robot is usually given, it is told of less."""
+    """With start and goal drawn; where there is nowhere as much room as the robot is usually given,
+    it is told of less."""
     tight_m = min(robot.circumscribed_radius_m + ROOM_M, config.start_clear_m)
     room_m = {"robot": robot, "margin_m": config.safety_margin_m, "margins_m": margins_m}
     try:

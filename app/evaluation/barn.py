@@ -1,4 +1,5 @@
-"""The outside measure: the published BARN and DynaBARN worlds, driven by camera alone, scored by the challenge's rule."""
+"""The outside measure: the published BARN and DynaBARN worlds, driven by camera alone, scored by
+the challenge's rule."""
 
 from __future__ import annotations
 
@@ -34,12 +35,14 @@ COLUMNS = (
 )
 SUITES = ("barn", "dynabarn")
 LOOK_FIRST_S = 1.5
-"""The robot looks for so long before it sets out, or it could not know who walks; the clock does not run yet."""
+"""The robot looks for so long before it sets out, or it could not know who walks; the clock does
+not run yet."""
 NOTHING_TO_BEWARE = BewareList(classes=())
 
 
 class ChallengeRules:
-    """Ends a run by the challenge's rule: within the tolerance of the goal, at any contact, or when the time is up."""
+    """Ends a run by the challenge's rule: within the tolerance of the goal, at any contact, or when
+    the time is up."""
 
     def __init__(self, world: BarnWorld) -> None:
         self._world = world
@@ -50,12 +53,19 @@ class ChallengeRules:
 
     def ended(self, simulator: Simulator) -> bool:
         """Look at the ground truth; whether the run is over."""
-        pose, (x_m, y_m, _), referee = simulator.true_pose(), self._world.scenario.start, simulator.referee
+        pose, (x_m, y_m, _), referee = (
+            simulator.true_pose(),
+            self._world.scenario.start,
+            simulator.referee,
+        )
         self.now_s = simulator.now_ns() / 1e9
         if self.began_s is None and pose.distance_to(x_m, y_m) >= MOVED_M:
             self.began_s = self.now_s
         self.touched = referee.collisions + referee.struck_while_standing > 0
-        self.there = not self.touched and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m
+        self.there = (
+            not self.touched
+            and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m
+        )
         return self.there or self.touched or self.time_s >= self._world.limit_s
 
     @property
@@ -75,14 +85,20 @@ def evaluate_barn(
     out: Path,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json` and returns it.
+    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json`
+    and returns it.
 
     Without a configuration they are driven with the one that the robot starts with.
     """
     if worlds is None:
-        raise BadConfiguration(f"the suite {suite} needs --worlds FILE.json, the file of its worlds")
+        raise BadConfiguration(
+            f"the suite {suite} needs --worlds FILE.json, the file of its worlds"
+        )
     profile = load_profile(robot)
-    listed, config = _listed(suite, worlds, profile)[:count], _fitted(suite, config or config_for(profile))
+    listed, config = (
+        _listed(suite, worlds, profile)[:count],
+        _fitted(suite, config or config_for(profile)),
+    )
     drive = partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed, config=config)
     campaign = Campaign(
         key="world",
@@ -114,7 +130,13 @@ def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) ->
 
 
 def drive_world(
-    number: int, *, worlds: Path, suite: str, robot: str, seed: int, config: NavigatorConfig | None = None
+    number: int,
+    *,
+    worlds: Path,
+    suite: str,
+    robot: str,
+    seed: int,
+    config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
     """One run through the world of a number; the episode's report with the challenge's verdict."""
     profile = load_profile(robot)
@@ -157,9 +179,13 @@ def _fitted(suite: str, config: NavigatorConfig) -> NavigatorConfig:
 def _listed(suite: str, path: Path, profile: RobotProfile) -> tuple[BarnWorld, ...]:
     """The worlds of a file, fitted to the robot."""
     if profile.name not in SCALES:
-        raise BadConfiguration(f"--robot {profile.name}: the worlds are made for one of: {', '.join(SCALES)}")
+        raise BadConfiguration(
+            f"--robot {profile.name}: the worlds are made for one of: {', '.join(SCALES)}"
+        )
     worlds = load_worlds(path, scale=SCALES[profile.name])
     moving = any(world.scenario.movers for world in worlds)
     if moving != (suite == "dynabarn"):
-        raise BadConfiguration(f"{path}: holds no {suite} worlds, but {'dynabarn' if moving else 'barn'} worlds")
+        raise BadConfiguration(
+            f"{path}: holds no {suite} worlds, but {'dynabarn' if moving else 'barn'} worlds"
+        )
     return worlds

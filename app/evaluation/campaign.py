@@ -17,7 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console as Terminal
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from navcore.errors import BadConfiguration
@@ -32,7 +39,8 @@ class Campaign:
     key: str
     """The field of a report that tells one episode of the campaign from another: a whole number."""
     rules: object
-    """All that an episode depends on beside its key; its `repr` names the campaign, and episodes of another are refused."""
+    """All that an episode depends on beside its key; its `repr` names the campaign, and episodes of
+    another are refused."""
     holds: str
     """The same in words, for that refusal."""
     drive: Callable[[int], Report]
@@ -52,7 +60,11 @@ class Campaign:
                 if text and not text.endswith("\n"):
                     file.write("\n")
                 left = [key for key in wanted if key not in done]
-                for report in _shown(self._driven(left, workers), [done[key] for key in wanted if key in done], len(wanted)):
+                for report in _shown(
+                    self._driven(left, workers),
+                    [done[key] for key in wanted if key in done],
+                    len(wanted),
+                ):
                     done[report[self.key]] = report
                     file.write(json.dumps({**report, "campaign": name}) + "\n")
                     file.flush()
@@ -64,7 +76,9 @@ class Campaign:
         if workers == 1:
             yield from map(self.drive, keys)
             return
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_end_with_parent) as pool:
+        with ProcessPoolExecutor(
+            workers, mp_context=get_context("spawn"), initializer=_end_with_parent
+        ) as pool:
             jobs = [pool.submit(self.drive_alone, key) for key in keys]
             try:
                 yield from (job.result() for job in as_completed(jobs))
@@ -89,7 +103,13 @@ class Campaign:
 
 def _shown(driven: Iterator[Report], kept: list[Report], total: int) -> Iterator[Report]:
     """The same reports, with a progress bar."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Terminal(stderr=True)) as bar:
         succeeded = sum(bool(report["success"]) for report in kept)
         task = bar.add_task(_said(succeeded, len(kept)), total=total, completed=len(kept))
@@ -129,7 +149,9 @@ def write_summary(summary: Report, out: Path) -> None:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
 
 
-def conclude(reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path) -> None:
+def conclude(
+    reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path
+) -> None:
     """Write `summary.json` and print the table."""
     write_summary(summary, out)
     table = Table(*columns, title=title)

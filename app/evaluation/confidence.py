@@ -13,7 +13,8 @@ RESAMPLES = 4000
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's score interval of a rate; honest for few trials and for rates of 0 and 1. Raises `ValueError` without trials."""
+    """Wilson's score interval of a rate; honest for few trials and for rates of 0 and 1. Raises
+    `ValueError` without trials."""
     if trials < 1 or not 0 <= successes <= trials:
         raise ValueError(f"{successes} successes of {trials} trials")
     share, spread = successes / trials, Z**2 / trials
@@ -24,7 +25,8 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 
 def bootstrap(values: Sequence[float]) -> tuple[float, float] | None:
-    """Percentile interval of a mean by drawing again, always the same draws; None for fewer than two values."""
+    """Percentile interval of a mean by drawing again, always the same draws; None for fewer than
+    two values."""
     if len(values) < 2:
         return None
     sample = np.array(values, dtype=np.float64)

@@ -1,8 +1,10 @@
-"""Somebody walks across the robot's way and does not look out for it: many seeded encounters in an empty hall.
+"""Somebody walks across the robot's way and does not look out for it: many seeded encounters in an
+empty hall.
 
-Speed, angle and moment are drawn so that a robot that drives on without care is met by him; half of them walk on, the others
-stop in the robot's way or turn back in it. They are drawn so that the camera can see them for a while before they meet: on a
-course to meet, somebody stays at the same bearing, and who comes from beyond the camera's field of view is seen by nobody.
+Speed, angle and moment are drawn so that a robot that drives on without care is met by him; half of
+them walk on, the others stop in the robot's way or turn back in it. They are drawn so that the
+camera can see them for a while before they meet: on a course to meet, somebody stays at the same
+bearing, and who comes from beyond the camera's field of view is seen by nobody.
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ class Crossing:
     speed_mps: float
     """Of walking."""
     angle_deg: float
-    """Between his heading and the robot's: 90 is straight across, 180 towards the robot; negative to the right."""
+    """Between his heading and the robot's: 90 is straight across, 180 towards the robot; negative
+    to the right."""
     meeting_m: float
     """x at which his way crosses the robot's."""
     late_s: float
@@ -71,10 +74,18 @@ class Crossing:
         meeting = np.array([self.meeting_m, 0.0])
         walked_m = self.speed_mps * (self._due_s() + self.late_s)
         on = self.kind == "walks on"
-        stations = [-walked_m, BEYOND_M] if on else [-walked_m, max(self.beyond_m, 0.3 - walked_m), -walked_m]
-        points = tuple((float(x), float(y)) for x, y in (meeting + along * ahead for along in stations))
+        stations = (
+            [-walked_m, BEYOND_M]
+            if on
+            else [-walked_m, max(self.beyond_m, 0.3 - walked_m), -walked_m]
+        )
+        points = tuple(
+            (float(x), float(y)) for x, y in (meeting + along * ahead for along in stations)
+        )
         pauses = (0.0, FOR_GOOD_S) if on else (0.0, self.pause_s, FOR_GOOD_S)
-        person = Person(points=points, speed_mps=self.speed_mps, yields=False, begins_at=0.0, pauses_s=pauses)
+        person = Person(
+            points=points, speed_mps=self.speed_mps, yields=False, begins_at=0.0, pauses_s=pauses
+        )
         return Scenario(
             name="crossing",
             size_m=(HALL_M, HALL_M),
@@ -85,7 +96,8 @@ class Crossing:
         )
 
     def meets_the_careless(self) -> bool:
-        """Whether a robot that just drives along x at its cruising speed is touched by him, who comes into its sight first."""
+        """Whether a robot that just drives along x at its cruising speed is touched by him, who
+        comes into its sight first."""
         angle = math.radians(self.angle_deg)
         t_s = np.linspace(0.0, 12.0, 481)
         robot_m = START_M + CRUISE_MPS * np.maximum(t_s - DELAY_S, 0.0)
@@ -94,7 +106,10 @@ class Crossing:
             turned_s = np.maximum((along_m - self.beyond_m) / self.speed_mps - self.pause_s, 0.0)
             along_m = np.minimum(along_m, self.beyond_m) - self.speed_mps * turned_s
         x, y = self.meeting_m + along_m * math.cos(angle) - robot_m, along_m * math.sin(angle)
-        gap_m = np.hypot(np.maximum(np.abs(x) - HUSKY.length_m / 2, 0), np.maximum(np.abs(y) - HUSKY.width_m / 2, 0))
+        gap_m = np.hypot(
+            np.maximum(np.abs(x) - HUSKY.length_m / 2, 0),
+            np.maximum(np.abs(y) - HUSKY.width_m / 2, 0),
+        )
         met = np.flatnonzero(gap_m < BODY_DIAMETER_M / 2)
         if not len(met):
             return False
@@ -125,7 +140,16 @@ def draw_crossing(seed: int) -> Crossing:
 
 
 COLUMNS = (
-    *("seed", "kind", "speed_mps", "angle_deg", "goals_reached", "collisions", "struck_while_standing", "min_clearance_m"),
+    *(
+        "seed",
+        "kind",
+        "speed_mps",
+        "angle_deg",
+        "goals_reached",
+        "collisions",
+        "struck_while_standing",
+        "min_clearance_m",
+    ),
     *("sim_time_s", "wall_time_s"),
 )
 
@@ -139,7 +163,8 @@ def evaluate_crossings(
     max_time_s: float = PATIENCE_S,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive one crossing a seed, keep each as it ends, print a table, write `summary.json`; returns the summary."""
+    """Drive one crossing a seed, keep each as it ends, print a table, write `summary.json`; returns
+    the summary."""
     config = config or NavigatorConfig()
     drive = partial(drive_crossing, beware=beware, max_time_s=max_time_s, config=config)
     campaign = Campaign(
@@ -160,27 +185,42 @@ def drive_crossing(
 ) -> dict[str, Any]:
     """The report of the crossing of a seed, and what was drawn."""
     crossing = draw_crossing(seed)
-    episode = Episode(crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s, config=config)
+    episode = Episode(
+        crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s, config=config
+    )
     try:
         report = episode.run()
     finally:
         episode.close()
-    drawn = {"kind": crossing.kind, "speed_mps": round(crossing.speed_mps, 2), "angle_deg": round(crossing.angle_deg)}
+    drawn = {
+        "kind": crossing.kind,
+        "speed_mps": round(crossing.speed_mps, 2),
+        "angle_deg": round(crossing.angle_deg),
+    }
     return {**report, **drawn}
 
 
 def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """The figures of a campaign. One that drives into somebody is at fault, one into which he walks while it stands is not."""
+    """The figures of a campaign. One that drives into somebody is at fault, one into which he walks
+    while it stands is not."""
     met = [report for report in reports if report["collisions"]]
-    untouched = [report for report in reports if not report["collisions"] and not report["struck_while_standing"]]
+    untouched = [
+        report
+        for report in reports
+        if not report["collisions"] and not report["struck_while_standing"]
+    ]
     return {
         "episodes": len(reports),
         "drove_into_somebody": len(met),
         "drove_into_somebody_seeds": [report["seed"] for report in met],
-        "struck_while_standing": sum(not report["collisions"] and report["struck_while_standing"] > 0 for report in reports),
+        "struck_while_standing": sum(
+            not report["collisions"] and report["struck_while_standing"] > 0 for report in reports
+        ),
         "untouched": len(untouched),
         "goals_reached": sum(report["goals_reached"] for report in reports),
         "kinds": dict(Counter(report["kind"] for report in reports)),
-        "min_clearance_untouched_m": min((report["min_clearance_m"] for report in untouched), default=None),
+        "min_clearance_untouched_m": min(
+            (report["min_clearance_m"] for report in untouched), default=None
+        ),
         "sim_time_s": round(float(np.mean([report["sim_time_s"] for report in reports])), 2),
     }

@@ -1,8 +1,10 @@
-"""What the planners see of the things on the beware list: walks through random worlds that no network was trained on.
+"""What the planners see of the things on the beware list: walks through random worlds that no
+network was trained on.
 
-A thing counts once it was in view within 4 m; it is found when the map holds it, as any enabled class of the list, before the
-robot is 1.5 m away. What is on the map as a thing of the list where none is within 0.3 m is a false item. The robot that walks
-here avoids nothing: that the camera comes near is the point.
+A thing counts once it was in view within 4 m; it is found when the map holds it, as any enabled
+class of the list, before the robot is 1.5 m away. What is on the map as a thing of the list where
+none is within 0.3 m is a false item. The robot that walks here avoids nothing: that the camera
+comes near is the point.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from rich.table import Table
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -46,7 +49,8 @@ IN_VIEW_M, IN_TIME_M = 4.0, 1.5
 ENOUGH_PX = 12
 """A thing is in view when so many pixels show it."""
 NEAR_M, FALSE_M = 0.15, 0.3
-"""Cells as near to a thing as the first are taken for it; none as near as the second to any thing is false."""
+"""Cells as near to a thing as the first are taken for it; none as near as the second to any thing
+is false."""
 WALK_M = (4.0, 9.0)
 
 
@@ -89,7 +93,11 @@ class Findings:
         return {
             "things_in_view": self.seen.total(),
             "found_in_time": round(self.found.total() / total, 4),
-            "found_by_class": {name: f"{self.found[name]}/{self.seen[name]}" for name in BEWARE_CLASSES if self.seen[name]},
+            "found_by_class": {
+                name: f"{self.found[name]}/{self.seen[name]}"
+                for name in BEWARE_CLASSES
+                if self.seen[name]
+            },
             "named_rightly": round(self.named.total() / total, 4),
             "false_items": self.false.total(),
             "false_items_by_class": dict(self.false),
@@ -111,13 +119,28 @@ def measure_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walk
     return findings
 
 
-def run_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int, out: Path | None) -> dict[str, Any]:
+def run_finding(
+    segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int, out: Path | None
+) -> dict[str, Any]:
     """Measure, print a table, and write `finding.json` into `out`."""
     findings = measure_finding(segmenter, beware, seed=seed, walks=walks)
     summary = findings.summary()
-    table = Table("class", "in view ≤ 4 m", "found ≥ 1.5 m away", "by its name", "false items", title="things found in time")
+    table = Table(
+        "class",
+        "in view ≤ 4 m",
+        "found ≥ 1.5 m away",
+        "by its name",
+        "false items",
+        title="things found in time",
+    )
     for name in BEWARE_CLASSES[1:]:
-        table.add_row(name, *(str(counts[name]) for counts in (findings.seen, findings.found, findings.named, findings.false)))
+        table.add_row(
+            name,
+            *(
+                str(counts[name])
+                for counts in (findings.seen, findings.found, findings.named, findings.false)
+            ),
+        )
     terminal = Terminal()
     terminal.print(table)
     terminal.print(
@@ -131,15 +154,24 @@ def run_finding(segmenter: Segmenter, beware: BewareList, *, seed: int, walks: i
 
 
 def _walk(
-    studio: SceneRenderer, scene: Scene, rng: np.random.Generator, segmenter: Segmenter, beware: BewareList, findings: Findings
+    studio: SceneRenderer,
+    scene: Scene,
+    rng: np.random.Generator,
+    segmenter: Segmenter,
+    beware: BewareList,
+    findings: Findings,
 ) -> None:
-    spec = GridSpec.centred(size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M)
+    spec = GridSpec.centred(
+        size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M
+    )
     things, cloud = list(_things(scene, spec)), PointMap(spec, MappingConfig())
     poses = _poses(scene, rng)
     for number, pose in enumerate(poses):
         rgb, depth_m, labels = studio.render(pose.matrix() @ T_BASE_CAMERA, scene)
         true_depth_m = depth_m
-        rgb, depth_m = apply_camera_effects(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
+        rgb, depth_m = apply_camera_effects(
+            rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator
+        )
         frame = Frame(
             stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
             rgb=np.ascontiguousarray(rgb),
@@ -166,13 +198,19 @@ def _things(scene: Scene, spec: GridSpec) -> Iterator[Thing]:
         for piece in scene.pieces
         if piece.label != BACKGROUND
     ]
-    covered += [(patch.label, [np.array(patch.polygon)]) for patch in scene.patches if patch.label != BACKGROUND]
+    covered += [
+        (patch.label, [np.array(patch.polygon)])
+        for patch in scene.patches
+        if patch.label != BACKGROUND
+    ]
     for name, polygons in covered:
         cells = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
         for polygon in polygons:
             cells |= rasterise(tuple((float(x), float(y)) for x, y in polygon), spec)
         if cells.any():
-            yield Thing(name=name, cells=_grown(cells, NEAR_M), places=spec.centres(np.argwhere(cells)))
+            yield Thing(
+                name=name, cells=_grown(cells, NEAR_M), places=spec.centres(np.argwhere(cells))
+            )
 
 
 def _poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
@@ -185,7 +223,11 @@ def _poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
         poses = []
         for along in steps:
             pose = Pose2(x_m=x + along * math.cos(yaw), y_m=y + along * math.sin(yaw), yaw_rad=yaw)
-            if abs(pose.x_m) > scene.reach_m[0] or abs(pose.y_m) > scene.reach_m[1] or not _free(scene, pose):
+            if (
+                abs(pose.x_m) > scene.reach_m[0]
+                or abs(pose.y_m) > scene.reach_m[1]
+                or not _free(scene, pose)
+            ):
                 break
             poses.append(pose)
         best = max(best, poses, key=len)
@@ -193,11 +235,19 @@ def _poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
 
 
 def _free(scene: Scene, pose: Pose2) -> bool:
-    return all(math.hypot(pose.x_m - spot.x_m, pose.y_m - spot.y_m) > spot.radius_m + 0.4 for spot in scene.blocked)
+    return all(
+        math.hypot(pose.x_m - spot.x_m, pose.y_m - spot.y_m) > spot.radius_m + 0.4
+        for spot in scene.blocked
+    )
 
 
 def _look(
-    things: Iterable[Thing], cloud: PointMap, beware: BewareList, frame: Frame, depth_m: npt.NDArray[np.float32], labels: Labels
+    things: Iterable[Thing],
+    cloud: PointMap,
+    beware: BewareList,
+    frame: Frame,
+    depth_m: npt.NDArray[np.float32],
+    labels: Labels,
 ) -> None:
     """Note which things are in view by the truth, and which of them the map holds by now."""
     lens, camera = frame.intrinsics, frame.T_map_camera
@@ -206,7 +256,7 @@ def _look(
     optical = np.column_stack([(cols - lens.cx) * z / lens.fx, (rows - lens.cy) * z / lens.fy, z])
     places = (optical @ camera[:3, :3].T + camera[:3, 3])[:, :2]
     kinds = labels[rows, cols] - 1
-    grid = cloud.grid(beware, ())
+    grid = layer_grid(cloud, beware, ())
     names = {entry.class_id: entry.name for entry in beware.enabled}
     for thing in things:
         if thing.closed:
@@ -217,7 +267,11 @@ def _look(
                 thing, cloud.spec, places[kinds == BEWARE_CLASSES.index(thing.name)]
             )
         if thing.found_as is None or thing.found_as != thing.name:
-            held = [names[class_id] for class_id, layer in grid.beware.items() if (layer & thing.cells).any()]
+            held = [
+                names[class_id]
+                for class_id, layer in grid.beware.items()
+                if (layer & thing.cells).any()
+            ]
             if held:
                 thing.found_as = thing.name if thing.name in held else held[0]
         thing.closed = away_m <= IN_TIME_M
@@ -235,7 +289,7 @@ def _false_items(things: Iterable[Thing], cloud: PointMap, beware: BewareList) -
     for thing in things:
         real |= thing.cells
     real, found = _grown(real, FALSE_M - NEAR_M), Counter[str]()
-    grid = cloud.grid(beware, ())
+    grid = layer_grid(cloud, beware, ())
     for entry in beware.enabled:
         wrong = grid.beware[entry.class_id] & ~real
         if wrong.any():
@@ -247,4 +301,6 @@ def _false_items(things: Iterable[Thing], cloud: PointMap, beware: BewareList) -
 
 def _grown(mask: BoolGrid, by_m: float) -> BoolGrid:
     side = 2 * round(by_m / CELL_M) + 1
-    return cv2.dilate(mask.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))).view(np.bool_)
+    return cv2.dilate(
+        mask.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    ).view(np.bool_)

@@ -1,4 +1,5 @@
-"""The paper's figures of an episode, as PNG and SVG: seen from above, progress over time, and what the segmentation saw."""
+"""The paper's figures of an episode, as PNG and SVG: seen from above, progress over time, and what
+the segmentation saw."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ CLASS_COLOURS = [to_rgb(colour) for colour in mpl.color_sequences["tab10"]]
 DPI = 110
 
 
-def plot_episode(report: Mapping[str, Any], episode: Episode, album: Keyframes, folder: Path) -> None:
+def plot_episode(
+    report: Mapping[str, Any], episode: Episode, album: Keyframes, folder: Path
+) -> None:
     """Write `top_view`, `progress` and `frames`, each as .png and .svg, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     decision = episode.pilot.thought.decision
@@ -58,7 +61,8 @@ def save(figure: Any, path: Path) -> None:
 
 
 def paint(grid: OccupancyGrid, seen: npt.NDArray[np.bool_]) -> Image:
-    """(rows, cols, 3) the robot's map: unknown grey, seen white, obstacles dark, beware cells red, zones violet."""
+    """(rows, cols, 3) the robot's map: unknown grey, seen white, obstacles dark, beware cells red,
+    zones violet."""
     picture = np.full((*seen.shape, 3), 0.78)
     picture[seen] = 1.0
     picture[grid.zones] = (0.88, 0.82, 0.94)
@@ -68,17 +72,34 @@ def paint(grid: OccupancyGrid, seen: npt.NDArray[np.bool_]) -> Image:
     return picture
 
 
-def top_view(report: Mapping[str, Any], episode: Episode, planned: Sequence[Route], ground: Image) -> Any:
-    """The map from above with hazards, zones, people, planned ways, waypoints, and the driven way coloured by time."""
+def top_view(
+    report: Mapping[str, Any], episode: Episode, planned: Sequence[Route], ground: Image
+) -> Any:
+    """The map from above with hazards, zones, people, planned ways, waypoints, and the driven way
+    coloured by time."""
     spec = episode.spec
     figure, axes = plt.subplots(figsize=(11, 11 * min(max(spec.rows / spec.cols, 0.4), 1.0) + 0.8))
     axes.imshow(ground, origin="lower", extent=extent(spec), interpolation="nearest")
     for polygon in report["zones"]:
-        axes.add_patch(Polygon(polygon, closed=True, fill=False, edgecolor=VIOLET, hatch="//", linewidth=1.2))
+        axes.add_patch(
+            Polygon(polygon, closed=True, fill=False, edgecolor=VIOLET, hatch="//", linewidth=1.2)
+        )
     draw_hazards(axes, episode.scenario)
     for number, route in enumerate(planned):
-        axes.plot(*route.points.T, "--", color="0.35", linewidth=1.0, label=None if number else "planned at first")
-        axes.plot(*route.waypoints.T, ".", color="0.2", markersize=5, label=None if number else "its waypoints")
+        axes.plot(
+            *route.points.T,
+            "--",
+            color="0.35",
+            linewidth=1.0,
+            label=None if number else "planned at first",
+        )
+        axes.plot(
+            *route.waypoints.T,
+            ".",
+            color="0.2",
+            markersize=5,
+            label=None if number else "its waypoints",
+        )
     driven = draw_driven(axes, np.array(episode.driven))
     if driven is not None:
         figure.colorbar(driven, ax=axes, label="driven way, time in s", fraction=0.03, pad=0.02)
@@ -103,7 +124,14 @@ def draw_hazards(axes: Any, scenario: Scenario) -> None:
     for thing in true_things(scenario):
         for outline in thing.outlines:
             axes.add_patch(Polygon(outline, closed=True, fill=False, edgecolor=RED, linewidth=1.4))
-        axes.annotate(thing.name, thing.outlines[0].mean(axis=0), (7, 7), textcoords="offset points", color=RED, fontsize=8)
+        axes.annotate(
+            thing.name,
+            thing.outlines[0].mean(axis=0),
+            (7, 7),
+            textcoords="offset points",
+            color=RED,
+            fontsize=8,
+        )
     for person in scenario.people:
         places = np.array(person.points)
         axes.plot(*places[0], "o", color="goldenrod", markersize=6, zorder=3)
@@ -115,7 +143,11 @@ def draw_hazards(axes: Any, scenario: Scenario) -> None:
 def progress(reports: Sequence[Mapping[str, Any]], title: str) -> Any:
     """Explored volume and driven distance over time, of one episode or of many."""
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 6))
-    style = {"color": "tab:blue", "linewidth": 1.8} if len(reports) == 1 else {"color": "tab:blue", "alpha": 0.35}
+    style = (
+        {"color": "tab:blue", "linewidth": 1.8}
+        if len(reports) == 1
+        else {"color": "tab:blue", "alpha": 0.35}
+    )
     for report in reports:
         series = report["series"]
         above.plot(series["t_s"], series["explored_m3"], **style)
@@ -138,16 +170,28 @@ def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
         colour = "tab:blue" if report["success"] else "tab:red"
         series = report["series"]
         axes.plot(series["x_m"], series["y_m"], color=colour, linewidth=1.2, alpha=0.6)
-        axes.plot(series["x_m"][-1], series["y_m"][-1], "o" if report["success"] else "X", color=colour, markersize=5)
+        axes.plot(
+            series["x_m"][-1],
+            series["y_m"][-1],
+            "o" if report["success"] else "X",
+            color=colour,
+            markersize=5,
+        )
     successes = sum(bool(report["success"]) for report in reports)
     half_x, half_y = world.size_m[0] / 2, world.size_m[1] / 2
-    axes.set(xlim=(-half_x - 0.5, half_x + 0.5), ylim=(-half_y - 0.5, half_y + 0.5), aspect="equal", xlabel="x, m")
+    axes.set(
+        xlim=(-half_x - 0.5, half_x + 0.5),
+        ylim=(-half_y - 0.5, half_y + 0.5),
+        aspect="equal",
+        xlabel="x, m",
+    )
     axes.set(ylabel="y, m", title=f"{world.name}: {successes} of {len(reports)} episodes succeeded")
     return figure
 
 
 def frames(shots: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
-    """A column for each picture: as it was taken, the mask of what binds the robot, and both together by class."""
+    """A column for each picture: as it was taken, the mask of what binds the robot, and both
+    together by class."""
     figure, grid = plt.subplots(3, len(shots), figsize=(2.6 * len(shots) + 0.4, 5.0), squeeze=False)
     for number, (shot, column) in enumerate(zip(shots, grid.T, strict=True), start=1):
         mask = np.repeat((shot.class_ids > 0)[..., None], 3, axis=2)
@@ -159,10 +203,21 @@ def frames(shots: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
             axes.set(xticks=[], yticks=[])
     for axes, what in zip(grid[:, 0], ("RGB", "mask", "overlay"), strict=True):
         axes.set_ylabel(what)
-    shown = sorted({int(class_id) for shot in shots for class_id in np.unique(shot.class_ids) if class_id})
-    patches = [Patch(color=colour_of(class_id), label=names.get(class_id, str(class_id))) for class_id in shown]
+    shown = sorted(
+        {int(class_id) for shot in shots for class_id in np.unique(shot.class_ids) if class_id}
+    )
+    patches = [
+        Patch(color=colour_of(class_id), label=names.get(class_id, str(class_id)))
+        for class_id in shown
+    ]
     if patches:
-        figure.legend(handles=patches, loc="lower center", ncols=min(len(patches), 6), frameon=False, fontsize=9)
+        figure.legend(
+            handles=patches,
+            loc="lower center",
+            ncols=min(len(patches), 6),
+            frameon=False,
+            fontsize=9,
+        )
     figure.tight_layout(rect=(0, 0.05, 1, 1))
     return figure
 
@@ -184,17 +239,29 @@ def colour_of(class_id: int) -> tuple[float, float, float]:
 
 def extent(spec: GridSpec) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of a grid in metres."""
-    right, top = spec.origin_x_m + spec.cols * spec.resolution_m, spec.origin_y_m + spec.rows * spec.resolution_m
+    right, top = (
+        spec.origin_x_m + spec.cols * spec.resolution_m,
+        spec.origin_y_m + spec.rows * spec.resolution_m,
+    )
     return spec.origin_x_m, right, spec.origin_y_m, top
 
 
 def _draw_stations(axes: Any, report: Mapping[str, Any]) -> None:
     x, y, _ = report["start"]
-    named = [("S", (x, y)), *((f"G{number}", goal) for number, goal in enumerate(report["goals"], start=1))]
+    named = [
+        ("S", (x, y)),
+        *((f"G{number}", goal) for number, goal in enumerate(report["goals"], start=1)),
+    ]
     for name, place in named:
-        marker = {"marker": "o", "color": "tab:green"} if name == "S" else {"marker": "*", "color": "tab:orange"}
+        marker = (
+            {"marker": "o", "color": "tab:green"}
+            if name == "S"
+            else {"marker": "*", "color": "tab:orange"}
+        )
         axes.plot(*place, linestyle="", markersize=13, markeredgecolor="black", zorder=4, **marker)
-        axes.annotate(name, place, (9, -13), textcoords="offset points", fontsize=11, weight="bold", zorder=5)
+        axes.annotate(
+            name, place, (9, -13), textcoords="offset points", fontsize=11, weight="bold", zorder=5
+        )
 
 
 def _title(report: Mapping[str, Any]) -> str:

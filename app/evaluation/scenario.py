@@ -55,13 +55,15 @@ def evaluate_scenario(
     draw_first: int = 1,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive one episode a seed, keep each as it ends, print tables, write `summary.json` and figures; returns the summary.
+    """Drive one episode a seed, keep each as it ends, print tables, write `summary.json` and
+    figures; returns the summary.
 
-    Without a configuration they are driven with the one that the robot starts with. The figures of the first `draw_first`
-    episodes and of all that fail lie in `out/figures/seed-…`.
+    Without a configuration they are driven with the one that the robot starts with. The figures of
+    the first `draw_first` episodes and of all that fail lie in `out/figures/seed-…`.
     """
     perception = perception or colour_perception()
-    # Each worker makes the same segmenter again, with the engine that was found, and keeps to one thread.
+    # Each worker makes the same segmenter again, with the engine that was found, and keeps to one
+    # thread.
     choice = dataclasses.replace(perception.choice, threads=1)
     profile = load_profile(robot)
     seen_by = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
@@ -105,7 +107,14 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str
     from app.evaluation.plots import plot_episode
 
     profile = load_profile(common.robot)
-    episode = episode_of(common.task, seed, robot=profile, beware=common.beware, perception=perception, config=common.config)
+    episode = episode_of(
+        common.task,
+        seed,
+        robot=profile,
+        beware=common.beware,
+        perception=perception,
+        config=common.config,
+    )
     try:
         album = Keyframes(episode)
         report = episode.run()

@@ -1,4 +1,5 @@
-"""The figures of many episodes with their 95 % intervals, as a JSON object and as tables; and several of them side by side."""
+"""The figures of many episodes with their 95 % intervals, as a JSON object and as tables; and
+several of them side by side."""
 
 from __future__ import annotations
 
@@ -18,9 +19,15 @@ Measure = Callable[[Report], float]
 
 RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
     "success_rate": ("success", lambda report: report["success"]),
-    "goals_rate": ("all goals reached", lambda report: report["goals_reached"] == len(report["goals"])),
+    "goals_rate": (
+        "all goals reached",
+        lambda report: report["goals_reached"] == len(report["goals"]),
+    ),
     "collision_rate": ("drove into something", lambda report: report["collisions"] > 0),
-    "struck_rate": ("walked into while standing", lambda report: report["struck_while_standing"] > 0),
+    "struck_rate": (
+        "walked into while standing",
+        lambda report: report["struck_while_standing"] > 0,
+    ),
     "beware_rate": ("over an item or a marking", lambda report: report["beware_intrusions"] > 0),
     "zone_rate": ("over a zone", lambda report: report["zone_intrusions"] > 0),
 }
@@ -30,30 +37,51 @@ MEANS: dict[str, tuple[str, Measure]] = {
     "ideal_spl": ("SPL of an ideal driver with this view", lambda report: _ideal_spl(report)),
     "distance_m": ("driven, m", lambda report: report["distance_m"]),
     "sim_time_s": ("time, s", lambda report: report["sim_time_s"]),
-    "beware_intrusion_m2s": ("over items and markings, m²·s", lambda report: report["beware_intrusion_m2s"]),
+    "beware_intrusion_m2s": (
+        "over items and markings, m²·s",
+        lambda report: report["beware_intrusion_m2s"],
+    ),
     "zone_intrusion_m2s": ("over zones, m²·s", lambda report: report["zone_intrusion_m2s"]),
     "explored_share": ("share of the floor seen", lambda report: report["explored_share"]),
     "explored_m3": ("explored volume, m³", lambda report: report["series"]["explored_m3"][-1]),
     "tick_ms_p99": ("p99 of a tick, ms", lambda report: report["tick_ms"]["p99"]),
-    "real_time_factor": ("simulated by real time", lambda report: report["sim_time_s"] / report["wall_time_s"]),
+    "real_time_factor": (
+        "simulated by real time",
+        lambda report: report["sim_time_s"] / report["wall_time_s"],
+    ),
 }
 """Means over the episodes."""
-TOTALS = ("collisions", "struck_while_standing", "beware_intrusions", "zone_intrusions", "goals_reached")
+TOTALS = (
+    "collisions",
+    "struck_while_standing",
+    "beware_intrusions",
+    "zone_intrusions",
+    "goals_reached",
+)
 SAME = ("scenario", "robot", "segmenter", "ablation")
 """What all episodes of a campaign have in common."""
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
-    """The figures; `…_ci95` beside each rate (Wilson) and mean (bootstrap, null for a single episode)."""
+    """The figures; `…_ci95` beside each rate (Wilson) and mean (bootstrap, null for a single
+    episode)."""
     summary: dict[str, Any] = {key: reports[0][key] for key in SAME}
     summary |= {"episodes": len(reports), "seeds": [report["seed"] for report in reports]}
     for key, (_, holds) in RATES.items():
         number = sum(holds(report) for report in reports)
-        summary |= {key: round(number / len(reports), 4), f"{key}_ci95": _rounded(wilson(number, len(reports)))}
+        summary |= {
+            key: round(number / len(reports), 4),
+            f"{key}_ci95": _rounded(wilson(number, len(reports))),
+        }
     for key, (_, measure) in MEANS.items():
         values = [float(measure(report)) for report in reports]
-        summary |= {key: round(sum(values) / len(values), 4), f"{key}_ci95": _rounded(bootstrap(values))}
-    clear = [report["min_clearance_m"] for report in reports if report["min_clearance_m"] is not None]
+        summary |= {
+            key: round(sum(values) / len(values), 4),
+            f"{key}_ci95": _rounded(bootstrap(values)),
+        }
+    clear = [
+        report["min_clearance_m"] for report in reports if report["min_clearance_m"] is not None
+    ]
     summary |= {key: sum(report[key] for report in reports) for key in TOTALS}
     return summary | {
         "goals": sum(len(report["goals"]) for report in reports),
@@ -72,26 +100,42 @@ def tables_of(summary: Report) -> list[Table]:
     figures.add_row("least clearance, m", f"{summary['min_clearance_m']}", "")
     tables = [figures]
     if summary["items"]:
-        found = Table("class", "there", "seen ≤ 4 m", "of these missed", "false on the map", title="things to beware of")
+        found = Table(
+            "class",
+            "there",
+            "seen ≤ 4 m",
+            "of these missed",
+            "false on the map",
+            title="things to beware of",
+        )
         for name, counts in summary["items"].items():
             found.add_row(name, *(str(counts[key]) for key in ("there", "seen", "missed", "false")))
         tables.append(found)
     if summary["failures"]:
         causes = Table("cause, the gravest of each episode", "episodes", "seeds", title="failures")
         for cause, seeds in summary["failures"].items():
-            causes.add_row(cause, str(len(seeds)), ", ".join(map(str, seeds[:12])) + (" …" if len(seeds) > 12 else ""))
+            causes.add_row(
+                cause,
+                str(len(seeds)),
+                ", ".join(map(str, seeds[:12])) + (" …" if len(seeds) > 12 else ""),
+            )
         tables.append(causes)
     return tables
 
 
 def compare(folders: Sequence[Path]) -> Table:
-    """A column for each folder's `summary.json`; raises `BadConfiguration` for a folder without one."""
+    """A column for each folder's `summary.json`; raises `BadConfiguration` for a folder without
+    one."""
     summaries = [_read(folder) for folder in folders]
-    table = Table("", *(str(folder) for folder in folders), title="mean or share, and 95 % interval")
+    table = Table(
+        "", *(str(folder) for folder in folders), title="mean or share, and 95 % interval"
+    )
     for key in (*SAME, "episodes"):
         table.add_row(key, *(str(summary[key]) for summary in summaries))
     for key, (name, _) in [*RATES.items(), *MEANS.items()]:
-        table.add_row(name, *(f"{_figure(summary, key)}  {_interval(summary, key)}" for summary in summaries))
+        table.add_row(
+            name, *(f"{_figure(summary, key)}  {_interval(summary, key)}" for summary in summaries)
+        )
     table.add_row("failures", *(_causes(summary) for summary in summaries))
     if len({(summary["scenario"], str(summary["seeds"])) for summary in summaries}) > 1:
         table.caption = "Not the same episodes: worlds or seeds differ."
@@ -99,7 +143,10 @@ def compare(folders: Sequence[Path]) -> Table:
 
 
 def _causes(summary: Report) -> str:
-    return "\n".join(f"{len(seeds)} × {cause}" for cause, seeds in summary["failures"].items()) or "none"
+    return (
+        "\n".join(f"{len(seeds)} × {cause}" for cause, seeds in summary["failures"].items())
+        or "none"
+    )
 
 
 def _items(reports: Sequence[Report]) -> dict[str, dict[str, int]]:
@@ -116,17 +163,28 @@ def _read(folder: Path) -> dict[str, Any]:
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise BadConfiguration(f"{folder} holds no summary.json of an evaluation: {error}") from None
-    missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(summary if isinstance(summary, dict) else ())
+        raise BadConfiguration(
+            f"{folder} holds no summary.json of an evaluation: {error}"
+        ) from None
+    missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(
+        summary if isinstance(summary, dict) else ()
+    )
     if missing:
-        raise BadConfiguration(f"{folder}/summary.json: is of another suite or version, {sorted(missing)[0]!r} is missing")
+        raise BadConfiguration(
+            f"{folder}/summary.json: is of another suite or version, {sorted(missing)[0]!r} is missing"
+        )
     return dict(summary)
 
 
 def _ideal_spl(report: Report) -> float:
-    """Of who makes no mistakes but has to see the world first; 0 without a way, and in reports older than this figure."""
+    """Of who makes no mistakes but has to see the world first; 0 without a way, and in reports
+    older than this figure."""
     shortest_m, ideal_m = report["shortest_m"], report.get("ideal_m")
-    return 0.0 if shortest_m is None or ideal_m is None else float(shortest_m / max(ideal_m, shortest_m))
+    return (
+        0.0
+        if shortest_m is None or ideal_m is None
+        else float(shortest_m / max(ideal_m, shortest_m))
+    )
 
 
 def _rounded(interval: tuple[float, float] | None) -> list[float] | None:

@@ -1,6 +1,8 @@
-"""Drive the robot from a program: a wet floor is fenced off, a goal is set, and whatever happens the robot is stopped.
+"""Drive the robot from a program: a wet floor is fenced off, a goal is set, and whatever happens
+the robot is stopped.
 
-`python app/examples/client.py http://127.0.0.1:8000 2.0 2.5`, with a user's token in BEWARENAV_TOKEN where one is needed.
+`python app/examples/client.py http://127.0.0.1:8000 2.0 2.5`, with a user's token in
+BEWARENAV_TOKEN where one is needed.
 """
 
 import os
@@ -14,7 +16,9 @@ def main(console: str, x_m: float, y_m: float) -> int:
     """0 when the robot got there."""
     token = os.environ.get("BEWARENAV_TOKEN")
     headers = {"Authorization": f"Bearer {token}"} if token else {}
-    with httpx.Client(base_url=f"{console}/api/v1", headers=headers, timeout=10.0, trust_env=False) as robot:
+    with httpx.Client(
+        base_url=f"{console}/api/v1", headers=headers, timeout=10.0, trust_env=False
+    ) as robot:
         corners = [[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]]
         zone = {"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [corners]}}
         zone = robot.post("/zones", json=zone).raise_for_status().json()

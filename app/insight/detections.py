@@ -1,4 +1,5 @@
-"""Everything of the beware list that was recognised, once for each place: a bounded list with the best picture of each."""
+"""Everything of the beware list that was recognised, once for each place: a bounded list with the
+best picture of each."""
 
 from __future__ import annotations
 
@@ -59,19 +60,25 @@ class DetectionGallery:
         self._items: dict[int, _Item] = {}
         self._next_id = 1
 
-    def look(self, now_s: float, frame: Frame, labels: Labels, beware: BewareList) -> list[Sighting]:
+    def look(
+        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList
+    ) -> list[Sighting]:
         """Note what a frame shows; what was never seen at its place before is returned."""
         names = {entry.class_id: entry.name for entry in beware.classes}
         return [
             new
             for region in recognised(frame, labels, beware)
-            if (new := self._note(now_s, frame, labels, beware, region, names[region.class_id])) is not None
+            if (new := self._note(now_s, frame, labels, beware, region, names[region.class_id]))
+            is not None
         ]
 
     def all(self) -> tuple[Sighting, ...]:
         """Newest first."""
         with self._lock:
-            return tuple(item.sighting for item in sorted(self._items.values(), key=lambda item: -item.sighting.id))
+            return tuple(
+                item.sighting
+                for item in sorted(self._items.values(), key=lambda item: -item.sighting.id)
+            )
 
     def crop(self, sighting_id: int) -> bytes:
         """JPEG of the best view; raises `NotKnown`."""
@@ -81,7 +88,9 @@ class DetectionGallery:
         """The whole picture; raises `NotKnown` when it is not kept any more."""
         view = self._item(sighting_id).view
         if view is None:
-            raise NotKnown(f"the picture of sighting {sighting_id} is not kept any more; only the newest {MAX_VIEWS} are")
+            raise NotKnown(
+                f"the picture of sighting {sighting_id} is not kept any more; only the newest {MAX_VIEWS} are"
+            )
         return view
 
     def call_wrong(self, sighting_id: int) -> None:
@@ -97,13 +106,23 @@ class DetectionGallery:
             return self._items[sighting_id]
 
     def _note(
-        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList, region: Detection, name: str
+        self,
+        now_s: float,
+        frame: Frame,
+        labels: Labels,
+        beware: BewareList,
+        region: Detection,
+        name: str,
     ) -> Sighting | None:
         pixels = int(region.mask.sum())
         item = self._at(region.class_id, region.cells)
         better = item is None or pixels > BETTER * item.pixels
         # Packed outside the lock: it takes some milliseconds.
-        crop, view = (_crop(frame.rgb, region), packed(frame, labels, beware, region.mask)) if better else (b"", None)
+        crop, view = (
+            (_crop(frame.rgb, region), packed(frame, labels, beware, region.mask))
+            if better
+            else (b"", None)
+        )
         with self._lock:
             if item is None:
                 sighting = Sighting(
@@ -124,7 +143,9 @@ class DetectionGallery:
             item.sighting = replace(item.sighting, looks=item.sighting.looks + 1, last_s=now_s)
             if better:
                 item.pixels, item.crop, item.view = pixels, crop, view
-                item.sighting = replace(item.sighting, place=region.place, confidence=region.confidence)
+                item.sighting = replace(
+                    item.sighting, place=region.place, confidence=region.confidence
+                )
         return None
 
     def _at(self, class_id: int, cells: Cells) -> _Item | None:
@@ -144,7 +165,9 @@ class DetectionGallery:
             min(with_view, key=lambda item: item.sighting.last_s).view = None
 
 
-def packed(frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[np.bool_]) -> StoredView:
+def packed(
+    frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[np.bool_]
+) -> StoredView:
     """A frame, what binds in it, and a region of it."""
     binding = labels.mask(beware)
     depth_mm = np.clip(np.round(frame.depth_m * 1000), 0, 65535).astype(np.uint16)
@@ -177,11 +200,18 @@ def _crop(rgb: npt.NDArray[np.uint8], region: Detection) -> bytes:
     right, bottom = min(right + room, rgb.shape[1]), min(bottom + room, rgb.shape[0])
     picture = rgb[top:bottom, left:right].copy()
     outlines, _ = cv2.findContours(
-        region.mask[top:bottom, left:right].view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+        region.mask[top:bottom, left:right].view(np.uint8),
+        cv2.RETR_EXTERNAL,
+        cv2.CHAIN_APPROX_SIMPLE,
     )
     cv2.drawContours(picture, outlines, -1, (255, 183, 3), 1)
     scale = min(CROP_PX / max(picture.shape[:2]), 3.0)
     size = (max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1))
     return camera_jpg(
-        np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR), dtype=np.uint8)
+        np.asarray(
+            cv2.resize(
+                picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+            ),
+            dtype=np.uint8,
+        )
     )

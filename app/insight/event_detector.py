@@ -1,4 +1,5 @@
-"""What of a drive is worth a line in the log, and how it reads: told from one look at the pilot to the next."""
+"""What of a drive is worth a line in the log, and how it reads: told from one look at the pilot to
+the next."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ _PHASES = {
 
 
 class EventDetector:
-    """Compares the newest of everything with the last, and writes down what differs. One thread calls it."""
+    """Compares the newest of everything with the last, and writes down what differs. One thread
+    calls it."""
 
     def __init__(self, journal: Journal, intent: OperatorState) -> None:
         self._journal = journal
@@ -43,7 +45,9 @@ class EventDetector:
         self._compared_s = -np.inf
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
-    def look(self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Place) -> None:
+    def look(
+        self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Place
+    ) -> None:
         """The operator's will and the newest tick's decision."""
         before, self._intent = self._intent, intent
         if before is not intent:
@@ -87,7 +91,12 @@ class EventDetector:
                 self._journal.note(now_s, "goal", text, (goal.x_m, goal.y_m))
         if after.phase is not before.phase:
             cancelled = after.cancelled and not before.cancelled
-            self._journal.note(now_s, "mission", "The mission is cancelled." if cancelled else _PHASES[after.phase], pose)
+            self._journal.note(
+                now_s,
+                "mission",
+                "The mission is cancelled." if cancelled else _PHASES[after.phase],
+                pose,
+            )
 
     def _zones(self, now_s: float, before: tuple[Zone, ...], after: tuple[Zone, ...]) -> None:
         if before is after:
@@ -97,7 +106,9 @@ class EventDetector:
             what = _what_happened(old.get(zone.id), new.get(zone.id))
             if what:
                 x_m, y_m = np.mean(zone.polygon, axis=0)
-                self._journal.note(now_s, "zone", f"Zone “{zone.name}” {what}.", (float(x_m), float(y_m)))
+                self._journal.note(
+                    now_s, "zone", f"Zone “{zone.name}” {what}.", (float(x_m), float(y_m))
+                )
 
     def _beware(self, now_s: float, before: BewareList, after: BewareList) -> None:
         old, new = ({entry.name: entry for entry in beware.classes} for beware in (before, after))
@@ -108,7 +119,11 @@ class EventDetector:
             if one is None or other is None:
                 what = "joins the beware list" if one is None else "leaves the beware list"
             elif one.enabled != other.enabled:
-                what = "is to be kept away from" if other.enabled else "need not be kept away from any more"
+                what = (
+                    "is to be kept away from"
+                    if other.enabled
+                    else "need not be kept away from any more"
+                )
             else:
                 what = f"now has a margin of {other.margin_m:g} m, least confidence {other.min_confidence:.0%}"
             self._journal.note(now_s, "beware", f"“{name}” {what}.")
@@ -116,7 +131,11 @@ class EventDetector:
     def _path(self, now_s: float, decision: TickResult, intent: OperatorState) -> None:
         before = self._decision
         changed_goal = before is None or _end(before.route) != _end(decision.route)
-        found = None if before is None or before.route is None else isinstance(before.route.outcome, Path)
+        found = (
+            None
+            if before is None or before.route is None
+            else isinstance(before.route.outcome, Path)
+        )
         opened = decision.route is not None and isinstance(decision.route.outcome, Path) != found
         if not changed_goal and not opened and now_s - self._compared_s < REPLAN_PERIOD_S:
             return
@@ -139,7 +158,11 @@ def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
 
 
 def _end(route: Route | None) -> Place | None:
-    return (float(route.points[-1, 0]), float(route.points[-1, 1])) if route is not None and len(route.points) else None
+    return (
+        (float(route.points[-1, 0]), float(route.points[-1, 1]))
+        if route is not None and len(route.points)
+        else None
+    )
 
 
 def _why_replanned(
@@ -150,11 +173,18 @@ def _why_replanned(
     assert route is not None
     old = before.route if before is not None else None
     if isinstance(route.outcome, NoPath):
-        known = old is not None and isinstance(old.outcome, NoPath) and old.outcome.reason == route.outcome.reason
+        known = (
+            old is not None
+            and isinstance(old.outcome, NoPath)
+            and old.outcome.reason == route.outcome.reason
+        )
         return None if known else (f"There is no path: {route.outcome.reason}.", here)
     length_m = route.outcome.length * after.occupancy.spec.resolution_m
     if old is None or (changed_goal and isinstance(old.outcome, Path)):
-        return f"Planned a path of {length_m:.1f} m to ({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).", here
+        return (
+            f"Planned a path of {length_m:.1f} m to ({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).",
+            here,
+        )
     if isinstance(old.outcome, NoPath):
         return f"A path has opened, {length_m:.1f} m long.", here
     aside_m, at = _furthest_aside(route.points, old.points)
@@ -164,10 +194,15 @@ def _why_replanned(
     if blocked is None:
         return f"A shorter way has opened: {length_m:.1f} m from here.", at
     what = _closed_by(after.occupancy.grid, blocked, intent)
-    return f"{what} closes the path at this place; the new one is {length_m:.1f} m long.", after.occupancy.spec.centre(*blocked)
+    return (
+        f"{what} closes the path at this place; the new one is {length_m:.1f} m long.",
+        after.occupancy.spec.centre(*blocked),
+    )
 
 
-def _furthest_aside(path: npt.NDArray[np.float64], old: npt.NDArray[np.float64]) -> tuple[float, Place]:
+def _furthest_aside(
+    path: npt.NDArray[np.float64], old: npt.NDArray[np.float64]
+) -> tuple[float, Place]:
     """How far a path leads from another at the most, and where."""
     away, _ = cKDTree(old).query(path)
     at = int(np.argmax(away))
@@ -184,12 +219,21 @@ def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell |
 def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
     """What is nearest to a closed cell, in words."""
     names = {entry.class_id: f"“{entry.label or entry.name}”" for entry in intent.beware.classes}
-    layers = [("An obstacle", grid.geometric), ("A zone", grid.zones), *(("A zone", mask) for _, mask in grid.wide_zones)]
-    layers += [(names.get(class_id, "Something to beware of"), layer) for class_id, layer in grid.beware.items()]
+    layers = [
+        ("An obstacle", grid.geometric),
+        ("A zone", grid.zones),
+        *(("A zone", mask) for _, mask in grid.wide_zones),
+    ]
+    layers += [
+        (names.get(class_id, "Something to beware of"), layer)
+        for class_id, layer in grid.beware.items()
+    ]
     reach, best = 60, ("Something", np.inf)
     top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
     for name, layer in layers:
-        near = np.argwhere(layer[top : cell[0] + reach + 1, left : cell[1] + reach + 1]) + np.array([top, left])
+        near = np.argwhere(layer[top : cell[0] + reach + 1, left : cell[1] + reach + 1]) + np.array(
+            [top, left]
+        )
         away = float(((near - cell) ** 2).sum(axis=1).min()) if len(near) else np.inf
         if away < best[1]:
             best = (name, away)

@@ -1,7 +1,7 @@
 """The log of decisions: the newest in memory, all of them on a shelf that outlives the console.
 
-Whoever has something to say never waits for a disk: `note` only remembers, and `write`, in a thread of its own, puts down what
-has come together. While the disk refuses, the newest wait in memory.
+Whoever has something to say never waits for a disk: `note` only remembers, and `write`, in a thread
+of its own, puts down what has come together. While the disk refuses, the newest wait in memory.
 """
 
 from __future__ import annotations
@@ -35,17 +35,25 @@ class Shelf(Protocol):
     def append(self, entries: Sequence[Entry]) -> None:
         """All of them or none."""
 
-    def between(self, since: int, before: int, *, kinds: Collection[Kind], limit: int) -> tuple[Entry, ...]:
-        """The newest of these kinds (none: all) with an id between the two, at most `limit`, oldest first."""
+    def between(
+        self, since: int, before: int, *, kinds: Collection[Kind], limit: int
+    ) -> tuple[Entry, ...]:
+        """The newest of these kinds (none: all) with an id between the two, at most `limit`, oldest
+        first."""
 
 
 class Journal:
     """Entries in order of their ids, which go on from one start of the console to the next."""
 
     def __init__(
-        self, shelf: Shelf | None = None, *, most: int = MAX_ENTRIES, wall_clock: Callable[[], float] = time.time
+        self,
+        shelf: Shelf | None = None,
+        *,
+        most: int = MAX_ENTRIES,
+        wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        """Without a shelf it is forgotten at the end. Raises `StorageFailed` when the shelf cannot be read."""
+        """Without a shelf it is forgotten at the end. Raises `StorageFailed` when the shelf cannot
+        be read."""
         self._shelf, self._wall_clock = shelf, wall_clock
         self._entries: deque[Entry] = deque(maxlen=most)
         self._lock = threading.Lock()
@@ -71,15 +79,22 @@ class Journal:
             )
             self._entries.append(entry)
 
-    def page(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
-        """The newest entries of these kinds (none: all) with an id between `since` and `before`, at most `limit`, oldest first.
+    def page(
+        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
+    ) -> Page:
+        """The newest entries of these kinds (none: all) with an id between `since` and `before`, at
+        most `limit`, oldest first.
 
         Raises `StorageFailed` when only the shelf has what was asked for, and cannot be read.
         """
         with self._lock:
             held, newest = tuple(self._entries), self._newest
         until = LARGEST_ID if before is None else before
-        chosen = [entry for entry in held if since < entry.id < until and (not kinds or entry.kind in kinds)]
+        chosen = [
+            entry
+            for entry in held
+            if since < entry.id < until and (not kinds or entry.kind in kinds)
+        ]
         chosen = chosen[-limit:] if limit else []
         first = min(held[0].id if held else newest + 1, until)
         older: tuple[Entry, ...] = ()
@@ -93,7 +108,8 @@ class Journal:
         return Page(newest=newest, oldest=oldest, start=self._start, entries=(*older, *chosen))
 
     def write(self) -> None:
-        """Put down what has been noted since the last time. A disk that refuses is tried again the next time."""
+        """Put down what has been noted since the last time. A disk that refuses is tried again the
+        next time."""
         if self._shelf is None:
             return
         with self._lock:

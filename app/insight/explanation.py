@@ -1,4 +1,5 @@
-"""The explanation of a path, composed for the console out of `navcore.explain` and `navcore.lifting`."""
+"""The explanation of a path, composed for the console out of `navcore.explain` and
+`navcore.lifting`."""
 
 from __future__ import annotations
 
@@ -70,7 +71,8 @@ class ExplanationQuery:
         reach = self.start_relief_m / self.occupancy.spec.resolution_m
         around = math.ceil(reach) + 1
         free = ~rules.blocked(lifted)[
-            max(cell[0] - around, 0) : cell[0] + around + 1, max(cell[1] - around, 0) : cell[1] + around + 1
+            max(cell[0] - around, 0) : cell[0] + around + 1,
+            max(cell[1] - around, 0) : cell[1] + around + 1,
         ]
         near = np.argwhere(free) + np.array([max(cell[0] - around, 0), max(cell[1] - around, 0)])
         away = ((near - cell) ** 2).sum(axis=1)
@@ -86,7 +88,8 @@ def explained(case: ExplanationQuery) -> Explanation:
     start = case.start(rules)
     path = case.path or path_without(rules, (), start, case.target, budget=BUDGET)
     if isinstance(path, NoPath):
-        # A robot that stands in a wall by a hair starts beside it; one that stands in a zone starts there.
+        # A robot that stands in a wall by a hair starts beside it; one that stands in a zone starts
+        # there.
         everything = [rule.key for rule in rules.liftable]
         lift = minimum_removal(rules, case.start(rules, everything), case.target)
         return Explanation(
@@ -95,18 +98,25 @@ def explained(case: ExplanationQuery) -> Explanation:
             length_m=None,
             points=np.empty((0, 2)),
             stretches=(),
-            rules=tuple(ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.liftable),
+            rules=tuple(
+                ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.liftable
+            ),
             all_cost_m=None,
             lift=lift.keys,
             lift_exact=lift.exact,
             lift_at_least=lift.at_least,
         )
     parts = stretches(path, rules)
-    steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path.cells, axis=0).T))]) * spec.resolution_m
+    steps = (
+        np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path.cells, axis=0).T))])
+        * spec.resolution_m
+    )
     along: dict[str, float] = {}
     for part in parts:
         if part.key is not None:
-            along[part.key] = along.get(part.key, 0.0) + float(steps[part.last] - steps[max(part.first - 1, 0)])
+            along[part.key] = along.get(part.key, 0.0) + float(
+                steps[part.last] - steps[max(part.first - 1, 0)]
+            )
     return Explanation(
         goal=case.goal,
         reason=None,
@@ -130,27 +140,56 @@ def alternative(case: ExplanationQuery, keys: Collection[str]) -> Alternative:
     present = case.path or path_without(rules, (), case.start(rules), case.target, budget=BUDGET)
     other = path_without(rules, tuple(keys), case.start(rules, keys), case.target, budget=BUDGET)
     if isinstance(other, NoPath):
-        return Alternative(reason=str(other.reason), length_m=None, difference_m=None, points=np.empty((0, 2)))
+        return Alternative(
+            reason=str(other.reason), length_m=None, difference_m=None, points=np.empty((0, 2))
+        )
     difference = (other.length - present.length) * metre if isinstance(present, Path) else None
     points = case.occupancy.spec.centres(other.cells)
-    return Alternative(reason=None, length_m=other.length * metre, difference_m=difference, points=points)
+    return Alternative(
+        reason=None, length_m=other.length * metre, difference_m=difference, points=points
+    )
 
 
-def _costed(case: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]) -> tuple[ExplainedRule, ...]:
-    """What each rule costs by itself, as many as there is time for: first those along the path, then those nearest to the
-    straight line, for a rule that the path gives a wide berth may cost the most."""
+def _costed(
+    case: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]
+) -> tuple[ExplainedRule, ...]:
+    """What each rule costs by itself, as many as there is time for: first those along the path,
+    then those nearest to the straight line, for a rule that the path gives a wide berth may cost
+    the most."""
     start, metre = case.start(rules), case.occupancy.spec.resolution_m
-    whole = [ExplainedRule(key="wall", name="obstacles", along_m=along["wall"])] if "wall" in along else []
+    whole = (
+        [ExplainedRule(key="wall", name="obstacles", along_m=along["wall"])]
+        if "wall" in along
+        else []
+    )
     steps = np.linspace(start, case.target, 200).round().astype(np.int64)
-    ranked = sorted(rules.liftable, key=lambda rule: (-along.get(rule.key, 0.0), float(rule.at(steps).min()), rule.key))
+    ranked = sorted(
+        rules.liftable,
+        key=lambda rule: (-along.get(rule.key, 0.0), float(rule.at(steps).min()), rule.key),
+    )
     for rank, rule in enumerate(ranked):
-        other = path_without(rules, [rule.key], start, case.target, budget=BUDGET) if rank < MAX_COSTED else None
+        other = (
+            path_without(rules, [rule.key], start, case.target, budget=BUDGET)
+            if rank < MAX_COSTED
+            else None
+        )
         saves = max((path.length - other.length) * metre, 0.0) if isinstance(other, Path) else None
-        whole.append(ExplainedRule(key=rule.key, name=rule.name, along_m=along.get(rule.key, 0.0), saves_m=saves))
+        whole.append(
+            ExplainedRule(
+                key=rule.key, name=rule.name, along_m=along.get(rule.key, 0.0), saves_m=saves
+            )
+        )
     return tuple(sorted(whole, key=lambda rule: -(rule.saves_m or 0.0)))
 
 
 def _all_cost_m(case: ExplanationQuery, rules: Rules, path: Path) -> float | None:
-    """What all rules together cost: more than the sum of each where they close one another's ways round."""
-    free = path_without(rules, [rule.key for rule in rules.liftable], case.start(rules), case.target, budget=BUDGET)
-    return (path.length - free.length) * case.occupancy.spec.resolution_m if isinstance(free, Path) else None
+    """What all rules together cost: more than the sum of each where they close one another's ways
+    round."""
+    free = path_without(
+        rules, [rule.key for rule in rules.liftable], case.start(rules), case.target, budget=BUDGET
+    )
+    return (
+        (path.length - free.length) * case.occupancy.spec.resolution_m
+        if isinstance(free, Path)
+        else None
+    )

@@ -1,9 +1,10 @@
-"""Pictures that an operator has corrected, in the layout of the data sets: `bewarenav train --data FOLDER` takes the folder.
+"""Pictures that an operator has corrected, in the layout of the data sets: `bewarenav train --data
+FOLDER` takes the folder.
 
-Every picture goes to the split `train`. Of its labels the operator vouches for one region only. The rest is the segmenter's own
-word, where it was sure enough to bind the robot; where it was unsure, and on the rim of the region, the label is void, which no
-training learns from. After every picture the lists and the card are whole again; what a crash leaves half done is mended at the
-next start.
+Every picture goes to the split `train`. Of its labels the operator vouches for one region only. The
+rest is the segmenter's own word, where it was sure enough to bind the robot; where it was unsure,
+and on the rim of the region, the label is void, which no training learns from. After every picture
+the lists and the card are whole again; what a crash leaves half done is mended at the next start.
 """
 
 from __future__ import annotations
@@ -21,7 +22,16 @@ import numpy.typing as npt
 
 from app.insight.detections import StoredView, unpacked
 from navcore.errors import BadConfiguration, Refused, StorageFailed
-from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files, check_labels
+from navcore.learning.data.card import (
+    CARD_NAME,
+    KINDS,
+    SPLITS,
+    Counts,
+    DatasetCard,
+    DepthSums,
+    Files,
+    check_labels,
+)
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
 from navcore.learning.data.writer import write_text
@@ -38,7 +48,9 @@ RIM_PX = 3
 class LabellingFolder:
     """Grows picture by picture up to its bounds; safe to use from any thread."""
 
-    def __init__(self, folder: Path, *, max_pictures: int = MAX_PICTURES, max_bytes: int = MAX_BYTES) -> None:
+    def __init__(
+        self, folder: Path, *, max_pictures: int = MAX_PICTURES, max_bytes: int = MAX_BYTES
+    ) -> None:
         self.folder, self._max_pictures, self._max_bytes = folder, max_pictures, max_bytes
         self._lock = threading.Lock()
         self._files: list[Files] = []
@@ -63,7 +75,8 @@ class LabellingFolder:
     def add(self, view: StoredView, *, names: dict[int, str], said: str | None) -> None:
         """Add a picture whose region shows a thing of the class `said`; None: nothing of the list.
 
-        `names` are the beware list's classes by id. Raises `Refused` when the folder is full, `StorageFailed`.
+        `names` are the beware list's classes by id. Raises `Refused` when the folder is full,
+        `StorageFailed`.
         """
         with self._lock:
             self._open()
@@ -83,7 +96,12 @@ class LabellingFolder:
             values[class_id] = self._value(name)
         labels = values[class_ids]
         labels[unpacked(view.unsure_png) > 0] = 0
-        around = cv2.dilate(region.view(np.uint8), np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), dtype=np.uint8)) > 0
+        around = (
+            cv2.dilate(
+                region.view(np.uint8), np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), dtype=np.uint8)
+            )
+            > 0
+        )
         labels[around] = 0
         labels[region] = self._value(said)
         return np.asarray(labels, dtype=np.uint8)
@@ -101,13 +119,21 @@ class LabellingFolder:
         """Take over what an earlier session left; a picture whose writing was cut off is left out."""
         if self._opened:
             return
-        class_names, found, sums, sizes = list(BEWARE_CLASSES), list[Files](), type(self._sums)(), set[tuple[int, int]]()
+        class_names, found, sums, sizes = (
+            list(BEWARE_CLASSES),
+            list[Files](),
+            type(self._sums)(),
+            set[tuple[int, int]](),
+        )
         if (self.folder / CARD_NAME).exists():
             class_names = self._names_on_card()
             for label in sorted(self.folder.glob("train/label/*.npy")):
                 files = _files_of(label.stem)
                 try:
-                    depth, labels = read_depth(self.folder / files[1]), read_labels(self.folder / files[2])
+                    depth, labels = (
+                        read_depth(self.folder / files[1]),
+                        read_labels(self.folder / files[2]),
+                    )
                     check_labels(labels, len(class_names), str(self.folder / files[2]))
                     read_rgb(self.folder / files[0])
                 except BadConfiguration:
@@ -115,7 +141,8 @@ class LabellingFolder:
                 found.append(files)
                 sums.add(depth)
                 sizes.add((labels.shape[0], labels.shape[1]))
-        # All in one step: a disk that then refuses the lists finds what was read only once in them when it is tried again.
+        # All in one step: a disk that then refuses the lists finds what was read only once in them
+        # when it is tried again.
         self._class_names, self._files, self._sums, self._sizes = class_names, found, sums, sizes
         self._bytes_used = sum(map(self._size_of, found))
         if found:
@@ -124,14 +151,26 @@ class LabellingFolder:
 
     def _names_on_card(self) -> list[str]:
         try:
-            return [str(name) for name in json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))["class_names"]]
+            return [
+                str(name)
+                for name in json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))[
+                    "class_names"
+                ]
+            ]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StorageFailed(f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away") from None
+            raise StorageFailed(
+                f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away"
+            ) from None
 
     def _size_of(self, files: Files) -> int:
         return sum((self.folder / path).stat().st_size for path in files)
 
-    def _write(self, rgb: npt.NDArray[np.uint8], depth_mm: npt.NDArray[np.uint16], labels: npt.NDArray[np.uint8]) -> None:
+    def _write(
+        self,
+        rgb: npt.NDArray[np.uint8],
+        depth_mm: npt.NDArray[np.uint16],
+        labels: npt.NDArray[np.uint8],
+    ) -> None:
         files, sums = _files_of(uuid.uuid4().hex[:16]), dataclasses.replace(self._sums)
         sums.add(depth_mm)
         try:
@@ -143,13 +182,19 @@ class LabellingFolder:
             for split in SPLITS:
                 for kind in KINDS:
                     (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
-            self._write_card(sums)  # first: a number in a label must never be on the disk without its name
+            self._write_card(
+                sums
+            )  # first: a number in a label must never be on the disk without its name
             write_rgb(self.folder / files[0], rgb)
             write_grey(self.folder / files[1], depth_mm)
             np.save(partial, labels, allow_pickle=False)
-            partial.replace(self.folder / files[2])  # the last of the three, so that a picture is whole or none
+            partial.replace(
+                self.folder / files[2]
+            )  # the last of the three, so that a picture is whole or none
         except OSError as error:
-            raise StorageFailed(f"{self.folder}: the picture cannot be written: {error.strerror or error}") from error
+            raise StorageFailed(
+                f"{self.folder}: the picture cannot be written: {error.strerror or error}"
+            ) from error
         self._files.append(files)
         self._bytes_used += self._size_of(files)
         self._sums = sums
@@ -161,7 +206,9 @@ class LabellingFolder:
         for split in SPLITS:
             for column, kind in enumerate(KINDS):
                 lines = [files[column] for files in self._files] if split == "train" else []
-                write_text(self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines))
+                write_text(
+                    self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines)
+                )
         self._write_card(self._sums)
 
     def _write_card(self, sums: DepthSums) -> None:
@@ -180,13 +227,17 @@ def _files_of(name: str) -> Files:
 
 
 def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt.NDArray[np.bool_]:
-    """(H, W) what stands out within (left, top, right, bottom), by GrabCut; the whole box if nothing does.
+    """(H, W) what stands out within (left, top, right, bottom), by GrabCut; the whole box if
+    nothing does.
 
     Raises `BadConfiguration` for a box that is not on the picture or too small.
     """
     height, width = rgb.shape[:2]
     left, top, right, bottom = box
-    if not (0 <= left < right <= width and 0 <= top < bottom <= height) or min(right - left, bottom - top) < 6:
+    if (
+        not (0 <= left < right <= width and 0 <= top < bottom <= height)
+        or min(right - left, bottom - top) < 6
+    ):
         raise BadConfiguration(
             f"box {box}: expected left < right ≤ {width}, top < bottom ≤ {height}, each side 6 pixels or more"
         )
@@ -197,6 +248,8 @@ def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt
     kinds = np.where(region, np.uint8(cv2.GC_PR_FGD), np.uint8(cv2.GC_BGD))
     cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(np.ascontiguousarray(rgb[..., ::-1]), kinds, (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(
+        np.ascontiguousarray(rgb[..., ::-1]), kinds, (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK
+    )
     found = (kinds == cv2.GC_FGD) | (kinds == cv2.GC_PR_FGD)
     return found if found.sum() >= 0.05 * region.sum() else region

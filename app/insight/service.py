@@ -1,7 +1,9 @@
-"""The console's insight port, satisfied: a thread of its own looks at what the others leave behind, and explains on request.
+"""The console's insight port, satisfied: a thread of its own looks at what the others leave behind,
+and explains on request.
 
-The think and the command thread hand over one reference each and go on. All that costs anything happens here, or in the web
-server's threads: comparing paths, telling sightings apart, packing pictures, searching for other paths.
+The think and the command thread hand over one reference each and go on. All that costs anything
+happens here, or in the web server's threads: comparing paths, telling sightings apart, packing
+pictures, searching for other paths.
 """
 
 from __future__ import annotations
@@ -29,7 +31,16 @@ from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.safety.gate import GateDecision, StopReason
-from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Place, Sighting
+from web.insight import (
+    Alternative,
+    Candidates,
+    Explanation,
+    Kind,
+    LabellingState,
+    Page,
+    Place,
+    Sighting,
+)
 from web.pictures import camera_jpg
 
 log = logging.getLogger(__name__)
@@ -46,7 +57,8 @@ MOST_WAITING = 256
 
 
 class LiveInsight:
-    """Satisfies `web.insight.Insight` for a running robot: `start`, feed by `note_decision` and `note_verdict`, `stop`."""
+    """Satisfies `web.insight.Insight` for a running robot: `start`, feed by `note_decision` and
+    `note_verdict`, `stop`."""
 
     def __init__(
         self,
@@ -60,10 +72,17 @@ class LiveInsight:
         log_shelf: Shelf,
     ) -> None:
         """`log_shelf`: where the log of decisions outlives the console."""
-        self._pilot, self._recorder, self._labelling, self._config = pilot, recorder, labelling, config
+        self._pilot, self._recorder, self._labelling, self._config = (
+            pilot,
+            recorder,
+            labelling,
+            config,
+        )
         self._now_s, self._tick_ms = now_s, tick_ms
         self._journal = Journal(log_shelf)
-        self._writer = PeriodicThread(self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk")
+        self._writer = PeriodicThread(
+            self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk"
+        )
         self._chronicle = EventDetector(self._journal, pilot.intent)
         self._sighted, self._series = DetectionGallery(), Series()
         self._explaining = threading.Lock()
@@ -102,15 +121,23 @@ class LiveInsight:
 
     # What the console asks
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
+    def journal(
+        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
+    ) -> Page:
         """The newest entries after an id, and before another."""
         return self._journal.page(kinds=kinds, since=since, limit=limit, before=before)
 
     def explain(self) -> Explanation:
-        """Why the present path, or the one to the first goal that waits; made once for each map, goal and place."""
+        """Why the present path, or the one to the first goal that waits; made once for each map,
+        goal and place."""
         with self._explaining:
             case = self._case()
-            key = (case.occupancy, case.goal, case.path, case.occupancy.spec.cell(case.pose.x_m, case.pose.y_m))
+            key = (
+                case.occupancy,
+                case.goal,
+                case.path,
+                case.occupancy.spec.cell(case.pose.x_m, case.pose.y_m),
+            )
             if self._explained is None or self._explained[0] != key:
                 self._explained = (key, explained(case))
             return self._explained[1]
@@ -127,10 +154,19 @@ class LiveInsight:
             return None
         pose, profile, local = decision.frame.pose, self._pilot.profile, self._config.local
         around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
-        hard, ruled = (nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in obstacle_masks(around))
+        hard, ruled = (
+            nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in obstacle_masks(around)
+        )
         cell_m, among = around.spec.resolution_m, decision.motion.among
-        arcs, free = candidates(geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=cell_m, among=among)
-        return Candidates(serial=decision.frame.stamp_ns, arcs=pose.to_parent(arcs), free=free, chosen=decision.motion.arc)
+        arcs, free = candidates(
+            geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=cell_m, among=among
+        )
+        return Candidates(
+            serial=decision.frame.stamp_ns,
+            arcs=pose.to_parent(arcs),
+            free=free,
+            chosen=decision.motion.arc,
+        )
 
     def sightings(self) -> tuple[Sighting, ...]:
         """Everything recognised, newest first."""
@@ -142,7 +178,9 @@ class LiveInsight:
 
     def seen_counts(self) -> Mapping[int, int]:
         """How many things of each class were recognised."""
-        return Counter(sighting.class_id for sighting in self._sighted.all() if sighting.verdict is None)
+        return Counter(
+            sighting.class_id for sighting in self._sighted.all() if sighting.verdict is None
+        )
 
     def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Put its frame into the labelling folder, corrected."""
@@ -151,7 +189,10 @@ class LiveInsight:
         self._sighted.call_wrong(sighting_id)
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
         self._journal.note(
-            self._now_s(), "labelled", f"Sighting {sighting_id} was called wrong: {what}.", self._place_of(sighting_id)
+            self._now_s(),
+            "labelled",
+            f"Sighting {sighting_id} was called wrong: {what}.",
+            self._place_of(sighting_id),
         )
         return self._labelling.state()
 
@@ -166,13 +207,20 @@ class LiveInsight:
         """JPEG of a picture that is held."""
         return camera_jpg(self._held(snapshot).frame.rgb)
 
-    def add_example(self, snapshot: int, class_name: str, box: tuple[int, int, int, int]) -> LabellingState:
+    def add_example(
+        self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
+    ) -> LabellingState:
         """Put a held picture into the labelling folder, with something that was missed."""
         names, decision = self._names(class_name), self._held(snapshot)
         mask = region_in(decision.frame.rgb, box)
         view = packed(decision.frame, decision.labels, self._pilot.intent.beware, mask)
         self._labelling.add(view, names=names, said=class_name)
-        self._journal.note(self._now_s(), "labelled", f"A “{class_name}” that was missed was shown to the robot.", self._here())
+        self._journal.note(
+            self._now_s(),
+            "labelled",
+            f"A “{class_name}” that was missed was shown to the robot.",
+            self._here(),
+        )
         return self._labelling.state()
 
     def labelling(self) -> LabellingState:
@@ -190,7 +238,9 @@ class LiveInsight:
             try:
                 self._look()
             except Exception:
-                log.exception("the log of decisions missed something")  # nothing that drives depends on it
+                log.exception(
+                    "the log of decisions missed something"
+                )  # nothing that drives depends on it
 
     def _look(self) -> None:
         now_s, decision = self._now_s(), self._decision
@@ -199,7 +249,9 @@ class LiveInsight:
         self._chronicle.look(now_s, self._pilot.intent, decision, self._here())
         if decision is not None and decision is not self._looked_at:
             self._looked_at = decision
-            for new in self._sighted.look(now_s, decision.frame, decision.labels, self._pilot.intent.beware):
+            for new in self._sighted.look(
+                now_s, decision.frame, decision.labels, self._pilot.intent.beware
+            ):
                 text = f"First sight of “{new.class_name}” here, {new.confidence:.0%} sure."
                 self._journal.note(now_s, "seen", text, new.place)
         if self._series.is_due(now_s):
@@ -224,7 +276,9 @@ class LiveInsight:
         return self._recorder.pose.x_m, self._recorder.pose.y_m
 
     def _place_of(self, sighting_id: int) -> Place | None:
-        return next((sighting.place for sighting in self._sighted.all() if sighting.id == sighting_id), None)
+        return next(
+            (sighting.place for sighting in self._sighted.all() if sighting.id == sighting_id), None
+        )
 
     def _names(self, class_name: str | None) -> dict[int, str]:
         names = {entry.class_id: entry.name for entry in self._pilot.intent.beware.classes}
@@ -240,7 +294,11 @@ class LiveInsight:
             raise Refused("there is no goal, so there is no path to explain; add a goal first")
         goal = (intent.mission.queue[0].x_m, intent.mission.queue[0].y_m)
         route, path = decision.route, None
-        if route is not None and isinstance(route.outcome, Path) and np.array_equal(route.points[-1], goal):
+        if (
+            route is not None
+            and isinstance(route.outcome, Path)
+            and np.array_equal(route.points[-1], goal)
+        ):
             path = route.outcome
         return ExplanationQuery(
             occupancy=decision.occupancy,

@@ -13,7 +13,8 @@ B = TypeVar("B")
 
 
 def prefetching(threads: int) -> Callable[[Callable[[A], B], Iterable[A]], Iterator[B]]:
-    """Like `map`, but that many threads work ahead by at most two results each; 0 threads is `map` itself.
+    """Like `map`, but that many threads work ahead by at most two results each; 0 threads is `map`
+    itself.
 
     An error of the function is raised where its result would have come.
     """
@@ -21,7 +22,9 @@ def prefetching(threads: int) -> Callable[[Callable[[A], B], Iterable[A]], Itera
     def mapped(function: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
         rest = iter(items)
         with ThreadPoolExecutor(max_workers=threads, thread_name_prefix="prefetch") as pool:
-            ahead: deque[Future[B]] = deque(pool.submit(function, item) for item in islice(rest, 2 * threads))
+            ahead: deque[Future[B]] = deque(
+                pool.submit(function, item) for item in islice(rest, 2 * threads)
+            )
             try:
                 while ahead:
                     result = ahead.popleft().result()

@@ -1,4 +1,5 @@
-"""What a trained network came to: the table, the confusion picture, `metrics.json` and the model's card."""
+"""What a trained network came to: the table, the confusion picture, `metrics.json` and the model's
+card."""
 
 from __future__ import annotations
 
@@ -29,9 +30,12 @@ Confusion = npt.NDArray[np.int64]
 
 
 def report(training: Training, *, command: Sequence[str], seconds: float) -> dict[str, Any]:
-    """Judge the kept network in float32 and write everything beside it; returns what `metrics.json` says."""
+    """Judge the kept network in float32 and write everything beside it; returns what `metrics.json`
+    says."""
     dataset, out = training.dataset, training.out
-    split: Split = "test" if dataset.count("test") else "valid" if dataset.count("valid") else "train"
+    split: Split = (
+        "test" if dataset.count("test") else "valid" if dataset.count("valid") else "train"
+    )
     trained = weights.load(out / MODEL_NAME)
     network = trained.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     looking = Looking(size=training.recipe.size, batch=training.recipe.batch)
@@ -50,7 +54,9 @@ def report(training: Training, *, command: Sequence[str], seconds: float) -> dic
     return metrics
 
 
-def figures(confusion: Confusion, class_names: Sequence[str], split: str, pictures: int) -> dict[str, Any]:
+def figures(
+    confusion: Confusion, class_names: Sequence[str], split: str, pictures: int
+) -> dict[str, Any]:
     """mIoU, IoU per class (none for a class without true pixels) and pixel accuracy; JSON-ready."""
     labelled = int(confusion.sum())
     return {
@@ -58,17 +64,31 @@ def figures(confusion: Confusion, class_names: Sequence[str], split: str, pictur
         "pictures": pictures,
         "miou": _number(mean_iou(confusion)),
         "pixel_accuracy": _number(float(np.trace(confusion)) / labelled if labelled else math.nan),
-        "iou": {name: _number(value) for name, value in zip(class_names, ious(confusion).tolist(), strict=True)},
+        "iou": {
+            name: _number(value)
+            for name, value in zip(class_names, ious(confusion).tolist(), strict=True)
+        },
         "confusion": confusion.tolist(),
     }
 
 
 def show(confusion: Confusion, class_names: Sequence[str], split: str) -> None:
     """Print the table of the classes."""
-    table = Table("class", "IoU", "precision", "recall", "pixels", title=f"{split}: mIoU {mean_iou(confusion):.4f}")
+    table = Table(
+        "class",
+        "IoU",
+        "precision",
+        "recall",
+        "pixels",
+        title=f"{split}: mIoU {mean_iou(confusion):.4f}",
+    )
     hits, truth, claimed = np.diag(confusion), confusion.sum(axis=1), confusion.sum(axis=0)
     for index, name in enumerate(class_names):
-        shares = (float(ious(confusion)[index]), _share(hits[index], claimed[index]), _share(hits[index], truth[index]))
+        shares = (
+            float(ious(confusion)[index]),
+            _share(hits[index], claimed[index]),
+            _share(hits[index], truth[index]),
+        )
         table.add_row(name, *(f"{share:.4f}" for share in shares), str(truth[index]))
     Terminal().print(table)
 
@@ -91,7 +111,9 @@ def draw_confusion(confusion: Confusion, class_names: Sequence[str], path: Path)
         for (row, col), share in np.ndenumerate(shares):
             if share >= 0.005:
                 colour = "white" if share > 0.5 else "black"
-                axes.text(col, row, f"{100 * share:.0f}", ha="center", va="center", size=7, color=colour)
+                axes.text(
+                    col, row, f"{100 * share:.0f}", ha="center", va="center", size=7, color=colour
+                )
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -108,9 +130,22 @@ def write_card(training: Training, metrics: dict[str, Any], command: Sequence[st
         "data": dataclasses.asdict(dataset.card),
         "command": " ".join(command),
         "figures": {
-            key: metrics[key] for key in ("split", "pictures", "miou", "pixel_accuracy", "iou", "best_epoch", "seconds")
+            key: metrics[key]
+            for key in (
+                "split",
+                "pictures",
+                "miou",
+                "pixel_accuracy",
+                "iou",
+                "best_epoch",
+                "seconds",
+            )
         },
-        "made_with": {"torch": torch.__version__, "python": platform.python_version(), "machine": platform.machine()},
+        "made_with": {
+            "torch": torch.__version__,
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+        },
     }
     write_text(training.out / "card.json", json.dumps(card, indent=1))
     write_text(training.out / "card.md", _card_text(training, metrics, card["command"]))

@@ -1,4 +1,5 @@
-"""A training run as the command line starts it: this machine's arithmetic, its processes, progress and the final report."""
+"""A training run as the command line starts it: this machine's arithmetic, its processes, progress
+and the final report."""
 
 from __future__ import annotations
 
@@ -13,7 +14,14 @@ import cv2
 import torch
 import torch.distributed as group
 from rich.console import Console as Terminal
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from app.learning.prefetch import prefetching
 from navcore.errors import BadConfiguration, StorageFailed
@@ -36,9 +44,11 @@ def train(
     workers: int = 2,
     cache_mb: int = 4096,
 ) -> Training | None:
-    """Train to the end, from `start` or from nothing; returns the run, or `None` in the processes that write nothing.
+    """Train to the end, from `start` or from nothing; returns the run, or `None` in the processes
+    that write nothing.
 
-    `out` must not hold another run unless `resume` is said. Raises `BadConfiguration` or `StorageFailed`.
+    `out` must not hold another run unless `resume` is said. Raises `BadConfiguration` or
+    `StorageFailed`.
     """
     keep_freed_memory()
     cv2.setNumThreads(1)  # the threads that prepare batches are parallel already
@@ -60,7 +70,8 @@ def train(
 
 
 def uses_bfloat16(recipe: Recipe, device: torch.device) -> bool:
-    """What `precision = "auto"` means here: bfloat16 where the processor or the GPU has instructions for it."""
+    """What `precision = "auto"` means here: bfloat16 where the processor or the GPU has
+    instructions for it."""
     if recipe.precision != "auto":
         return recipe.precision == "bfloat16"
     if device.type == "cuda":
@@ -69,20 +80,26 @@ def uses_bfloat16(recipe: Recipe, device: torch.device) -> bool:
 
 
 def chosen_device(name: str) -> torch.device:
-    """`auto` is a GPU where there is one; raises `BadConfiguration` for anything torch does not know."""
+    """`auto` is a GPU where there is one; raises `BadConfiguration` for anything torch does not
+    know."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     try:
         device = torch.device(name)
     except RuntimeError:
         raise BadConfiguration(f"--device {name!r:.40}: expected auto, cpu or cuda") from None
-    if device.type not in ("cpu", "cuda") or (device.type == "cuda" and not torch.cuda.is_available()):
-        raise BadConfiguration(f"--device {name}: this torch has no such device; expected auto, cpu or cuda")
+    if device.type not in ("cpu", "cuda") or (
+        device.type == "cuda" and not torch.cuda.is_available()
+    ):
+        raise BadConfiguration(
+            f"--device {name}: this torch has no such device; expected auto, cpu or cuda"
+        )
     return device
 
 
 def keep_freed_memory() -> None:
-    """Ask glibc to reuse large blocks: fresh ones cost a page fault per 4 kB, which is most of the time of the loss."""
+    """Ask glibc to reuse large blocks: fresh ones cost a page fault per 4 kB, which is most of the
+    time of the loss."""
     if not sys.platform.startswith("linux"):
         return
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
@@ -115,7 +132,9 @@ def _prepare(out: Path, *, resume: bool) -> None:
     if resume and not state.is_file():
         raise BadConfiguration(f"--resume: {state} is not there; there is no run to go on with")
     if not resume and state.exists():
-        raise BadConfiguration(f"{out}: holds a training run already; say --resume, or another --out")
+        raise BadConfiguration(
+            f"{out}: holds a training run already; say --resume, or another --out"
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -139,13 +158,20 @@ class _Watcher:
             self._miou = f"  mIoU {news.miou:.4f}"
         rate = f"rate {news.learning_rate:.2e}"
         measured = "" if news.miou is None else f"  mIoU {news.miou:.4f}"
-        self._progress.console.print(f"epoch {news.number:4d}  loss {news.loss:.4f}  {rate}{measured}", highlight=False)
+        self._progress.console.print(
+            f"epoch {news.number:4d}  loss {news.loss:.4f}  {rate}{measured}", highlight=False
+        )
 
 
 @contextmanager
 def _watching(training: Training, ranks: Ranks) -> Iterator[_Watcher]:
     epochs = training.recipe.epochs
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Terminal(stderr=True), disable=not ranks.first) as progress:
         task = progress.add_task("starting", total=epochs, completed=len(training.state.history))
         yield _Watcher(progress, task, epochs)

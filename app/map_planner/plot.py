@@ -25,7 +25,11 @@ def draw_plan(plan_map: PlanMap, answer: Answer, *, title: str) -> bytes:
     """A PNG of the map, of what the inflation closes, of the path and its waypoints."""
     rows, cols = plan_map.occupied.shape
     scale = LONGEST_SIDE_IN / max(rows, cols)
-    figure = Figure(figsize=(max(cols * scale, 6) + 1, max(rows * scale, 3) + 1.5), dpi=DPI, layout="constrained")
+    figure = Figure(
+        figsize=(max(cols * scale, 6) + 1, max(rows * scale, 3) + 1.5),
+        dpi=DPI,
+        layout="constrained",
+    )
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     spec = plan_map.spec
@@ -39,8 +43,12 @@ def draw_plan(plan_map: PlanMap, answer: Answer, *, title: str) -> bytes:
         axes.plot(*answer.waypoints.T, "o", color="#0a66d0", markersize=3.5, label="waypoints")
     if answer.reached not in (None, answer.goal):
         axes.plot(*answer.path[-1], "D", color="#c02878", markersize=6, label="nearest reachable")
-    axes.plot(*answer.start, "o", color="#0a8f4f", markersize=8, markeredgecolor="white", label="start")
-    axes.plot(*answer.goal, "*", color="#d03020", markersize=14, markeredgecolor="white", label="goal")
+    axes.plot(
+        *answer.start, "o", color="#0a8f4f", markersize=8, markeredgecolor="white", label="start"
+    )
+    axes.plot(
+        *answer.goal, "*", color="#d03020", markersize=14, markeredgecolor="white", label="goal"
+    )
     for colour, name in ((INFLATED, "too close"), (UNKNOWN, "unknown")):
         axes.plot([], [], "s", color=np.array(colour) / 255, markersize=9, label=name)
     axes.set(xlabel=f"x, {plan_map.unit}", ylabel=f"y, {plan_map.unit}")
@@ -56,6 +64,8 @@ def _coloured(plan_map: PlanMap) -> npt.NDArray[np.uint8]:
     picture = np.full((*plan_map.occupied.shape, 3), FREE, dtype=np.uint8)
     picture[plan_map.unknown] = UNKNOWN
     picture[plan_map.blocked] = INFLATED
-    picture[plan_map.blocked & plan_map.unknown] = tuple((a + b) // 2 for a, b in zip(INFLATED, UNKNOWN, strict=True))
+    picture[plan_map.blocked & plan_map.unknown] = tuple(
+        (a + b) // 2 for a, b in zip(INFLATED, UNKNOWN, strict=True)
+    )
     picture[plan_map.occupied] = OCCUPIED
     return picture

@@ -43,8 +43,11 @@ class Answer:
 
 
 def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answer:
-    """The shortest path between two points; with `nearest`, to as near as one can get to a goal that cannot be reached."""
-    plan(np.zeros((3, 3), dtype=np.bool_), (0, 0), (2, 2))  # loads the compiled code, which is no part of the figures
+    """The shortest path between two points; with `nearest`, to as near as one can get to a goal
+    that cannot be reached."""
+    plan(
+        np.zeros((3, 3), dtype=np.bool_), (0, 0), (2, 2)
+    )  # loads the compiled code, which is no part of the figures
     ends, reached, refusal = (plan_map.cell(start), plan_map.cell(goal)), goal, None
     begun = time.perf_counter()
     outcome = plan(plan_map.blocked, *ends)
@@ -63,7 +66,9 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
         length=found.length * spec.resolution_m if found else None,
         cells=found.cells if found else np.empty((0, 2), dtype=np.int64),
         path=spec.centres(found.cells) if found else np.empty((0, 2)),
-        waypoints=choose_waypoints(found, spec, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD) if found else np.empty((0, 2)),
+        waypoints=choose_waypoints(found, spec, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD)
+        if found
+        else np.empty((0, 2)),
         plan_ms=plan_ms,
     )
 
@@ -71,7 +76,9 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
 def explain(plan_map: PlanMap, start: Point, goal: Point, outcome: NoPath) -> str:
     """Why there is no path, in words."""
     if outcome.reason is Reason.UNREACHABLE:
-        return f"every way from ({start[0]:g}, {start[1]:g}) to ({goal[0]:g}, {goal[1]:g}) is closed"
+        return (
+            f"every way from ({start[0]:g}, {start[1]:g}) to ({goal[0]:g}, {goal[1]:g}) is closed"
+        )
     refusals = (plan_map.refusal("start", start), plan_map.refusal("goal", goal))
     return "; ".join(refusal for refusal in refusals if refusal) or str(outcome.reason)
 
@@ -103,7 +110,9 @@ def in_words(plan_map: PlanMap, answer: Answer) -> list[str]:
         return lines
     if answer.refusal is not None:
         (x, y), away = answer.reached, math.dist(answer.reached, answer.goal)
-        lines.append(f"nearest reachable place: ({x:g}, {y:g}), {away:.2f} {plan_map.unit} from the goal")
+        lines.append(
+            f"nearest reachable place: ({x:g}, {y:g}), {away:.2f} {plan_map.unit} from the goal"
+        )
     steps, corners = len(answer.cells) - 1, len(answer.waypoints)
     lines.append(
         f"{answer.length:.{2 if plan_map.unit == 'm' else 4}f} {plan_map.unit} in {steps} step{'s' * (steps != 1)}, "

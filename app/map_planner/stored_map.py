@@ -1,4 +1,5 @@
-"""A map to plan on, whatever its format: cells, and the way from its own coordinates to cells and back."""
+"""A map to plan on, whatever its format: cells, and the way from its own coordinates to cells and
+back."""
 
 from __future__ import annotations
 
@@ -65,25 +66,39 @@ class PlanMap:
         return self.spec.extent()
 
 
-def open_map(path: Path, *, width: float | None, margin: float | None, unknown_blocked: bool) -> PlanMap:
+def open_map(
+    path: Path, *, width: float | None, margin: float | None, unknown_blocked: bool
+) -> PlanMap:
     """Read a Nav2 YAML or a MovingAI map and inflate it; raises `BadConfiguration`.
 
-    Without a width and a margin a Nav2 map is inflated for the Husky and the navigator's own margin, a MovingAI map not at all.
+    Without a width and a margin a Nav2 map is inflated for the Husky and the navigator's own
+    margin, a MovingAI map not at all.
     """
     if path.suffix in (".yaml", ".yml"):
         source = nav2_map.load(path)
         states = source.states()
         spec, unit = source.spec, "m"
-        occupied, unknown = np.equal(states, nav2_map.State.OCCUPIED), np.equal(states, nav2_map.State.UNKNOWN)
+        occupied, unknown = (
+            np.equal(states, nav2_map.State.OCCUPIED),
+            np.equal(states, nav2_map.State.UNKNOWN),
+        )
         width = HUSKY.width_m if width is None else width
         margin = NavigatorConfig().safety_margin_m if margin is None else margin
     elif path.suffix == ".map":
         occupied = moving_ai.load_map(path)
         unknown, unit = np.zeros_like(occupied), "cells"
-        spec = GridSpec(resolution_m=1.0, rows=occupied.shape[0], cols=occupied.shape[1], origin_x_m=-0.5, origin_y_m=-0.5)
+        spec = GridSpec(
+            resolution_m=1.0,
+            rows=occupied.shape[0],
+            cols=occupied.shape[1],
+            origin_x_m=-0.5,
+            origin_y_m=-0.5,
+        )
         width, margin = width or 0.0, margin or 0.0
     else:
-        raise BadConfiguration(f"--map {path}: expected a Nav2 map (.yaml) or a MovingAI map (.map)")
+        raise BadConfiguration(
+            f"--map {path}: expected a Nav2 map (.yaml) or a MovingAI map (.map)"
+        )
     closed = occupied | unknown if unknown_blocked else occupied
     radius = _radius(width, margin, spec)
     return PlanMap(
@@ -104,7 +119,9 @@ def _radius(width: float, margin: float, spec: GridSpec) -> int:
     for name, value in (("--width", width), ("--margin", margin)):
         if not 0 <= value <= 1e6:
             raise BadConfiguration(f"{name} {value:g}: out of range, allowed 0 to 1000000")
-    radius = inflation_radius(vehicle_width_m=width, safety_margin_m=margin, resolution_m=spec.resolution_m)
+    radius = inflation_radius(
+        vehicle_width_m=width, safety_margin_m=margin, resolution_m=spec.resolution_m
+    )
     if radius > MOST_CELLS_OF_RADIUS:
         raise BadConfiguration(
             f"--width {width:g} and --margin {margin:g} inflate by {radius} cells, at most {MOST_CELLS_OF_RADIUS} are allowed; "

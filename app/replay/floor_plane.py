@@ -1,8 +1,10 @@
-"""Where the floor is in a recording whose world frame is not level: the lowest large plane beneath the camera.
+"""Where the floor is in a recording whose world frame is not level: the lowest large plane beneath
+the camera.
 
-A robot's map has its floor at z = 0. A camera carried by hand knows none; the way up is first guessed from the pictures' own
-(nobody films standing on his head), then found as the direction in which most small pieces of surface face, and at last
-measured at the lowest plane of these, for a table is as level as the floor and often larger.
+A robot's map has its floor at z = 0. A camera carried by hand knows none; the way up is first
+guessed from the pictures' own (nobody films standing on his head), then found as the direction in
+which most small pieces of surface face, and at last measured at the lowest plane of these, for a
+table is as level as the floor and often larger.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ FURTHEST_M = 4.0
 
 
 def find_floor(recording: Recording) -> Matrix:
-    """(4, 4) T_map_world: z up, floor at 0, x where the camera first looks, origin beneath where it first was.
+    """(4, 4) T_map_world: z up, floor at 0, x where the camera first looks, origin beneath where it
+    first was.
 
     Raises `BadConfiguration` when no frame shows a floor.
     """
@@ -45,11 +48,14 @@ def find_floor(recording: Recording) -> Matrix:
     level = np.flatnonzero(normals @ up > np.cos(NARROW_RAD))
     heights = points[level] @ up
     counts, edges = np.histogram(
-        heights, bins=np.arange(heights.min(initial=0.0), heights.max(initial=0.0) + 2 * LAYER_M, LAYER_M)
+        heights,
+        bins=np.arange(heights.min(initial=0.0), heights.max(initial=0.0) + 2 * LAYER_M, LAYER_M),
     )
     large = np.flatnonzero(counts >= max(LEAST_SHARE * len(level), LEAST_PIECES))
     if len(large) == 0:
-        raise BadConfiguration(f"{recording.folder}: no floor is seen; film it, or say that the poses are level (--level)")
+        raise BadConfiguration(
+            f"{recording.folder}: no floor is seen; film it, or say that the poses are level (--level)"
+        )
     lowest = edges[large[0]] + LAYER_M / 2
     plane = points[level[np.abs(heights - lowest) < LAYER_M]]
     for _ in range(5):
@@ -62,7 +68,9 @@ def find_floor(recording: Recording) -> Matrix:
 
 
 def _standing_on(up: Array, floor: float, T_world_camera: Matrix) -> Matrix:
-    ahead, above = (axis - up * (axis @ up) for axis in (T_world_camera[:3, 2], -T_world_camera[:3, 1]))
+    ahead, above = (
+        axis - up * (axis @ up) for axis in (T_world_camera[:3, 2], -T_world_camera[:3, 1])
+    )
     if np.linalg.norm(ahead) < 1e-6:  # it looks straight down: along the picture's upper edge then
         ahead = above
     ahead = ahead / np.linalg.norm(ahead)
@@ -86,7 +94,8 @@ def _facing(normals: Array, guess: Array) -> Array:
 
 
 def _surface(recording: Recording) -> tuple[Array, Array]:
-    """(N, 3) points of the world on what some frames show, and (N, 3) normals there, towards the camera."""
+    """(N, 3) points of the world on what some frames show, and (N, 3) normals there, towards the
+    camera."""
     points, normals = [], []
     for index in np.unique(np.linspace(0, len(recording) - 1, FRAMES).astype(int)):
         pose = recording.T_world_camera[index]
@@ -102,10 +111,20 @@ def _pieces(depth_m: npt.NDArray[np.float32], lens: Intrinsics) -> tuple[Array, 
     i, j = (np.arange(0, side, step) for side in depth_m.shape)
     z = depth_m[::step, ::step].astype(np.float64)
     z[z > FURTHEST_M] = 0
-    grid = np.dstack([(j[None, :] - lens.cx) * z / lens.fx, (i[:, None] - lens.cy) * z / lens.fy, z])
-    here, right, down = grid[:-1, :-1], grid[:-1, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, :-1]
+    grid = np.dstack(
+        [(j[None, :] - lens.cx) * z / lens.fx, (i[:, None] - lens.cy) * z / lens.fy, z]
+    )
+    here, right, down = (
+        grid[:-1, :-1],
+        grid[:-1, 1:] - grid[:-1, :-1],
+        grid[1:, :-1] - grid[:-1, :-1],
+    )
     measured = (z[:-1, :-1] > 0) & (z[:-1, 1:] > 0) & (z[1:, :-1] > 0)
-    whole = measured & (np.linalg.norm(right, axis=2) < LONGEST_STEP_M) & (np.linalg.norm(down, axis=2) < LONGEST_STEP_M)
+    whole = (
+        measured
+        & (np.linalg.norm(right, axis=2) < LONGEST_STEP_M)
+        & (np.linalg.norm(down, axis=2) < LONGEST_STEP_M)
+    )
     normals = np.cross(down[whole], right[whole])
     lengths = np.linalg.norm(normals, axis=1)
     solid = lengths > 0

@@ -1,4 +1,5 @@
-"""What a recording became: the map with the camera's way and the path, the reference beside it, and two of the pictures."""
+"""What a recording became: the map with the camera's way and the path, the reference beside it, and
+two of the pictures."""
 
 from __future__ import annotations
 
@@ -24,9 +25,15 @@ EDGE_M = 0.6
 
 
 def draw_replay(
-    recording: Recording, replayed: Replayed, reference: Reference | None, config: NavigatorConfig, *, title: str
+    recording: Recording,
+    replayed: Replayed,
+    reference: Reference | None,
+    config: NavigatorConfig,
+    *,
+    title: str,
 ) -> bytes:
-    """A PNG of the map and, with a reference, of where the two agree; below them the first and the last picture."""
+    """A PNG of the map and, with a reference, of where the two agree; below them the first and the
+    last picture."""
     columns = 1 if reference is None else 2
     figure = Figure(figsize=(7 * columns, 10), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
@@ -35,7 +42,9 @@ def draw_replay(
     _draw_map(maps[0], recording, replayed)
     if reference is not None:
         heights_m = (config.points.obstacle_height_m, config.points.ceiling_m)
-        standing_there, known = standing(reference, replayed.T_map_world, replayed.navigator.map.spec, heights_m=heights_m)
+        standing_there, known = standing(
+            reference, replayed.T_map_world, replayed.navigator.map.spec, heights_m=heights_m
+        )
         _draw_agreement(maps[1], replayed, standing_there, known)
     for axes, index in zip(below.subplots(1, 2), (0, len(recording) - 1), strict=True):
         axes.imshow(recording.rgb(index))
@@ -47,7 +56,11 @@ def draw_replay(
 
 
 def _draw_map(axes: Axes, recording: Recording, replayed: Replayed) -> None:
-    world, occupancy, route = replayed.navigator.map, replayed.decision.occupancy, replayed.decision.route
+    world, occupancy, route = (
+        replayed.navigator.map,
+        replayed.decision.occupancy,
+        replayed.decision.route,
+    )
     picture = np.full((world.spec.rows, world.spec.cols, 3), UNKNOWN, dtype=np.uint8)
     picture[world.explored.seen.bools] = FREE
     picture[occupancy.blocked] = INFLATED
@@ -55,12 +68,17 @@ def _draw_map(axes: Axes, recording: Recording, replayed: Replayed) -> None:
     for layer in occupancy.grid.beware.values():
         picture[layer] = BEWARE
     _show(axes, picture, replayed)
-    places = recording.T_world_camera[:, :3, 3] @ replayed.T_map_world[:2, :3].T + replayed.T_map_world[:2, 3]
+    places = (
+        recording.T_world_camera[:, :3, 3] @ replayed.T_map_world[:2, :3].T
+        + replayed.T_map_world[:2, 3]
+    )
     axes.plot(*places.T, color="#0a8f4f", linewidth=1, label="camera")
     if route is not None and len(route.points):
         axes.plot(*route.points.T, color="#0a66d0", linewidth=1.8, label="path")
         axes.plot(*route.waypoints.T, "o", color="#0a66d0", markersize=4, label="waypoints")
-    axes.plot(*replayed.goal, "*", color="#d03020", markersize=14, markeredgecolor="white", label="goal")
+    axes.plot(
+        *replayed.goal, "*", color="#d03020", markersize=14, markeredgecolor="white", label="goal"
+    )
     for colour, name in ((INFLATED, "too close"), (UNKNOWN, "unknown"), (BEWARE, "beware")):
         axes.plot([], [], "s", color=np.array(colour) / 255, label=name)
     axes.set_title("the map, and a path on it")
@@ -71,7 +89,11 @@ def _draw_agreement(axes: Axes, replayed: Replayed, theirs: BoolGrid, known: Boo
     ours = replayed.decision.occupancy.grid.geometric
     picture = np.full((*ours.shape, 3), UNKNOWN, dtype=np.uint8)
     picture[known] = FREE
-    for mask, colour in ((ours & theirs, BOTH), (ours & ~theirs & known, OURS), (theirs & ~ours, THEIRS)):
+    for mask, colour in (
+        (ours & theirs, BOTH),
+        (ours & ~theirs & known, OURS),
+        (theirs & ~ours, THEIRS),
+    ):
         picture[mask] = colour
     _show(axes, picture, replayed)
     for colour, name in ((BOTH, "both"), (OURS, "the map alone"), (THEIRS, "the reference alone")):
@@ -83,12 +105,18 @@ def _draw_agreement(axes: Axes, replayed: Replayed, theirs: BoolGrid, known: Boo
 def _show(axes: Axes, picture: npt.NDArray[np.uint8], replayed: Replayed) -> None:
     spec, route = replayed.navigator.map.spec, replayed.decision.route
     axes.imshow(picture, origin="lower", extent=_extent(spec), interpolation="nearest")
-    shown = [spec.centres(np.argwhere(replayed.decision.occupancy.blocked)), np.array([replayed.goal])]
+    shown = [
+        spec.centres(np.argwhere(replayed.decision.occupancy.blocked)),
+        np.array([replayed.goal]),
+    ]
     points = np.vstack(shown if route is None else [*shown, route.points])
     (left, low), (right, high) = points.min(axis=0) - EDGE_M, points.max(axis=0) + EDGE_M
     axes.set(xlim=(left, right), ylim=(low, high), xlabel="x, m", ylabel="y, m")
 
 
 def _extent(spec: GridSpec) -> tuple[float, float, float, float]:
-    right, top = spec.origin_x_m + spec.cols * spec.resolution_m, spec.origin_y_m + spec.rows * spec.resolution_m
+    right, top = (
+        spec.origin_x_m + spec.cols * spec.resolution_m,
+        spec.origin_y_m + spec.rows * spec.resolution_m,
+    )
     return spec.origin_x_m, right, spec.origin_y_m, top

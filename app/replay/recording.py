@@ -3,12 +3,13 @@
 A folder holds
 
 * `camera-intrinsics.txt`: the 3 × 3 matrix of the depth camera, pixels;
-* `poses.txt`: a line a frame, its number and the 4 × 4 matrix camera → world row by row, metres (lines with # are comments);
+* `poses.txt`: a line a frame, its number and the 4 × 4 matrix camera → world row by row, metres
+  (lines with # are comments);
 * `frame-NNNNNN.depth.png`: 16 bits, millimetres, 0 and 65535 where nothing was measured;
 * `frame-NNNNNN.color.jpg` (or `.png`): the colours, of the same size.
 
-The number of a frame counts pictures at 30 Hz. The camera's axes are the optical ones (x right, y down, z ahead); where the
-world has its floor need not be known (`floor.py` finds it).
+The number of a frame counts pictures at 30 Hz. The camera's axes are the optical ones (x right, y
+down, z ahead); where the world has its floor need not be known (`floor.py` finds it).
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ class Recording:
         path = self._path(index, "depth.png")
         raw = read_depth(path)
         self._check_size(raw.shape, path)
-        depth_m = np.where(raw == NOT_MEASURED, np.uint16(0), raw).astype(np.float32) / np.float32(UNITS_PER_M)
+        depth_m = np.where(raw == NOT_MEASURED, np.uint16(0), raw).astype(np.float32) / np.float32(
+            UNITS_PER_M
+        )
         depth_m[depth_m < LEAST_MEASURED_M] = 0
         return depth_m
 
@@ -84,14 +87,19 @@ class Recording:
     def _check_size(self, shape: tuple[int, ...], path: Path) -> None:
         expected = (self.intrinsics.height, self.intrinsics.width)
         if shape != expected:
-            raise BadConfiguration(f"{path}: is {shape} pixels (height, width), expected {expected} as the first depth picture")
+            raise BadConfiguration(
+                f"{path}: is {shape} pixels (height, width), expected {expected} as the first depth picture"
+            )
 
 
 def open_recording(folder: Path, *, every: int = 1) -> Recording:
-    """The recording in a folder, or every so manieth frame of it; raises `BadConfiguration` for what is no such folder."""
+    """The recording in a folder, or every so manieth frame of it; raises `BadConfiguration` for
+    what is no such folder."""
     matrix = _numbers(folder / "camera-intrinsics.txt", 3)
     if matrix.shape != (3, 3) or min(matrix[0, 0], matrix[1, 1]) <= 0:
-        raise BadConfiguration(f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal lengths")
+        raise BadConfiguration(
+            f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal lengths"
+        )
     table = _numbers(folder / "poses.txt", 17)
     _check_poses(table, folder / "poses.txt")
     table = table[::every]
@@ -108,7 +116,9 @@ def open_recording(folder: Path, *, every: int = 1) -> Recording:
 def _numbers(path: Path, columns: int) -> npt.NDArray[np.float64]:
     """The lines of a text file, as (N, columns) finite numbers."""
     rows = []
-    for count, line in enumerate(read_whole(path, at_most=MAX_TEXT_BYTES).decode("utf-8", "replace").splitlines(), start=1):
+    for count, line in enumerate(
+        read_whole(path, at_most=MAX_TEXT_BYTES).decode("utf-8", "replace").splitlines(), start=1
+    ):
         words = line.partition("#")[0].split()
         if not words:
             continue
@@ -117,7 +127,9 @@ def _numbers(path: Path, columns: int) -> npt.NDArray[np.float64]:
         except ValueError:
             row = []
         if len(row) != columns or not np.isfinite(row).all():
-            raise BadConfiguration(f"{path}: line {count}: expected {columns} numbers, got {line!r:.60}")
+            raise BadConfiguration(
+                f"{path}: line {count}: expected {columns} numbers, got {line!r:.60}"
+            )
         rows.append(row)
     return np.array(rows).reshape(-1, columns)
 
@@ -126,8 +138,15 @@ def _check_poses(table: npt.NDArray[np.float64], path: Path) -> None:
     numbers, poses = table[:, 0], table[:, 1:].reshape(-1, 4, 4)
     if not 0 < len(table) <= MAX_FRAMES:
         raise BadConfiguration(f"{path}: has {len(table)} poses, expected 1 to {MAX_FRAMES}")
-    if (numbers != np.round(numbers)).any() or numbers.min() < 0 or numbers.max() > MAX_NUMBER or (np.diff(numbers) <= 0).any():
-        raise BadConfiguration(f"{path}: frames must be numbered by rising whole numbers of 0 to {MAX_NUMBER}")
+    if (
+        (numbers != np.round(numbers)).any()
+        or numbers.min() < 0
+        or numbers.max() > MAX_NUMBER
+        or (np.diff(numbers) <= 0).any()
+    ):
+        raise BadConfiguration(
+            f"{path}: frames must be numbered by rising whole numbers of 0 to {MAX_NUMBER}"
+        )
     for number, pose in zip(numbers, poses, strict=True):
         if not _is_rigid(pose):
             raise BadConfiguration(
@@ -138,4 +157,8 @@ def _check_poses(table: npt.NDArray[np.float64], path: Path) -> None:
 def _is_rigid(pose: Matrix) -> bool:
     turn = pose[:3, :3]
     straight = np.abs(turn @ turn.T - np.eye(3)).max() < ROUNDED and np.linalg.det(turn) > 0
-    return bool(straight and np.abs(pose[:3, 3]).max() < FURTHEST_M and np.abs(pose[3] - [0, 0, 0, 1]).max() < ROUNDED)
+    return bool(
+        straight
+        and np.abs(pose[:3, 3]).max() < FURTHEST_M
+        and np.abs(pose[3] - [0, 0, 0, 1]).max() < ROUNDED
+    )

@@ -1,8 +1,8 @@
 """How well a map agrees with free and occupied voxels that somebody made by other means.
 
-A reference is an `.npz` of `state` (X, Y, Z) uint8 (0 unknown, 1 free, 2 occupied), `origin` (3,) and `voxel_size`, metres of a
-recording's world frame, which need not be level. What it does not know it cannot judge: such places are left out, and their
-number is told.
+A reference is an `.npz` of `state` (X, Y, Z) uint8 (0 unknown, 1 free, 2 occupied), `origin` (3,)
+and `voxel_size`, metres of a recording's world frame, which need not be level. What it does not
+know it cannot judge: such places are left out, and their number is told.
 """
 
 from __future__ import annotations
@@ -66,30 +66,52 @@ class Agreement:
 
 
 def load_reference(path: Path) -> Reference:
-    """The voxels of a file; raises `BadConfiguration` for one that is damaged, too large or something else."""
+    """The voxels of a file; raises `BadConfiguration` for one that is damaged, too large or
+    something else."""
     try:
         with zipfile.ZipFile(io.BytesIO(read_whole(path, at_most=MAX_FILE_BYTES))) as packed:
             sizes = {entry.filename: entry.file_size for entry in packed.infolist()}
             if missing := [name for name in PARTS if f"{name}.npy" not in sizes]:
                 raise BadConfiguration(f"{path}: no reference, it lacks {', '.join(missing)}")
             if max(sizes[f"{name}.npy"] for name in PARTS) > MAX_VOXELS:
-                raise BadConfiguration(f"{path}: more than the {MAX_VOXELS} voxels that are read at most")
+                raise BadConfiguration(
+                    f"{path}: more than the {MAX_VOXELS} voxels that are read at most"
+                )
             state, origin, voxel = (
-                np.lib.format.read_array(io.BytesIO(packed.read(f"{name}.npy")), allow_pickle=False) for name in PARTS
+                np.lib.format.read_array(io.BytesIO(packed.read(f"{name}.npy")), allow_pickle=False)
+                for name in PARTS
             )
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, ValueError, RuntimeError, OSError) as error:
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        KeyError,
+        ValueError,
+        RuntimeError,
+        OSError,
+    ) as error:
         raise BadConfiguration(f"{path}: no reference, or a damaged one: {error!s:.200}") from None
     if state.dtype != np.uint8 or state.ndim != 3 or state.max(initial=0) > OCCUPIED:
-        raise BadConfiguration(f"{path}: state is {state.dtype} of {state.ndim} axes, expected uint8 (X, Y, Z) of 0, 1 and 2")
-    if origin.shape != (3,) or voxel.shape != () or not np.isfinite(origin).all() or not 1e-3 <= float(voxel) <= 1.0:
-        raise BadConfiguration(f"{path}: origin must be three finite numbers, voxel_size one from 0.001 to 1 m")
+        raise BadConfiguration(
+            f"{path}: state is {state.dtype} of {state.ndim} axes, expected uint8 (X, Y, Z) of 0, 1 and 2"
+        )
+    if (
+        origin.shape != (3,)
+        or voxel.shape != ()
+        or not np.isfinite(origin).all()
+        or not 1e-3 <= float(voxel) <= 1.0
+    ):
+        raise BadConfiguration(
+            f"{path}: origin must be three finite numbers, voxel_size one from 0.001 to 1 m"
+        )
     return Reference(state=state, origin_m=origin.astype(np.float64), voxel_m=float(voxel))
 
 
 def standing(
     reference: Reference, T_map_world: Matrix, spec: GridSpec, *, heights_m: tuple[float, float]
 ) -> tuple[BoolGrid, BoolGrid]:
-    """(rows, cols) cells above which the reference has something between two heights, and of which it knows anything there.
+    """(rows, cols) cells above which the reference has something between two heights, and of which
+    it knows anything there.
 
     Sampled at the middle of the cell, every half voxel of height.
     """
@@ -98,13 +120,17 @@ def standing(
     T_world_map = invert(T_map_world)
     occupied, known = np.zeros(len(cells), dtype=np.bool_), np.zeros(len(cells), dtype=np.bool_)
     for height_m in np.arange(heights_m[0] + step / 2, heights_m[1], step):
-        state = reference.at(transform_points(T_world_map, np.column_stack([cells, np.full(len(cells), height_m)])))
+        state = reference.at(
+            transform_points(T_world_map, np.column_stack([cells, np.full(len(cells), height_m)]))
+        )
         occupied |= state == OCCUPIED
         known |= state != UNKNOWN
     return occupied.reshape(spec.rows, spec.cols), known.reshape(spec.rows, spec.cols)
 
 
-def agreement(occupied: npt.NDArray[np.bool_], reference: npt.NDArray[np.bool_], known: npt.NDArray[np.bool_]) -> Agreement:
+def agreement(
+    occupied: npt.NDArray[np.bool_], reference: npt.NDArray[np.bool_], known: npt.NDArray[np.bool_]
+) -> Agreement:
     """Of two masks of the same shape, of a plane or of a space."""
     judged = occupied & known
     both, either = int((judged & reference).sum()), int((judged | reference).sum())
@@ -119,7 +145,8 @@ def agreement(occupied: npt.NDArray[np.bool_], reference: npt.NDArray[np.bool_],
 
 
 def _share(of: npt.NDArray[np.bool_], near: npt.NDArray[np.bool_]) -> float:
-    """How many of some cells have one of the others among themselves and their neighbours; 1 of none."""
+    """How many of some cells have one of the others among themselves and their neighbours; 1 of
+    none."""
     return int((of & _grown(near)).sum()) / max(int(of.sum()), 1) if of.any() else 1.0
 
 

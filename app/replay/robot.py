@@ -1,7 +1,8 @@
 """A recording as a robot: it plays its frames by a clock, and its wheels are nowhere.
 
-The recorded camera need not have sat on a robot. Each frame's base is the place on the floor beneath the camera, heading where
-it looks; what is left of the camera's pose is that frame's mount. So the map is built from the camera's full pose.
+The recorded camera need not have sat on a robot. Each frame's base is the place on the floor
+beneath the camera, heading where it looks; what is left of the camera's pose is that frame's mount.
+So the map is built from the camera's full pose.
 """
 
 from __future__ import annotations
@@ -33,9 +34,11 @@ class ReplayRobot:
         clock: Callable[[], int] = time.monotonic_ns,
         back_and_forth: bool = False,
     ) -> None:
-        """The first frame is due now; `T_map_world` levels the recording's world (`floor.find_floor`).
+        """The first frame is due now; `T_map_world` levels the recording's world
+        (`floor.find_floor`).
 
-        After its end the recording stays at its last frame or, `back_and_forth`, turns and goes on for ever without a jump.
+        After its end the recording stays at its last frame or, `back_and_forth`, turns and goes on
+        for ever without a jump.
         """
         self._recording, self._T_map_world, self._clock = recording, T_map_world, clock
         self._began_ns = clock()
@@ -49,11 +52,13 @@ class ReplayRobot:
         return self._clock()
 
     def newest_frame(self) -> Frame | None:
-        """The last frame that `wait_frame` has read; reading files is nothing for the command thread."""
+        """The last frame that `wait_frame` has read; reading files is nothing for the command
+        thread."""
         return self._newest
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The frame that is due if it is another than `after`, waiting for it; None when none comes in time.
+        """The frame that is due if it is another than `after`, waiting for it; None when none comes
+        in time.
 
         Raises `BadConfiguration` for a damaged picture. For one thread only.
         """
@@ -81,7 +86,11 @@ class ReplayRobot:
         last, stamp_ns = len(self._recording) - 1, self._recording.stamp_ns
         if leg % 2 == 0:
             later = bisect.bisect_right(range(last + 1), since_ns, key=stamp_ns)
-            return _Due(leg=leg, index=max(later - 1, 0), stamp_ns=leg * self._length_ns + stamp_ns(max(later - 1, 0)))
+            return _Due(
+                leg=leg,
+                index=max(later - 1, 0),
+                stamp_ns=leg * self._length_ns + stamp_ns(max(later - 1, 0)),
+            )
         index = bisect.bisect_left(range(last + 1), self._length_ns - since_ns, key=stamp_ns)
         return _Due(leg=leg, index=index, stamp_ns=(leg + 1) * self._length_ns - stamp_ns(index))
 
@@ -104,7 +113,9 @@ class ReplayRobot:
         if not 0 <= other < len(self._recording):
             if due.leg == 0:
                 return STANDSTILL
-            other = 2 * due.index - other  # it has just turned: the one before is the one that follows
+            other = (
+                2 * due.index - other
+            )  # it has just turned: the one before is the one that follows
         gap_s = abs(self._recording.stamp_ns(due.index) - self._recording.stamp_ns(other)) / 1e9
         before = base_beneath(self._T_map_world @ self._recording.T_world_camera[other])
         return Twist(
@@ -135,14 +146,23 @@ def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
 
 
 def base_beneath(T_map_camera: Matrix) -> Pose2:
-    """Where a robot would stand that has this camera above the middle of its base, heading where it looks."""
+    """Where a robot would stand that has this camera above the middle of its base, heading where it
+    looks."""
     ahead = T_map_camera[:3, 2]
-    if math.hypot(ahead[0], ahead[1]) < 1e-6:  # it looks straight down or up: along the picture's upper edge then
+    if (
+        math.hypot(ahead[0], ahead[1]) < 1e-6
+    ):  # it looks straight down or up: along the picture's upper edge then
         ahead = -T_map_camera[:3, 1]
-    return Pose2(x_m=float(T_map_camera[0, 3]), y_m=float(T_map_camera[1, 3]), yaw_rad=math.atan2(ahead[1], ahead[0]))
+    return Pose2(
+        x_m=float(T_map_camera[0, 3]),
+        y_m=float(T_map_camera[1, 3]),
+        yaw_rad=math.atan2(ahead[1], ahead[0]),
+    )
 
 
-def map_around(recording: Recording, T_map_world: Matrix, *, reach_m: float, resolution_m: float) -> GridSpec:
+def map_around(
+    recording: Recording, T_map_world: Matrix, *, reach_m: float, resolution_m: float
+) -> GridSpec:
     """The grid of all that the camera can have measured from where it was."""
     places = recording.T_world_camera[:, :3, 3] @ T_map_world[:2, :3].T + T_map_world[:2, 3]
     low = np.floor((places.min(axis=0) - reach_m) / resolution_m)

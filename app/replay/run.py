@@ -1,4 +1,5 @@
-"""A recording through the navigator: the map it builds, what is told of it, and the path from where the camera ended."""
+"""A recording through the navigator: the map it builds, what is told of it, and the path from where
+the camera ended."""
 
 from __future__ import annotations
 
@@ -54,19 +55,26 @@ def replay(
     goal: tuple[float, float] | None = None,
     on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Replayed:
-    """Tick through all frames, and at the last plan to a goal, by default to where the camera began.
+    """Tick through all frames, and at the last plan to a goal, by default to where the camera
+    began.
 
     Raises `BadGeometry` for a goal that is not on the map.
     """
-    spec = map_around(recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M)
+    spec = map_around(
+        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
+    )
     began = base_beneath(T_map_world @ recording.T_world_camera[0])
     goal = goal or (began.x_m, began.y_m)
     if not spec.contains(*goal):
-        raise BadGeometry(f"the goal ({goal[0]:g}, {goal[1]:g}) is outside the recording's map, {spec.extent()}")
+        raise BadGeometry(
+            f"the goal ({goal[0]:g}, {goal[1]:g}) is outside the recording's map, {spec.extent()}"
+        )
     navigator = Navigator(spec=spec, profile=profile, segmenter=segmenter, config=config)
     durations_ms = []
     for done, frame in enumerate(frames_of(recording, T_map_world), start=1):
-        order = NavigationRequest(goal=goal if done == len(recording) else None, beware=beware, zones=())
+        order = NavigationRequest(
+            goal=goal if done == len(recording) else None, beware=beware, zones=()
+        )
         begun = time.perf_counter()
         decision = navigator.tick(frame, order)
         durations_ms.append((time.perf_counter() - begun) * 1e3)
@@ -82,17 +90,23 @@ def replay(
 
 
 def compare(replayed: Replayed, reference: Reference, config: NavigatorConfig) -> Agreement:
-    """The geometric layer of the map against what the reference has between obstacle height and ceiling."""
+    """The geometric layer of the map against what the reference has between obstacle height and
+    ceiling."""
     rules, spec = config.points, replayed.navigator.map.spec
     heights_m = (rules.obstacle_height_m, rules.ceiling_m)
     return agreement(
-        replayed.decision.occupancy.grid.geometric, *standing(reference, replayed.T_map_world, spec, heights_m=heights_m)
+        replayed.decision.occupancy.grid.geometric,
+        *standing(reference, replayed.T_map_world, spec, heights_m=heights_m),
     )
 
 
 def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
     """What came of it, as JSON."""
-    world, grid, route = replayed.navigator.map, replayed.decision.occupancy.grid, replayed.decision.route
+    world, grid, route = (
+        replayed.navigator.map,
+        replayed.decision.occupancy.grid,
+        replayed.decision.route,
+    )
     outcome = route.outcome if route is not None else None
     found = isinstance(outcome, Path)
     return {
@@ -100,13 +114,17 @@ def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
         "explored_m2": round(world.explored.area_m2, 2),
         "explored_m3": round(world.explored.volume_m3, 2),
         "occupied_cells": int(grid.geometric.sum()),
-        "beware_cells": int(np.any([np.zeros_like(grid.geometric), *grid.beware.values()], axis=0).sum()),
+        "beware_cells": int(
+            np.any([np.zeros_like(grid.geometric), *grid.beware.values()], axis=0).sum()
+        ),
         "points": len(world.points.class_ids),
         "tick_ms": round(replayed.tick_ms, 1),
         "T_map_world": replayed.T_map_world.tolist(),
         "start": [replayed.decision.frame.pose.x_m, replayed.decision.frame.pose.y_m],
         "goal": list(replayed.goal),
-        "path_m": round(outcome.length * world.spec.resolution_m, 3) if isinstance(outcome, Path) else None,
+        "path_m": round(outcome.length * world.spec.resolution_m, 3)
+        if isinstance(outcome, Path)
+        else None,
         "no_path": None if found else str(getattr(outcome, "reason", "")),
         "waypoints": route.waypoints.tolist() if route is not None else [],
         "reference": None if judged is None else asdict(judged),

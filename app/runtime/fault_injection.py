@@ -1,4 +1,5 @@
-"""Faults of the software above the robot, by the same schedule as the sensors': a hung planner, a segmentation that fails."""
+"""Faults of the software above the robot, by the same schedule as the sensors': a hung planner, a
+segmentation that fails."""
 
 from __future__ import annotations
 
@@ -23,15 +24,22 @@ class InjectedFailure(RuntimeError):  # noqa: N818 - named after what happens
 class FaultInjector:
     """Spoils the stages of one navigator while a fault of the schedule holds."""
 
-    def __init__(self, navigator: Navigator, faults: Callable[[], Sequence[Fault]], now_s: Callable[[], float]) -> None:
-        """`faults` and `now_s` are asked in each tick: the schedule may grow, and times are of its clock."""
+    def __init__(
+        self,
+        navigator: Navigator,
+        faults: Callable[[], Sequence[Fault]],
+        now_s: Callable[[], float],
+    ) -> None:
+        """`faults` and `now_s` are asked in each tick: the schedule may grow, and times are of its
+        clock."""
         self._faults, self._now_s = faults, now_s
         self._wait: Callable[[float], None] | None = None
         self._wrap(navigator, "route", "planner")
         self._wrap(navigator, "label", "segmentation")
 
     def take_time(self, wait: Callable[[float], None]) -> None:
-        """Let what hangs or is slow take its time within the tick, by `wait(seconds)`; else it takes none there."""
+        """Let what hangs or is slow take its time within the tick, by `wait(seconds)`; else it
+        takes none there."""
         self._wait = wait
 
     def delay_s(self) -> float:
@@ -39,7 +47,11 @@ class FaultInjector:
         now_s = self._now_s()
         faults = [fault for fault in self._faults() if fault.holds(now_s)]
         hanging = [fault.until_s - now_s for fault in faults if fault.kind == "hang"]
-        slow = [fault.delay_s for fault in faults if fault.kind == "slow" and fault.sensor in ("planner", "segmentation")]
+        slow = [
+            fault.delay_s
+            for fault in faults
+            if fault.kind == "slow" and fault.sensor in ("planner", "segmentation")
+        ]
         return max([*hanging, sum(slow)])
 
     def _wrap(self, navigator: Navigator, stage: str, sensor: str) -> None:
@@ -52,7 +64,9 @@ class FaultInjector:
                 return whole(*arguments, **named)
             self._delay(fault)
             if fault.kind == "off":
-                raise InjectedFailure(f"the {sensor} has failed, as the schedule of faults wants it")
+                raise InjectedFailure(
+                    f"the {sensor} has failed, as the schedule of faults wants it"
+                )
             made = whole(*arguments, **named)
             return _garbage(made) if fault.kind == "garbage" else made
 
@@ -60,15 +74,22 @@ class FaultInjector:
 
     def _present(self, sensor: str) -> Fault | None:
         now_s = self._now_s()
-        return next((fault for fault in self._faults() if fault.sensor == sensor and fault.holds(now_s)), None)
+        return next(
+            (fault for fault in self._faults() if fault.sensor == sensor and fault.holds(now_s)),
+            None,
+        )
 
     def _delay(self, fault: Fault) -> None:
         if self._wait is None:
             return
-        until_s = {"hang": fault.until_s, "slow": self._now_s() + fault.delay_s}.get(fault.kind, 0.0)
+        until_s = {"hang": fault.until_s, "slow": self._now_s() + fault.delay_s}.get(
+            fault.kind, 0.0
+        )
         while self._now_s() < until_s:
             self._wait(POLL_S)
 
 
 def _garbage(labels: Labels) -> Labels:
-    return dataclasses.replace(labels, confidence=np.full_like(labels.confidence, np.nan), hypotheses=())
+    return dataclasses.replace(
+        labels, confidence=np.full_like(labels.confidence, np.nan), hypotheses=()
+    )

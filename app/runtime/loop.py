@@ -1,8 +1,9 @@
-"""The console's threads: think (the navigator's tick) and command (20 times a second, alone sends to the robot).
+"""The console's threads: think (the navigator's tick) and command (20 times a second, alone sends
+to the robot).
 
-The third, sense, lives with the link of each robot back end and fills its one-slot mailbox. The web server and viser bring
-their own. Command waits on nothing but its own clock: whatever hangs above it, it sends zero by itself when the command is
-too old.
+The third, sense, lives with the link of each robot back end and fills its one-slot mailbox. The web
+server and viser bring their own. Command waits on nothing but its own clock: whatever hangs above
+it, it sends zero by itself when the command is too old.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ class ControlLoop:
                     self._on_decision(decision)
                 retry_s = FRAME_WAIT_S
             except Exception as error:
-                # The loop outlives any bug above it: the robot stands with this reason and the next picture is tried.
+                # The loop outlives any bug above it: the robot stands with this reason and the next
+                # picture is tried.
                 log.exception("the tick failed")
                 self._pilot.note_failure(frame, error)
                 self._ended.wait(retry_s)
@@ -91,7 +93,11 @@ class ControlLoop:
             now = time.monotonic()
             try:
                 newest = self._robot.newest_frame()
-                self._on_verdict(self._pilot.command(self._robot.now_ns, now - last, self._robot.send, newest=newest))
+                self._on_verdict(
+                    self._pilot.command(
+                        self._robot.now_ns, now - last, self._robot.send, newest=newest
+                    )
+                )
             except Exception:
                 log.exception("the command thread goes on, and sends zero")
                 self._robot.send(STANDSTILL)
@@ -100,7 +106,8 @@ class ControlLoop:
 
 
 class PeriodicThread:
-    """Does something again and again, in a thread of its own: what has to happen by the clock and not by a picture."""
+    """Does something again and again, in a thread of its own: what has to happen by the clock and
+    not by a picture."""
 
     def __init__(self, act: Callable[[], None], *, period_s: float, name: str) -> None:
         self._act, self._period_s = act, period_s

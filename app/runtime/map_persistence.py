@@ -1,4 +1,5 @@
-"""What a robot may know of its world before it starts: a map from elsewhere, or its own of an earlier session."""
+"""What a robot may know of its world before it starts: a map from elsewhere, or its own of an
+earlier session."""
 
 from __future__ import annotations
 
@@ -16,13 +17,15 @@ from navcore.mission.beware_list import BewareList
 
 
 def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
-    """Put on an empty map what is known; raises `BadConfiguration` naming the file that does not fit."""
+    """Put on an empty map what is known; raises `BadConfiguration` naming the file that does not
+    fit."""
     if kept is not None and kept.exists():
         stored = map_file.load(kept)
         map_file.check_classes(stored, beware)
         cloud.restore(stored.state)
     if prior is not None:
-        # Where the camera has been, the map knows better: what it saw to be gone does not come back with the next start.
+        # Where the camera has been, the map knows better: what it saw to be gone does not come back
+        # with the next start.
         occupied = prior_layer(nav2_map.load(prior), cloud.spec).copy()
         measured = cloud.explored.was_measured(np.flatnonzero(occupied))
         occupied[occupied] = ~measured
@@ -37,7 +40,8 @@ def save_map(cloud: PointMap, beware: BewareList, kept: Path | None) -> None:
 
 
 def _names_in(kept: Path) -> Mapping[int, str]:
-    """What the classes of a map were called that was made before; a class that was taken off the list keeps its name there."""
+    """What the classes of a map were called that was made before; a class that was taken off the
+    list keeps its name there."""
     try:
         return map_file.load(kept).class_names if kept.exists() else {}
     except BadConfiguration:

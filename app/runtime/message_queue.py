@@ -1,4 +1,5 @@
-"""Sends over a pipe from a thread of its own, so that whoever has something to say never waits for whoever should listen."""
+"""Sends over a pipe from a thread of its own, so that whoever has something to say never waits for
+whoever should listen."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ JOIN_S = 1.0
 
 
 class LatestMessageQueue:
-    """Of the messages under one key only the newest waits; a listener that hangs costs memory for one of each, not time."""
+    """Of the messages under one key only the newest waits; a listener that hangs costs memory for
+    one of each, not time."""
 
     def __init__(self, link: Connection, name: str) -> None:
         self._link = link
@@ -22,7 +24,8 @@ class LatestMessageQueue:
         self._thread.start()
 
     def post(self, key: str, message: bytes) -> None:
-        """Send a message as soon as the pipe takes it, instead of any that still waits under the same key."""
+        """Send a message as soon as the pipe takes it, instead of any that still waits under the
+        same key."""
         with self._news:
             self._waiting[key] = message
             while len(self._waiting) > MAX_WAITING:

@@ -1,4 +1,5 @@
-"""What the console shows and keeps of a drive: newest picture, point cloud, driven path, and each mission's report."""
+"""What the console shows and keeps of a drive: newest picture, point cloud, driven path, and each
+mission's report."""
 
 from __future__ import annotations
 
@@ -50,9 +51,12 @@ class Referee(Protocol):
 
 
 class Recorder:
-    """Fed by the think and the command thread; read by anyone, each attribute an immutable value swapped as a whole."""
+    """Fed by the think and the command thread; read by anyone, each attribute an immutable value
+    swapped as a whole."""
 
-    def __init__(self, *, pilot: RobotController, store: Store, referee: Referee | None, scenario: str) -> None:
+    def __init__(
+        self, *, pilot: RobotController, store: Store, referee: Referee | None, scenario: str
+    ) -> None:
         self._pilot, self._store, self._referee, self._scenario = pilot, store, referee, scenario
         self.picture: Picture | None = None
         self.cloud: Cloud | None = None
@@ -139,7 +143,12 @@ class Recorder:
 
     def _copied_cloud(self) -> Cloud:
         points = self._pilot.navigator.map.points
-        return Cloud(serial=self._cloud_ns, points_map=points.points_map, rgb=points.rgb, class_ids=points.class_ids)
+        return Cloud(
+            serial=self._cloud_ns,
+            points_map=points.points_map,
+            rgb=points.rgb,
+            class_ids=points.class_ids,
+        )
 
     def _note_run(self, decision: TickResult) -> None:
         """A run begins when the mission starts to drive and ends when it is idle again."""
@@ -150,7 +159,9 @@ class Recorder:
             series = self._run["series"]
             if self._run_s(decision) >= len(series["t_s"]) * self._period_s:
                 series["t_s"].append(round(self._run_s(decision), 2))
-                series["distance_m"].append(round(self.travelled_m - self._run["travelled_at_start_m"], 3))
+                series["distance_m"].append(
+                    round(self.travelled_m - self._run["travelled_at_start_m"], 3)
+                )
                 series["explored_m2"].append(round(self.explored_m2, 2))
                 series["explored_m3"].append(round(self._pilot.navigator.map.explored.volume_m3, 2))
                 series["speed_mps"].append(round(decision.frame.twist.v_mps, 3))
@@ -158,14 +169,17 @@ class Recorder:
                 if len(series["t_s"]) >= MAX_SERIES:
                     self._run["series"] = {name: column[::2] for name, column in series.items()}
                     self._period_s *= 2
-            self._run["goals"] += [[goal.x_m, goal.y_m] for goal in mission.queue if goal.id not in self._known]
+            self._run["goals"] += [
+                [goal.x_m, goal.y_m] for goal in mission.queue if goal.id not in self._known
+            ]
             self._known |= {goal.id for goal in mission.queue}
             self._last = decision
             if mission.phase is Phase.IDLE:
                 self._end_run(decision, mission)
 
     def close(self) -> None:
-        """Keep the report of a run that has not ended: nothing comes after it. Call when no thread feeds this any more."""
+        """Keep the report of a run that has not ended: nothing comes after it. Call when no thread
+        feeds this any more."""
         if self._run is not None and self._last is not None:
             self._end_run(self._last, self._pilot.intent.mission)
 
@@ -173,7 +187,11 @@ class Recorder:
         if self._referee is not None:
             self._referee.new_run()
             self._stop_noted = None  # a new referee has to be told again
-        self._period_s, self._known, self._last = SERIES_PERIOD_S, {goal.id for goal in mission.queue}, decision
+        self._period_s, self._known, self._last = (
+            SERIES_PERIOD_S,
+            {goal.id for goal in mission.queue},
+            decision,
+        )
         self._run = {
             "id": uuid.uuid4().hex[:12],
             "scenario": self._scenario,
@@ -193,7 +211,9 @@ class Recorder:
         try:
             self._store.save_run({**run, **verdict, "goals_reached": len(mission.reached)})
         except StorageFailed:
-            log.exception("the run is not in the history")  # a full disk is no reason to stop driving
+            log.exception(
+                "the run is not in the history"
+            )  # a full disk is no reason to stop driving
 
     def _run_s(self, decision: TickResult) -> float:
         return float(decision.frame.stamp_ns - self._run["started_ns"]) / 1e9 if self._run else 0.0

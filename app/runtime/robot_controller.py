@@ -1,7 +1,9 @@
-"""The operator's intent, the navigator and the gate, joined: what to do with a frame, and what to send to the wheels.
+"""The operator's intent, the navigator and the gate, joined: what to do with a frame, and what to
+send to the wheels.
 
-One pilot serves the headless episode (one thread, simulated time) and the console (threads, real time) alike. `think` and
-`command` may run in different threads; what they share is a handful of references to immutable values, swapped under a lock.
+One pilot serves the headless episode (one thread, simulated time) and the console (threads, real
+time) alike. `think` and `command` may run in different threads; what they share is a handful of
+references to immutable values, swapped under a lock.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ MOVING = (Phase.DRIVING, Phase.LEAVING)
 STANDS_BELOW_MPS = 0.03
 """A robot slower than this stands, as far as arriving is concerned."""
 MEANWHILE_NS = 100_000_000
-"""A command so little younger than the clock's reading was decided while the command thread waited for its turn."""
+"""A command so little younger than the clock's reading was decided while the command thread waited
+for its turn."""
 HAND_LIFE_NS = COMMAND_LIFE_NS
 """How long a velocity that somebody gives by hand is good for."""
 
@@ -88,15 +91,17 @@ class TickState:
 class RobotController:
     """Joins intent, navigator and gate."""
 
-    def __init__(self, *, navigator: Navigator, profile: RobotProfile, intent: OperatorState) -> None:
+    def __init__(
+        self, *, navigator: Navigator, profile: RobotProfile, intent: OperatorState
+    ) -> None:
         self.navigator = navigator
         self.profile = profile
         self._lock = threading.Lock()
         self._intent = intent
         self._thought = TickState()
         self._sent = STANDSTILL
-        # Two observers of the same frames: one for what enters the map, one for the gate, which hears of a frame first and
-        # waits for no tick.
+        # Two observers of the same frames: one for what enters the map, one for the gate, which
+        # hears of a frame first and waits for no tick.
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._near = RecentObstacles()
         self._pushing_ns: int | None = None
@@ -119,19 +124,24 @@ class RobotController:
         return self._sent
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
-        """Replace the intent by `edit(intent)`, as one step; when `edit` raises, nothing has changed."""
+        """Replace the intent by `edit(intent)`, as one step; when `edit` raises, nothing has
+        changed."""
         with self._lock:
             self._intent = edit(self._intent)
             return self._intent
 
     def change_mission(self, edit: Callable[[Mission], Mission]) -> Mission:
         """Replace the mission by `edit(mission)`, as one step."""
-        return self.change(lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))).mission
+        return self.change(
+            lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
+        ).mission
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Past poses as they are known by now, e.g. after a loop closure; the map follows before the next tick.
+        """Past poses as they are known by now, e.g. after a loop closure; the map follows before
+        the next tick.
 
-        Raises `BadConfiguration` for a pose ID that is not on the map, and then has changed nothing.
+        Raises `BadConfiguration` for a pose ID that is not on the map, and then has changed
+        nothing.
         """
         known = len(self.navigator.map.poses)  # it only grows
         for pose_id in poses:
@@ -141,7 +151,8 @@ class RobotController:
             self._corrected |= poses
 
     def think(self, frame: Frame, *, clock: Callable[[], int]) -> TickResult | None:
-        """One tick; None when the frame was refused or shows nothing new. `clock` dates the command, after the work is done."""
+        """One tick; None when the frame was refused or shows nothing new. `clock` dates the
+        command, after the work is done."""
         intent = self._intent
         goal = intent.mission.goal
         order = request_of(intent)
@@ -154,30 +165,53 @@ class RobotController:
         if put_down:
             self.navigator.put_down()
         if senses.doubt is not None or senses.repeats:
-            # What cannot be true must not enter the map; the gate says why the robot stands, or the command just expires.
+            # What cannot be true must not enter the map; the gate says why the robot stands, or the
+            # command just expires.
             command = None if senses.doubt is not None else self._thought.command
-            self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, command=command)
+            self._thought = dataclasses.replace(
+                self._thought, frame_ns=frame.stamp_ns, command=command
+            )
             return None
         try:
             decision = self.navigator.tick(frame, order)
         except BadFrame as error:
-            self._thought = dataclasses.replace(self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None)
+            self._thought = dataclasses.replace(
+                self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
+            )
             return None
-        command = Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
-        self._thought = TickState(decision=decision, frame_ns=frame.stamp_ns, command=command, order=order)
-        # Without a path the end of the way is where the robot looks at what closes it, and never the goal.
+        command = (
+            Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
+        )
+        self._thought = TickState(
+            decision=decision, frame_ns=frame.stamp_ns, command=command, order=order
+        )
+        # Without a path the end of the way is where the robot looks at what closes it, and never
+        # the goal.
         led_there = decision.route is not None and isinstance(decision.route.outcome, Path)
-        if led_there and decision.motion.outcome is ControllerState.ARRIVED and abs(frame.twist.v_mps) < STANDS_BELOW_MPS:
+        if (
+            led_there
+            and decision.motion.outcome is ControllerState.ARRIVED
+            and abs(frame.twist.v_mps) < STANDS_BELOW_MPS
+        ):
             if goal:
-                self.change_mission(lambda mission: mission.arrive() if mission.goal == goal else mission)
+                self.change_mission(
+                    lambda mission: mission.arrive() if mission.goal == goal else mission
+                )
             elif order.leave:
-                self.change_mission(lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission)
+                self.change_mission(
+                    lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
+                )
         return decision
 
     def note_failure(self, frame: Frame | None, error: Exception) -> None:
         """The tick of a frame broke, or none could be had: stand, and say so, until one succeeds."""
-        failure, frame_ns = f"{type(error).__name__}: {error}", self._thought.frame_ns if frame is None else frame.stamp_ns
-        self._thought = dataclasses.replace(self._thought, frame_ns=frame_ns, failure=failure, command=None)
+        failure, frame_ns = (
+            f"{type(error).__name__}: {error}",
+            self._thought.frame_ns if frame is None else frame.stamp_ns,
+        )
+        self._thought = dataclasses.replace(
+            self._thought, frame_ns=frame_ns, failure=failure, command=None
+        )
 
     def command(
         self,
@@ -187,12 +221,15 @@ class RobotController:
         *,
         newest: Frame | None,
     ) -> GateDecision:
-        """Decide what to send now, `period_s` after the last time, and send it. `newest` is the last frame that came in.
+        """Decide what to send now, `period_s` after the last time, and send it. `newest` is the
+        last frame that came in.
 
-        `clock` gives the time in ns. It is read last of all: what has expired while this waited or looked is not sent.
+        `clock` gives the time in ns. It is read last of all: what has expired while this waited or
+        looked is not sent.
 
-        A mission that does not drive never moves the robot. Deciding and sending are one step against `change`: once a stop, a
-        cancel or a zone is acknowledged, nothing decided before it is sent any more.
+        A mission that does not drive never moves the robot. Deciding and sending are one step
+        against `change`: once a stop, a cancel or a zone is acknowledged, nothing decided before it
+        is sent any more.
         """
         with self._lock:
             if period_s * 1e9 > COMMAND_LIFE_NS:
@@ -238,7 +275,8 @@ class RobotController:
 
     def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
         intent, thought, hand = self._intent, self._thought, self._slowed(self.hand(now_ns))
-        # A velocity decided before the operator's last word is void; the next tick brings one that has heard it.
+        # A velocity decided before the operator's last word is void; the next tick brings one that
+        # has heard it.
         driving = intent.mission.phase in MOVING and thought.order == request_of(intent)
         command = hand or (thought.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + MEANWHILE_NS:
@@ -270,48 +308,95 @@ class RobotController:
         if hand is None or newest is None:
             return hand
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
-        return dataclasses.replace(hand, twist=self.navigator.limit(asked, newest, request_of(self._intent)).twist)
+        return dataclasses.replace(
+            hand, twist=self.navigator.limit(asked, newest, request_of(self._intent)).twist
+        )
 
     def _objections_to(self, hand: Command) -> list[StopReason]:
-        """A hand may go wherever the gate lets it, but into no zone, and into nothing that the map has of the beware list.
+        """A hand may go wherever the gate lets it, but into no zone, and into nothing that the map
+        has of the beware list.
 
-        The zones are those of now: they bind a hand before the first tick, too, and when ticks fail.
+        The zones are those of now: they bind a hand before the first tick, too, and when ticks
+        fail.
         """
-        decision, newest, spec = self._thought.decision, self._watched.newest, self.navigator.map.spec
+        decision, newest, spec = (
+            self._thought.decision,
+            self._watched.newest,
+            self.navigator.map.spec,
+        )
         seen = None if decision is None else decision.occupancy
         if newest is None:
             return []
-        if stays_out(hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen):
+        if stays_out(
+            hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen
+        ):
             return []
-        return [StopReason(cause=Cause.BEWARE_AHEAD, text="A beware area lies that way; drive by hand in another direction.")]
+        return [
+            StopReason(
+                cause=Cause.BEWARE_AHEAD,
+                text="A beware area lies that way; drive by hand in another direction.",
+            )
+        ]
 
     def _obstacles(self, intent: OperatorState, thought: TickState) -> list[StopReason]:
         """Why the planners, rather than the gate, keep the robot where it is."""
         found = []
-        if thought.bad_frame is not None and not self._watched.malformed:  # then the gate has said so
-            found.append(StopReason(cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {thought.bad_frame}."))
+        if (
+            thought.bad_frame is not None and not self._watched.malformed
+        ):  # then the gate has said so
+            found.append(
+                StopReason(
+                    cause=Cause.BAD_FRAME,
+                    text=f"The camera's picture is refused: {thought.bad_frame}.",
+                )
+            )
         if thought.failure is not None:
-            found.append(StopReason(cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."))
+            found.append(
+                StopReason(
+                    cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."
+                )
+            )
         if intent.mission.phase is Phase.PAUSED:
-            found.append(StopReason(cause=Cause.PAUSED, text="The mission is paused; resume it to drive on."))
+            found.append(
+                StopReason(cause=Cause.PAUSED, text="The mission is paused; resume it to drive on.")
+            )
         if intent.mission.phase not in MOVING or thought.decision is None:
             return found
         route, outcome = thought.decision.route, thought.decision.motion.outcome
-        if route is not None and isinstance(route.outcome, NoPath) and thought.decision.motion.twist == STANDSTILL:
+        if (
+            route is not None
+            and isinstance(route.outcome, NoPath)
+            and thought.decision.motion.twist == STANDSTILL
+        ):
             why = _why_no_path(intent, thought.decision, route.outcome)
-            found.append(StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}."))
+            found.append(
+                StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}.")
+            )
         if outcome is ControllerState.IN_ZONE:
             found.append(
-                StopReason(cause=Cause.IN_ZONE, text="The robot stands in a beware area: have it leave, or change the area.")
+                StopReason(
+                    cause=Cause.IN_ZONE,
+                    text="The robot stands in a beware area: have it leave, or change the area.",
+                )
             )
         if outcome is ControllerState.BOXED_IN:
-            found.append(StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear of what stands near the robot."))
+            found.append(
+                StopReason(
+                    cause=Cause.BOXED_IN,
+                    text="No motion keeps clear of what stands near the robot.",
+                )
+            )
         if outcome is ControllerState.GIVEN_UP:
             tried = "it has waited, backed off and looked round, and found no way"
             text = f"The robot gives up: {tried}. Clear its way, or pick another goal."
             found.append(StopReason(cause=Cause.BOXED_IN, text=text))
         if outcome is ControllerState.YIELD:
-            found.append(StopReason(cause=Cause.YIELDING, text="Somebody is in the robot's way; it waits until he has passed."))
+            found.append(
+                StopReason(
+                    cause=Cause.YIELDING,
+                    text="Somebody is in the robot's way; it waits until he has passed.",
+                )
+            )
         return found
 
 

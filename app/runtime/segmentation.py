@@ -1,4 +1,5 @@
-"""Which segmenter drives: the network with the colour rules, or the rules alone, and what to tell the operator about it."""
+"""Which segmenter drives: the network with the colour rules, or the rules alone, and what to tell
+the operator about it."""
 
 from __future__ import annotations
 
@@ -12,8 +13,17 @@ from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet.inference.engine import THREADS
-from navcore.perception.esanet.inference.network_file import SHIPPED, NetworkFile, nearest_size, open_network
-from navcore.perception.esanet.inference.selection import EngineBenchmark, benchmark_engines, open_inference
+from navcore.perception.esanet.inference.network_file import (
+    SHIPPED,
+    NetworkFile,
+    nearest_size,
+    open_network,
+)
+from navcore.perception.esanet.inference.selection import (
+    EngineBenchmark,
+    benchmark_engines,
+    open_inference,
+)
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
 from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import aliases_for
@@ -22,10 +32,12 @@ from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
 CAMERA = Size(height=240, width=424)
-"""Of the simulated D455; the working size of weights that do not name their own is the nearest to it."""
+"""Of the simulated D455; the working size of weights that do not name their own is the nearest to
+it."""
 RANDOM_CLASSES = 12
 SLOW_MS = 100.0
-"""Where every engine takes longer for a picture, a robot that drives in the present is shown smaller ones."""
+"""Where every engine takes longer for a picture, a robot that drives in the present is shown
+smaller ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,9 +49,11 @@ class Perception:
     title: str
     """For people, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 448 × 256`."""
     identity: str
-    """Whatever changes its labels: the weights' hash, size and precision. Two campaigns with the same one are comparable."""
+    """Whatever changes its labels: the weights' hash, size and precision. Two campaigns with the
+    same one are comparable."""
     warning: str | None = None
-    """What the operator must know: that the network does not run, and why. None when all is as it should be."""
+    """What the operator must know: that the network does not run, and why. None when all is as it
+    should be."""
     trials: tuple[EngineBenchmark, ...] = ()
     """What was measured of the engines to choose one."""
     choice: SegmenterChoice
@@ -60,12 +74,14 @@ def colour_perception(warning: str | None = None) -> Perception:
 def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
     """The segmenter asked for.
 
-    Raises `BadConfiguration` where a network was asked for by name and cannot run; with `auto` and the shipped weights that is
-    a warning, and the colour rules drive.
+    Raises `BadConfiguration` where a network was asked for by name and cannot run; with `auto` and
+    the shipped weights that is a warning, and the colour rules drive.
     """
     if choice.kind == "colour":
         if choice.weights is not None:
-            raise BadConfiguration("--weights with --segmenter colour: the colour rules have no weights; leave one of them out")
+            raise BadConfiguration(
+                "--weights with --segmenter colour: the colour rules have no weights; leave one of them out"
+            )
         return colour_perception()
     try:
         perception = _network(choice, choice.weights or shipped)
@@ -73,7 +89,9 @@ def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
         if choice.kind == "network" or choice.weights is not None:
             raise
         why = str(error) if shipped.exists() else "no trained weights come with this version"
-        warning = f"The network does not run, only the colour rules look for things to beware of: {why}"
+        warning = (
+            f"The network does not run, only the colour rules look for things to beware of: {why}"
+        )
         log.warning("%s", warning)
         return colour_perception(warning)
     log.info("segmentation: %s", perception.title)
@@ -85,7 +103,8 @@ def measure_segmenter(
 ) -> tuple[str, list[EngineBenchmark]]:
     """What network was measured, and p50 and p99 of each engine that is installed.
 
-    Without `weights` it is the shipped network, and where none ships one of its shape with random weights, which takes as long.
+    Without `weights` it is the shipped network, and where none ships one of its shape with random
+    weights, which takes as long.
     """
     try:
         file = open_network(weights or SHIPPED, camera=CAMERA)
@@ -106,11 +125,19 @@ def _network(choice: SegmenterChoice, path: Path) -> Perception:
         log.info("segmentation, tried %s", trial.text())
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
     if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
-        log.warning("segmentation: too slow here for pictures of %s, it is shown %s", _by(file.size), _by(smaller.size))
+        log.warning(
+            "segmentation: too slow here for pictures of %s, it is shown %s",
+            _by(file.size),
+            _by(smaller.size),
+        )
         file, choice = smaller, dataclasses.replace(choice, smaller=True)
         engine, trials = open_inference(file, choice.engine, threads=choice.threads)
     network = NetworkSegmenter(
-        engine, class_names=file.class_names, depth=file.depth, size=file.size, aliases=aliases_for(file.class_names)
+        engine,
+        class_names=file.class_names,
+        depth=file.depth,
+        size=file.size,
+        aliases=aliases_for(file.class_names),
     )
     _, precision = engine.name.split()
     return Perception(

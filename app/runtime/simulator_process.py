@@ -1,7 +1,8 @@
-"""The simulated robot as a process of its own, at real time: like a real robot it has its own clock, link and time-out.
+"""The simulated robot as a process of its own, at real time: like a real robot it has its own
+clock, link and time-out.
 
-Physics and camera never hold the console's interpreter lock, and a hung console leaves the robot to its driver's time-out. The
-link carries JSON headers and raw pixels, nothing that could be executed.
+Physics and camera never hold the console's interpreter lock, and a hung console leaves the robot to
+its driver's time-out. The link carries JSON headers and raw pixels, nothing that could be executed.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from sim.simulator import Simulator
 START_S = 60.0
 """How long the world may take to build."""
 MAX_BEHIND_S = 0.25
-"""A simulator that lags more than this does not try to catch up: it is slower than real time, and so be it."""
+"""A simulator that lags more than this does not try to catch up: it is slower than real time, and
+so be it."""
 
 
 class SimulatorFailed(BewareNavError):  # noqa: N818 - named after what happened, as all of them
@@ -40,7 +42,8 @@ class SimulatorFailed(BewareNavError):  # noqa: N818 - named after what happened
 
 
 class SimulatorProcess:
-    """A `Robot` whose wheels and camera live in another process. Stamps are of the machine's monotonic clock."""
+    """A `Robot` whose wheels and camera live in another process. Stamps are of the machine's
+    monotonic clock."""
 
     def __init__(self, scenario: str, *, seed: int, profile: RobotProfile) -> None:
         self.profile = profile
@@ -51,7 +54,9 @@ class SimulatorProcess:
         self._told = itertools.count()
         context = multiprocessing.get_context("spawn")
         self._link, far_end = context.Pipe()
-        self._process = context.Process(target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator")
+        self._process = context.Process(
+            target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator"
+        )
         self._process.start()
         far_end.close()
         self._outbox = LatestMessageQueue(self._link, "to-simulator")
@@ -72,7 +77,8 @@ class SimulatorProcess:
         return self._frame
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The newest picture if it is another than `after`, waiting for it; None when none comes in time."""
+        """The newest picture if it is another than `after`, waiting for it; None when none comes in
+        time."""
         with self._news:
             self._news.wait_for(lambda: self._frame is not after, timeout_s)
             return self._frame if self._frame is not after else None
@@ -129,7 +135,9 @@ class SimulatorProcess:
 
 def _serve(link: Connection, scenario: str, seed: int) -> None:
     """The simulator process: step at real time, send each picture, obey what comes in."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the console's to hear; it sends zero, and then says close
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C is the console's to hear; it sends zero, and then says close
     outbox = LatestMessageQueue(link, "pictures")
     with Simulator(load_scenario(scenario), seed=seed) as simulator:
         frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
@@ -145,8 +153,12 @@ def _serve(link: Connection, scenario: str, seed: int) -> None:
             if simulator.newest_frame() is not frame:
                 frame = simulator.newest_frame()
                 if frame is not None:
-                    # A picture that is late, or wrongly dated, by a fault stays so on the machine's clock.
-                    outbox.post("frame", _encode(frame, frame.stamp_ns + lead_ns, simulator.referee.summary()))
+                    # A picture that is late, or wrongly dated, by a fault stays so on the machine's
+                    # clock.
+                    outbox.post(
+                        "frame",
+                        _encode(frame, frame.stamp_ns + lead_ns, simulator.referee.summary()),
+                    )
 
 
 def _obey(link: Connection, simulator: Simulator) -> bool:
@@ -158,7 +170,9 @@ def _obey(link: Connection, simulator: Simulator) -> bool:
                 case "twist" if time.monotonic_ns() - message["stamp_ns"] < COMMAND_LIFE_NS:
                     simulator.send(Twist(v_mps=message["v"], w_radps=message["w"]))
                 case "zones":
-                    simulator.referee.set_zones(tuple(np.array(polygon) for polygon in message["polygons"]))
+                    simulator.referee.set_zones(
+                        tuple(np.array(polygon) for polygon in message["polygons"])
+                    )
                 case "stop":
                     simulator.referee.note_stop(message["reason"])
                 case "new_run":
@@ -179,7 +193,8 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "stamp_ns": stamp_ns,
         # JSON has no infinity: a clearance that was never measured is none.
         "referee": {
-            key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in report.items()
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in report.items()
         },
     }
     text = json.dumps(header).encode()

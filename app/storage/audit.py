@@ -1,4 +1,5 @@
-"""What happened, in the order it happened: entries are added and read, never changed. The oldest give way to new ones."""
+"""What happened, in the order it happened: entries are added and read, never changed. The oldest
+give way to new ones."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ SWEEP_EVERY = 1_000
 
 
 class Journal:
-    """All entries of one kind. The wall clock only dates them; nothing is decided by it, and the id gives the order."""
+    """All entries of one kind. The wall clock only dates them; nothing is decided by it, and the id
+    gives the order."""
 
     def __init__(self, database: Database, kind: str) -> None:
         self._database, self._kind = database, kind
@@ -24,10 +26,17 @@ class Journal:
         at = _stamp(datetime.now(UTC))
         with self._database.writing() as connection:
             values = (self._kind, at, json.dumps(dict(entry)))
-            number = int(connection.execute("INSERT INTO journal (kind, at, entry) VALUES (?, ?, ?)", values).lastrowid or 0)
+            number = int(
+                connection.execute(
+                    "INSERT INTO journal (kind, at, entry) VALUES (?, ?, ?)", values
+                ).lastrowid
+                or 0
+            )
             if number % SWEEP_EVERY == 0:
                 kept = "SELECT id FROM journal WHERE kind = ? ORDER BY id DESC LIMIT -1 OFFSET ?"
-                connection.execute(f"DELETE FROM journal WHERE id IN ({kept})", (self._kind, MAX_ENTRIES))
+                connection.execute(
+                    f"DELETE FROM journal WHERE id IN ({kept})", (self._kind, MAX_ENTRIES)
+                )
         return number
 
     def newest(
@@ -39,9 +48,11 @@ class Journal:
         since: datetime | None = None,
         until: datetime | None = None,
     ) -> tuple[dict[str, Any], ...]:
-        """At most `count` entries, newest first, each with `id` and `at` (UTC); `before` goes on from an id.
+        """At most `count` entries, newest first, each with `id` and `at` (UTC); `before` goes on
+        from an id.
 
-        `who` keeps those whose `who` it is; `since` and `until`, which know their time zone, those put down between the two.
+        `who` keeps those whose `who` it is; `since` and `until`, which know their time zone, those
+        put down between the two.
         """
         wanted: list[tuple[str, object]] = [("kind = ?", self._kind)]
         wanted += [("id < ?", before)] if before is not None else []

@@ -1,4 +1,5 @@
-"""The SQLite file itself: opened, brought to the present layout, read and written. An acknowledged write is on the disk."""
+"""The SQLite file itself: opened, brought to the present layout, read and written. An acknowledged
+write is on the disk."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ class Database:
         connection = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            connection = sqlite3.connect(self.path, timeout=BUSY_S, check_same_thread=False, isolation_level=None)
+            connection = sqlite3.connect(
+                self.path, timeout=BUSY_S, check_same_thread=False, isolation_level=None
+            )
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = FULL")
             migrate(connection)
@@ -51,13 +54,15 @@ class Database:
                 raise StorageFailed(f"the store {self.path} cannot be read: {error}") from None
 
     def write(self, statement: str, values: tuple[object, ...] = ()) -> None:
-        """One statement, on the disk when this returns; raises `StorageFailed`, and then nothing has changed."""
+        """One statement, on the disk when this returns; raises `StorageFailed`, and then nothing
+        has changed."""
         with self.writing() as connection:
             connection.execute(statement, values)
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
-        """Several statements that hold together: all are on the disk at the end, or none when anything fails."""
+        """Several statements that hold together: all are on the disk at the end, or none when
+        anything fails."""
         with self._lock:
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
@@ -69,4 +74,6 @@ class Database:
                         self._connection.execute("ROLLBACK")
                     raise
             except sqlite3.Error as error:
-                raise StorageFailed(f"not saved, what was stored before is intact: {error}") from None
+                raise StorageFailed(
+                    f"not saved, what was stored before is intact: {error}"
+                ) from None

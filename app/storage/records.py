@@ -1,4 +1,5 @@
-"""Zones and goals as JSON for the store, and back. What an older version wrote stays readable: later fields have defaults."""
+"""Zones and goals as JSON for the store, and back. What an older version wrote stays readable:
+later fields have defaults."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""The layout of the file, step by step: each leads from one version to the next in one transaction, and none is ever edited.
+"""The layout of the file, step by step: each leads from one version to the next in one transaction,
+and none is ever edited.
 
-The version is SQLite's own `user_version`. The first layout did not yet set it, so a file of it says 0, like a new one.
+The version is SQLite's own `user_version`. The first layout did not yet set it, so a file of it
+says 0, like a new one.
 """
 
 from __future__ import annotations
@@ -18,13 +20,20 @@ def _first_layout(database: sqlite3.Connection) -> None:
         "CREATE TABLE IF NOT EXISTS zones (id TEXT PRIMARY KEY, name TEXT NOT NULL, polygon TEXT NOT NULL, "
         "enabled INTEGER NOT NULL, margin_m REAL NOT NULL, version INTEGER NOT NULL) STRICT"
     )
-    database.execute("CREATE TABLE IF NOT EXISTS beware (only INTEGER PRIMARY KEY CHECK (only = 1), list TEXT NOT NULL) STRICT")
-    database.execute("CREATE TABLE IF NOT EXISTS runs (id TEXT PRIMARY KEY, report TEXT NOT NULL) STRICT")
+    database.execute(
+        "CREATE TABLE IF NOT EXISTS beware (only INTEGER PRIMARY KEY CHECK (only = 1), list TEXT NOT NULL) STRICT"
+    )
+    database.execute(
+        "CREATE TABLE IF NOT EXISTS runs (id TEXT PRIMARY KEY, report TEXT NOT NULL) STRICT"
+    )
 
 
 def _documents(database: sqlite3.Connection) -> None:
-    """A zone is one JSON document, so that it can gain a property without a new layout; every beware list is kept."""
-    old = database.execute("SELECT id, name, polygon, enabled, margin_m, version FROM zones ORDER BY rowid").fetchall()
+    """A zone is one JSON document, so that it can gain a property without a new layout; every
+    beware list is kept."""
+    old = database.execute(
+        "SELECT id, name, polygon, enabled, margin_m, version FROM zones ORDER BY rowid"
+    ).fetchall()
     database.execute("DROP TABLE zones")
     database.execute(
         "CREATE TABLE zones (place INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, zone TEXT NOT NULL) STRICT"
@@ -72,11 +81,18 @@ def _decisions(database: sqlite3.Connection) -> None:
     database.execute("CREATE INDEX decisions_by_kind ON decisions (kind, id)")
 
 
-STEPS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_layout, _documents, _named_things, _people, _decisions)
+STEPS: tuple[Callable[[sqlite3.Connection], None], ...] = (
+    _first_layout,
+    _documents,
+    _named_things,
+    _people,
+    _decisions,
+)
 
 
 def migrate(database: sqlite3.Connection) -> None:
-    """Bring the file to the present layout; raises `StorageFailed` for one of a later version, and leaves it as it is."""
+    """Bring the file to the present layout; raises `StorageFailed` for one of a later version, and
+    leaves it as it is."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > len(STEPS):
         raise StorageFailed(

@@ -1,4 +1,5 @@
-"""Everything the console keeps, by what it is. A write that fails raises `StorageFailed` and leaves everything as it was."""
+"""Everything the console keeps, by what it is. A write that fails raises `StorageFailed` and leaves
+everything as it was."""
 
 from __future__ import annotations
 
@@ -55,7 +56,9 @@ class Store:
         try:
             fcntl.flock(self._claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise StorageFailed(f"another console uses the data folder {folder}; end it, or give another --data") from None
+            raise StorageFailed(
+                f"another console uses the data folder {folder}; end it, or give another --data"
+            ) from None
 
     def zones(self) -> tuple[Zone, ...]:
         """All zones, in the order they were first stored."""
@@ -73,15 +76,20 @@ class Store:
     def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
         """Forget some zones and store others, each in the place of one with its id: all or nothing."""
         with self._database.writing() as connection:
-            connection.executemany("DELETE FROM zones WHERE id = ?", [(zone_id,) for zone_id in deleted])
+            connection.executemany(
+                "DELETE FROM zones WHERE id = ?", [(zone_id,) for zone_id in deleted]
+            )
             connection.executemany(
                 "INSERT INTO zones (id, zone) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET zone = excluded.zone",
                 [(zone.id, json.dumps(zone_record(zone))) for zone in saved],
             )
 
     def kept(self, kind: str) -> dict[str, Any]:
-        """Name → JSON value of everything of a kind that operators keep under names, in the order of names."""
-        rows = self._database.rows("SELECT name, document FROM named WHERE kind = ? ORDER BY name", (kind,))
+        """Name → JSON value of everything of a kind that operators keep under names, in the order
+        of names."""
+        rows = self._database.rows(
+            "SELECT name, document FROM named WHERE kind = ? ORDER BY name", (kind,)
+        )
         return {name: json.loads(document) for name, document in rows}
 
     def keep(self, kind: str, name: str, value: Any) -> None:
@@ -89,7 +97,9 @@ class Store:
         if value is None:
             self._database.write("DELETE FROM named WHERE kind = ? AND name = ?", (kind, name))
         else:
-            self._database.write("INSERT OR REPLACE INTO named VALUES (?, ?, ?)", (kind, name, json.dumps(value)))
+            self._database.write(
+                "INSERT OR REPLACE INTO named VALUES (?, ?, ?)", (kind, name, json.dumps(value))
+            )
 
     def beware(self) -> BewareList | None:
         """The list saved last; None on a new installation."""
@@ -98,17 +108,26 @@ class Store:
 
     def beware_versions(self) -> tuple[BewareList, ...]:
         """Every list that was ever in force here, newest first."""
-        return tuple(_beware_list(row[0]) for row in self._database.rows("SELECT list FROM beware_lists ORDER BY place DESC"))
+        return tuple(
+            _beware_list(row[0])
+            for row in self._database.rows("SELECT list FROM beware_lists ORDER BY place DESC")
+        )
 
     def save_beware(self, beware: BewareList) -> None:
         """Store the list in force; those before it are kept."""
         classes = [as_table(entry) for entry in beware.classes]
-        document = json.dumps({"version": beware.version, "classes": classes, "retired": beware.retired})
-        self._database.write("INSERT INTO beware_lists (version, list) VALUES (?, ?)", (beware.version, document))
+        document = json.dumps(
+            {"version": beware.version, "classes": classes, "retired": beware.retired}
+        )
+        self._database.write(
+            "INSERT INTO beware_lists (version, list) VALUES (?, ?)", (beware.version, document)
+        )
 
     def runs(self) -> tuple[dict[str, Any], ...]:
         """Reports of past missions, newest first."""
-        rows = self._database.rows("SELECT report FROM runs ORDER BY rowid DESC LIMIT ?", (MAX_RUNS,))
+        rows = self._database.rows(
+            "SELECT report FROM runs ORDER BY rowid DESC LIMIT ?", (MAX_RUNS,)
+        )
         return tuple(json.loads(row[0]) for row in rows)
 
     def run(self, run_id: str) -> dict[str, Any]:
@@ -121,11 +140,16 @@ class Store:
 
     def save_run(self, report: dict[str, Any]) -> None:
         """Store a mission's report under its `id`."""
-        self._database.write("INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report)))
+        self._database.write(
+            "INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report))
+        )
 
 
 def _beware_list(document: str) -> BewareList:
     saved = json.loads(document)
-    classes = tuple(from_table(BewareClass, table, f"stored beware list[{i}]") for i, table in enumerate(saved["classes"]))
+    classes = tuple(
+        from_table(BewareClass, table, f"stored beware list[{i}]")
+        for i, table in enumerate(saved["classes"])
+    )
     retired = tuple((name, class_id) for name, class_id in saved.get("retired", []))
     return BewareList(classes=classes, version=saved["version"], retired=retired)

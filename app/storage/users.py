@@ -21,8 +21,13 @@ class UserTable:
 
     def all(self) -> tuple[User, ...]:
         """By name."""
-        rows = self._database.rows("SELECT name, role, password_hash, token_hash FROM users ORDER BY name")
-        return tuple(User(name=row[0], role=Role(row[1]), password_hash=row[2], token_hash=row[3]) for row in rows)
+        rows = self._database.rows(
+            "SELECT name, role, password_hash, token_hash FROM users ORDER BY name"
+        )
+        return tuple(
+            User(name=row[0], role=Role(row[1]), password_hash=row[2], token_hash=row[3])
+            for row in rows
+        )
 
     def add(self, user: User) -> None:
         """Raises `Refused` when the name is taken."""
@@ -30,7 +35,10 @@ class UserTable:
             if connection.execute("SELECT 1 FROM users WHERE name = ?", (user.name,)).fetchone():
                 raise Refused(f"there is a user {user.name!r} already")
             values = (user.name, str(user.role), user.password_hash, user.token_hash)
-            connection.execute("INSERT INTO users (name, role, password_hash, token_hash) VALUES (?, ?, ?, ?)", values)
+            connection.execute(
+                "INSERT INTO users (name, role, password_hash, token_hash) VALUES (?, ?, ?, ?)",
+                values,
+            )
 
     def change(
         self,
@@ -41,18 +49,28 @@ class UserTable:
         token_hash: str | None = None,
         instead_of: str | None = None,
     ) -> User:
-        """Role, password or token of an existing one; raises `NotKnown`, and `Refused` for the last admin's loss of it.
+        """Role, password or token of an existing one; raises `NotKnown`, and `Refused` for the last
+        admin's loss of it.
 
-        What is not said stays as it is by then: two who change one user at once undo nothing of each other.
+        What is not said stays as it is by then: two who change one user at once undo nothing of
+        each other.
         """
         query = (
             "UPDATE users SET role = coalesce(?, role), password_hash = coalesce(?, password_hash),"
             " token_hash = coalesce(?, token_hash) WHERE name = ? AND password_hash = coalesce(?, password_hash)"
         )
         with self._database.writing() as connection:
-            values = (None if role is None else str(role), password_hash, token_hash, name, instead_of)
+            values = (
+                None if role is None else str(role),
+                password_hash,
+                token_hash,
+                name,
+                instead_of,
+            )
             changed = connection.execute(query, values)
-            row = connection.execute("SELECT role, password_hash, token_hash FROM users WHERE name = ?", (name,)).fetchone()
+            row = connection.execute(
+                "SELECT role, password_hash, token_hash FROM users WHERE name = ?", (name,)
+            ).fetchone()
             if row is None:
                 raise NotKnown(f"no user is called {name!r}")
             if changed.rowcount == 0:

@@ -1,4 +1,5 @@
-"""Driving by hand keeps out of beware areas, as driving by itself does: what the footprint sweeps until it stands is judged."""
+"""Driving by hand keeps out of beware areas, as driving by itself does: what the footprint sweeps
+until it stands is judged."""
 
 from __future__ import annotations
 
@@ -23,16 +24,32 @@ STEP_S = 0.05
 
 
 def stays_out(
-    twist: Twist, pose: Pose2, profile: RobotProfile, *, zones: Sequence[Zone], spec: GridSpec, seen: Costmap | None
+    twist: Twist,
+    pose: Pose2,
+    profile: RobotProfile,
+    *,
+    zones: Sequence[Zone],
+    spec: GridSpec,
+    seen: Costmap | None,
 ) -> bool:
-    """Whether the robot, driving so and then braking, comes over no more of any beware area than it stands over now.
+    """Whether the robot, driving so and then braking, comes over no more of any beware area than it
+    stands over now.
 
-    Whoever stands in one may thus be driven out of it, and no farther in, nor over a thing or another zone that lies in it.
-    `zones` are the operator's, as they are now; `seen`, over `spec`, holds what of the beware list is known, None for nothing.
+    Whoever stands in one may thus be driven out of it, and no farther in, nor over a thing or
+    another zone that lies in it. `zones` are the operator's, as they are now; `seen`, over `spec`,
+    holds what of the beware list is known, None for nothing.
     """
     until_s = REACTION_S + LATE_S + braking_s(twist, profile) / 2
-    reach_m = profile.circumscribed_radius_m + abs(twist.v_mps) * until_s + max((zone.margin_m for zone in zones), default=0.0)
-    grid = _nothing(spec.part(*box_around(spec, pose, reach_m))) if seen is None else seen.around(pose, reach_m)
+    reach_m = (
+        profile.circumscribed_radius_m
+        + abs(twist.v_mps) * until_s
+        + max((zone.margin_m for zone in zones), default=0.0)
+    )
+    grid = (
+        _nothing(spec.part(*box_around(spec, pose, reach_m)))
+        if seen is None
+        else seen.around(pose, reach_m)
+    )
     under, others = split_areas(grid, zones, profile, pose)
     steps = math.ceil(until_s / STEP_S)
     ways = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
@@ -55,10 +72,14 @@ def _after(twist: Twist, t_s: float) -> Pose2:
     v, w = twist.v_mps, twist.w_radps
     if abs(w) < 1e-6:
         return Pose2(x_m=v * t_s, y_m=0.0, yaw_rad=w * t_s)
-    return Pose2(x_m=v * math.sin(w * t_s) / w, y_m=v * (1 - math.cos(w * t_s)) / w, yaw_rad=w * t_s)
+    return Pose2(
+        x_m=v * math.sin(w * t_s) / w, y_m=v * (1 - math.cos(w * t_s)) / w, yaw_rad=w * t_s
+    )
 
 
-def _covered(ruled: npt.NDArray[np.bool_], spec: GridSpec, pose: Pose2, profile: RobotProfile) -> int:
+def _covered(
+    ruled: npt.NDArray[np.bool_], spec: GridSpec, pose: Pose2, profile: RobotProfile
+) -> int:
     """So many of the footprint's points, half a cell apart, lie on a ruled cell."""
     body = _body(profile.length_m, profile.width_m, spec.resolution_m / 2)
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)

@@ -1,8 +1,10 @@
-"""Who walks to and fro along the robot's way: where he walks is left to him, and the path leads beside it.
+"""Who walks to and fro along the robot's way: where he walks is left to him, and the path leads
+beside it.
 
-People who walk are no part of the map, so the shortest path may lie in somebody's lane; he stops before the robot that waits
-there for him, and both wait. After a while his lane is closed like a zone, until the robot has passed or nobody walks
-there any more, but only if the way beside it is hardly longer. A value with its transition, one for each tick.
+People who walk are no part of the map, so the shortest path may lie in somebody's lane; he stops
+before the robot that waits there for him, and both wait. After a while his lane is closed like a
+zone, until the robot has passed or nobody walks there any more, but only if the way beside it is
+hardly longer. A value with its transition, one for each tick.
 """
 
 from __future__ import annotations
@@ -32,13 +34,15 @@ OPEN_S = 20.0
 ANEW_S = 2.0
 """So often what is closed follows where he walks, and where the robot is."""
 ROOM_M = 0.15
-"""Beyond the circle that the robot turns in: there the lane ends, for the robot does not stand in what it closes."""
+"""Beyond the circle that the robot turns in: there the lane ends, for the robot does not stand in
+what it closes."""
 SMALLEST_M2 = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneKeepOut:
-    """Where people have walked of late, for how long the robot has waited for them, and what of it is closed."""
+    """Where people have walked of late, for how long the robot has waited for them, and what of it
+    is closed."""
 
     zones: tuple[Zone, ...] = ()
     """The lanes that are closed."""
@@ -67,14 +71,22 @@ class LaneKeepOut:
         people_config: PeopleConfig,
     ) -> LaneKeepOut:
         """With one more tick. `way_m` is the length of the way to the goal, None without one."""
-        now = dataclasses.replace(self, now_ns=stamp_ns, walked=self._walked(people, pose, stamp_ns))
+        now = dataclasses.replace(
+            self, now_ns=stamp_ns, walked=self._walked(people, pose, stamp_ns)
+        )
         if self.zones:
-            passed = not now.walked or (self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > REMEMBERED_M)
+            passed = not now.walked or (
+                self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > REMEMBERED_M
+            )
             if way_m is None or way_m > self.before_m + LONGER_M or passed:
                 return dataclasses.replace(now, zones=(), waited_s=-OPEN_S)
             if (stamp_ns - self.closed_ns) / 1e9 < ANEW_S:
                 return now
-            return dataclasses.replace(now, zones=tuple(_lanes(now.walked, pose, profile, people_config)), closed_ns=stamp_ns)
+            return dataclasses.replace(
+                now,
+                zones=tuple(_lanes(now.walked, pose, profile, people_config)),
+                closed_ns=stamp_ns,
+            )
         moved = self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M
         step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
         gained_s = step_s if motion.outcome is ControllerState.YIELD or self.waited_s < 0 else 0.0
@@ -83,9 +95,13 @@ class LaneKeepOut:
         if waited_s < people_config.lane_s or way_m is None:
             return now
         zones = tuple(_lanes(now.walked, pose, profile, people_config))
-        return dataclasses.replace(now, zones=zones, closed_ns=stamp_ns, before_m=way_m, waited_s=0.0)
+        return dataclasses.replace(
+            now, zones=zones, closed_ns=stamp_ns, before_m=way_m, waited_s=0.0
+        )
 
-    def _walked(self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int) -> tuple[tuple[int, int, float, float], ...]:
+    def _walked(
+        self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int
+    ) -> tuple[tuple[int, int, float, float], ...]:
         last = {name: (x, y) for _, name, x, y in self.walked}
         found = [note for note in self.walked if 0 <= stamp_ns - note[0] < REMEMBERED_S * 1e9]
         for one in people:
@@ -98,16 +114,24 @@ class LaneKeepOut:
 
 
 def _lanes(
-    walked: tuple[tuple[int, int, float, float], ...], pose: Pose2, profile: RobotProfile, people_config: PeopleConfig
+    walked: tuple[tuple[int, int, float, float], ...],
+    pose: Pose2,
+    profile: RobotProfile,
+    people_config: PeopleConfig,
 ) -> list[Zone]:
-    """The strips that people walked in, as wide as they are with the room that they are left, without the robot's own place.
+    """The strips that people walked in, as wide as they are with the room that they are left,
+    without the robot's own place.
 
     One that lies all round the robot is none: it could not be left.
     """
     lines = []
     for name in sorted({note[1] for note in walked}):
         places = [(x, y) for _, other, x, y in walked if other == name]
-        lines.append((LineString(places) if len(places) > 1 else Point(places[0])).buffer(BODY_M + people_config.personal_m))
+        lines.append(
+            (LineString(places) if len(places) > 1 else Point(places[0])).buffer(
+                BODY_M + people_config.personal_m
+            )
+        )
     here = Point(pose.x_m, pose.y_m).buffer(profile.circumscribed_radius_m + ROOM_M)
     left = unary_union(lines).difference(here).simplify(0.05)
     parts = left.geoms if isinstance(left, MultiPolygon) else [left]

@@ -1,7 +1,9 @@
-"""What a robot does that is boxed in: wait, back off along the driven path, look round, call the way closed, give up plainly.
+"""What a robot does that is boxed in: wait, back off along the driven path, look round, call the
+way closed, give up plainly.
 
-A value with its transition, one for each tick. Each means is tried once at a place, the mildest first, and the path is tried
-again after each; who comes away from the place begins anew the next time.
+A value with its transition, one for each tick. Each means is tried once at a place, the mildest
+first, and the path is tried again after each; who comes away from the place begins anew the next
+time.
 """
 
 from __future__ import annotations
@@ -68,13 +70,19 @@ class Recovery:
         if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > rules.left_m:
             return Recovery()
         turned = self.turned_rad + abs(wrap_angle(pose.yaw_rad - self.heading_rad))
-        now = dataclasses.replace(self._counted(motion, pose), turned_rad=turned, heading_rad=pose.yaw_rad)
+        now = dataclasses.replace(
+            self._counted(motion, pose), turned_rad=turned, heading_rad=pose.yaw_rad
+        )
         stuck = motion.outcome is ControllerState.BOXED_IN or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
         if self.means is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
         if self.means is RecoveryAction.GIVE_UP:
-            return dataclasses.replace(now, means=RecoveryAction.NONE) if motion.outcome in ONWARD else now
+            return (
+                dataclasses.replace(now, means=RecoveryAction.NONE)
+                if motion.outcome in ONWARD
+                else now
+            )
         if self.means is RecoveryAction.WAIT:
             if not stuck:
                 return dataclasses.replace(now, means=RecoveryAction.NONE)
@@ -83,28 +91,55 @@ class Recovery:
                 if lasts_s >= rules.wait_s
                 else now
             )
-        if motion.outcome is ControllerState.BOXED_IN or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
+        if (
+            motion.outcome is ControllerState.BOXED_IN
+            or lasts_s >= rules.manoeuvre_s
+            or now._is_done(pose, rules)
+        ):
             return dataclasses.replace(now, means=RecoveryAction.NONE, tried=self.means, backs=0)
         return now
 
     def _counted(self, motion: Motion, pose: Pose2) -> Recovery:
-        if self.means is not RecoveryAction.NONE or motion.began is None or motion.began == self.backed_from:
+        if (
+            self.means is not RecoveryAction.NONE
+            or motion.began is None
+            or motion.began == self.backed_from
+        ):
             return self
-        again = self.backed_from is None or self.backed_from.distance_to(motion.began.x_m, motion.began.y_m) < AGAIN_M
-        return dataclasses.replace(self, at=self.at or pose, backs=self.backs + again, backed_from=motion.began)
+        again = (
+            self.backed_from is None
+            or self.backed_from.distance_to(motion.began.x_m, motion.began.y_m) < AGAIN_M
+        )
+        return dataclasses.replace(
+            self, at=self.at or pose, backs=self.backs + again, backed_from=motion.began
+        )
 
     def _enter(self, means: RecoveryAction, pose: Pose2, stamp_ns: int) -> Recovery:
         return dataclasses.replace(
-            self, means=means, at=self.at or pose, began=pose, since_ns=stamp_ns, turned_rad=0.0, heading_rad=pose.yaw_rad
+            self,
+            means=means,
+            at=self.at or pose,
+            began=pose,
+            since_ns=stamp_ns,
+            turned_rad=0.0,
+            heading_rad=pose.yaw_rad,
         )
 
     def _is_done(self, pose: Pose2, rules: RecoveryConfig) -> bool:
         if self.means is RecoveryAction.BACK:
-            return self.began is not None and self.began.distance_to(pose.x_m, pose.y_m) >= rules.back_m
+            return (
+                self.began is not None
+                and self.began.distance_to(pose.x_m, pose.y_m) >= rules.back_m
+            )
         return self.means is RecoveryAction.CLOSE or self.turned_rad >= 2 * math.pi
 
 
-ONWARD = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.ALIGN, ControllerState.ARRIVED)
+ONWARD = (
+    ControllerState.FOLLOW,
+    ControllerState.TURN,
+    ControllerState.ALIGN,
+    ControllerState.ARRIVED,
+)
 """Who can do one of these after having given up has found a way after all."""
 AGAIN_M = 0.5
 """What is begun nearer than this to where it was begun before has not helped."""
@@ -115,9 +150,11 @@ CLOSED_M = 0.2
 
 
 def trail_with(trail: Points, pose: Pose2) -> Points:
-    """(N, 2) the driven path, newest first, with one more pose of the map frame; without the loops in it.
+    """(N, 2) the driven path, newest first, with one more pose of the map frame; without the loops
+    in it.
 
-    A robot that is back where it was before has come no further: what it drove in between is not on its way back.
+    A robot that is back where it was before has come no further: what it drove in between is not on
+    its way back.
     """
     here = np.array([[pose.x_m, pose.y_m]])
     again = np.flatnonzero(np.hypot(*(trail - here).T) < TRAIL_STEP_M)
@@ -125,13 +162,24 @@ def trail_with(trail: Points, pose: Pose2) -> Points:
 
 
 def closed_way(path: Points, at: Pose2, profile: RobotProfile) -> Zone:
-    """A place not to be in: there the (N, 2) path, map frame, goes on before a robot that was boxed in there.
+    """A place not to be in: there the (N, 2) path, map frame, goes on before a robot that was boxed
+    in there.
 
-    So far from it that the robot does not stand in that place itself, whichever way it has turned meanwhile.
+    So far from it that the robot does not stand in that place itself, whichever way it has turned
+    meanwhile.
     """
     away = np.hypot(path[:, 0] - at.x_m, path[:, 1] - at.y_m)
     nearest = int(np.argmin(away))
-    beyond = np.flatnonzero(away[nearest:] >= profile.circumscribed_radius_m + math.sqrt(2) * CLOSED_M + 0.05)
+    beyond = np.flatnonzero(
+        away[nearest:] >= profile.circumscribed_radius_m + math.sqrt(2) * CLOSED_M + 0.05
+    )
     x, y = path[nearest + beyond[0] if len(beyond) else -1].tolist()
-    corners = ((x + a * CLOSED_M, y + b * CLOSED_M) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
-    return Zone(id=f"closed {x:.2f} {y:.2f}", name="a way that was found closed", polygon=tuple(corners), colour=OWN_COLOUR)
+    corners = (
+        (x + a * CLOSED_M, y + b * CLOSED_M) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    )
+    return Zone(
+        id=f"closed {x:.2f} {y:.2f}",
+        name="a way that was found closed",
+        polygon=tuple(corners),
+        colour=OWN_COLOUR,
+    )

@@ -1,8 +1,10 @@
 """How long the robot has waited for people at one place, and whether it has waited enough.
 
-A robot that waits in somebody's lane may wait for ever: he comes up to it, waits for it, turns round and is soon back. So after
-a while it asks no longer where he may be by the time it gets there, and goes on as if he stood still where he is; but never
-faster than it can stop before he reaches it (`navcore.yielding.speed_limit_near_people`). A value with its transition, one for each tick.
+A robot that waits in somebody's lane may wait for ever: he comes up to it, waits for it, turns
+round and is soon back. So after a while it asks no longer where he may be by the time it gets
+there, and goes on as if he stood still where he is; but never faster than it can stop before he
+reaches it (`navcore.yielding.speed_limit_near_people`). A value with its transition, one for each
+tick.
 """
 
 from __future__ import annotations

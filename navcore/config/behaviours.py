@@ -20,4 +20,5 @@ class RecoveryConfig:
     manoeuvre_s: float = ranged(1.0, 120.0, default=20.0)
     """A manoeuvre that takes longer has failed."""
     tries: int = ranged(1, 20, default=3)
-    """So often at one place the robot may back off a little or begin to manoeuvre, before that counts as boxed in."""
+    """So often at one place the robot may back off a little or begin to manoeuvre, before that
+    counts as boxed in."""

@@ -14,7 +14,8 @@ class LocalPlannerConfig:
     """How the local planner moves."""
 
     primitives: Literal["arcs", "falco"] = "arcs"
-    """What the next motion is chosen from: arcs of constant curvature, or Falco's paths and, where none is free, the arcs."""
+    """What the next motion is chosen from: arcs of constant curvature, or Falco's paths and, where
+    none is free, the arcs."""
     padding_m: float = ranged(0.0, 0.5, default=0.05)
     """Room kept around the footprint wherever the robot has it."""
     lookahead_m: float = ranged(0.2, 3.0, default=0.8)

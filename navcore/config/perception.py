@@ -19,7 +19,8 @@ class ObservationConfig:
     drop_m: float = ranged(0.05, 2.0, default=0.15)
     """Floor that lies deeper than this is no floor to drive on: a stair down, a kerb, a pit."""
     max_slope: float = ranged(0.0, 0.5, default=0.2)
-    """What rises or falls by no more than this per metre is ground; with 0 only the plane on which the robot stands is."""
+    """What rises or falls by no more than this per metre is ground; with 0 only the plane on which
+    the robot stands is."""
     max_range_m: float = ranged(0.5, 20.0, default=5.0)
     """Depth beyond this is too coarse to be put on the map."""
     min_support: int = ranged(1, 100, default=2)

@@ -1,8 +1,10 @@
-"""Getting out of the way of what moves and looks out for nobody: to stand still before it would not help.
+"""Getting out of the way of what moves and looks out for nobody: to stand still before it would not
+help.
 
-Pairs of velocities, one driven for a moment and then another, are rolled out with the platform's accelerations against where
-everybody will be if he goes on as he does. Of those that nobody meets, or meets latest, the one that ends nearest to the path
-ahead is driven; what stands near and what was not seen yet bind as they always do.
+Pairs of velocities, one driven for a moment and then another, are rolled out with the platform's
+accelerations against where everybody will be if he goes on as he does. Of those that nobody meets,
+or meets latest, the one that ends nearest to the path ahead is driven; what stands near and what
+was not seen yet bind as they always do.
 """
 
 from __future__ import annotations
@@ -33,13 +35,15 @@ TURNS = (-1.0, -0.6, -0.3, -0.12, 0.0, 0.12, 0.3, 0.6, 1.0)
 MET_COST, PER_S_COST = 50.0, 100.0
 """In metres of way, what being met costs, and each second sooner that one is."""
 NEAR_M, NEAR_COST = 0.3, 10.0
-"""Somebody this near beyond the room kept from him costs something, the more the sooner and the nearer."""
+"""Somebody this near beyond the room kept from him costs something, the more the sooner and the
+nearer."""
 BATCH = 32
 """So many of the best are looked at together for what stands near."""
 
 
 def avoid(near: CollisionChecker, path: Floats, now: Twist) -> Motion:
-    """The velocity that gets on along the (N, 2) path, base frame, and out of everybody's way; standing where none is free.
+    """The velocity that gets on along the (N, 2) path, base frame, and out of everybody's way;
+    standing where none is free.
 
     `now` is the velocity that the robot has.
     """
@@ -47,7 +51,9 @@ def avoid(near: CollisionChecker, path: Floats, now: Twist) -> Motion:
     pairs = _pairs(profile.max_speed_mps, near.rules.turn_rate_radps)
     poses = _poses(profile, pairs, now)
     aim = _ahead(path, HORIZON_S * profile.max_speed_mps)
-    change = np.abs(pairs[:, 0] - now.v_mps) + profile.circumscribed_radius_m * np.abs(pairs[:, 1] - now.w_radps)
+    change = np.abs(pairs[:, 0] - now.v_mps) + profile.circumscribed_radius_m * np.abs(
+        pairs[:, 1] - now.w_radps
+    )
     cost = _meeting_cost(near, poses) + _way_left(poses, aim) + 0.05 * change
     order = np.argsort(cost, kind="stable")
     for start in range(0, len(order), BATCH):
@@ -57,7 +63,10 @@ def avoid(near: CollisionChecker, path: Floats, now: Twist) -> Motion:
             twist = Twist(v_mps=float(pairs[index, 0]), w_radps=float(pairs[index, 1]))
             soon = stopping_trajectory(twist, profile)
             if (near.clear(soon) > near.padding_m / 2).all() and near.is_observed(soon).all():
-                return Motion(twist=twist, outcome=ControllerState.YIELD if twist == STANDSTILL else ControllerState.DODGE)
+                return Motion(
+                    twist=twist,
+                    outcome=ControllerState.YIELD if twist == STANDSTILL else ControllerState.DODGE,
+                )
     return Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
 
 
@@ -69,18 +78,23 @@ def will_collide(near: CollisionChecker, twist: Twist, now: Twist) -> bool:
 
 def _poses(profile: RobotProfile, pairs: Floats, now: Twist) -> Floats:
     limits = profile.max_accel_mps2, profile.max_yaw_accel_radps2
-    return np.asarray(_rollouts(pairs, now.v_mps, now.w_radps, *limits, round(HORIZON_S / STEP_S), STEP_S))
+    return np.asarray(
+        _rollouts(pairs, now.v_mps, now.w_radps, *limits, round(HORIZON_S / STEP_S), STEP_S)
+    )
 
 
 def _meeting_cost(near: CollisionChecker, poses: Floats) -> Floats:
     half_length_m, half_width_m = near.profile.length_m / 2, near.profile.width_m / 2
     room_m, per_s = near.people_config.personal_m, near.people_config.personal_per_s
-    return np.asarray(_meeting(poses, near.people.walking, half_length_m, half_width_m, room_m, per_s))
+    return np.asarray(
+        _meeting(poses, near.people.walking, half_length_m, half_width_m, room_m, per_s)
+    )
 
 
 @lru_cache(maxsize=8)
 def _pairs(max_speed_mps: float, turn_rate_radps: float) -> Floats:
-    """(A, 4) speed and yaw rate at first, and afterwards: on at that speed, or at the highest, or standing."""
+    """(A, 4) speed and yaw rate at first, and afterwards: on at that speed, or at the highest, or
+    standing."""
     found = list[tuple[float, float, float, float]]()
     for speed in SPEEDS:
         for turn in TURNS:
@@ -101,7 +115,9 @@ def _way_left(poses: Floats, aim: Floats) -> Floats:
 
 
 @numba.njit(cache=True, nogil=True)
-def _rollouts(pairs: Floats, v: float, w: float, accel: float, yaw_accel: float, steps: int, step_s: float) -> Floats:
+def _rollouts(
+    pairs: Floats, v: float, w: float, accel: float, yaw_accel: float, steps: int, step_s: float
+) -> Floats:
     """(A, S, 3) where each pair of velocities takes the robot, from the velocity that it has."""
     poses = np.empty((len(pairs), steps, 3))
     for a in range(len(pairs)):
@@ -121,8 +137,16 @@ def _rollouts(pairs: Floats, v: float, w: float, accel: float, yaw_accel: float,
 
 
 @numba.njit(cache=True, nogil=True)
-def _meeting(poses: Floats, walking: Floats, half_length: float, half_width: float, room: float, room_per_s: float) -> Floats:
-    """(A,) what being met by (P, 5) walking people costs, or passing close to them, along each rollout."""
+def _meeting(
+    poses: Floats,
+    walking: Floats,
+    half_length: float,
+    half_width: float,
+    room: float,
+    room_per_s: float,
+) -> Floats:
+    """(A,) what being met by (P, 5) walking people costs, or passing close to them, along each
+    rollout."""
     arcs, steps = poses.shape[0], poses.shape[1]
     cost = np.zeros(arcs)
     for a in range(arcs):
@@ -146,5 +170,7 @@ def _meeting(poses: Floats, walking: Floats, half_length: float, half_width: flo
 
 def warm(profile: RobotProfile) -> None:
     """Compile what is compiled, before the robot moves."""
-    poses = _rollouts(np.zeros((1, 4)), 0.0, 0.0, profile.max_accel_mps2, profile.max_yaw_accel_radps2, 2, STEP_S)
+    poses = _rollouts(
+        np.zeros((1, 4)), 0.0, 0.0, profile.max_accel_mps2, profile.max_yaw_accel_radps2, 2, STEP_S
+    )
     _meeting(poses, np.zeros((1, 5)), 0.5, 0.35, 0.25, 0.1)

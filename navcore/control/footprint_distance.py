@@ -11,8 +11,11 @@ import numpy.typing as npt
 Points = npt.NDArray[np.float64]
 
 
-def clearances(obstacles: Points, poses: npt.NDArray[np.float64], half_length: float, half_width: float) -> Points:
-    """(A, S) least distance from the footprint to any obstacle point on the way to each pose, at most `FAR_M`."""
+def clearances(
+    obstacles: Points, poses: npt.NDArray[np.float64], half_length: float, half_width: float
+) -> Points:
+    """(A, S) least distance from the footprint to any obstacle point on the way to each pose, at
+    most `FAR_M`."""
     lanes = _lanes(obstacles, poses, math.hypot(half_length, half_width) + FAR_M)
     return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
 
@@ -26,7 +29,8 @@ Lanes = npt.NDArray[np.float32]
 
 @numba.njit(cache=True, nogil=True)
 def _lanes(obstacles: Points, poses: npt.NDArray[np.float64], reach: float) -> Lanes:
-    """(2, B, LANES) x and y of the points, without those that no pose comes near; single precision is good to a micrometre."""
+    """(2, B, LANES) x and y of the points, without those that no pose comes near; single precision
+    is good to a micrometre."""
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     for a in range(poses.shape[0]):
@@ -43,7 +47,13 @@ def _lanes(obstacles: Points, poses: npt.NDArray[np.float64], reach: float) -> L
 
 
 @numba.njit(cache=True, nogil=True)
-def _sweep(x: Lanes, y: Lanes, poses: npt.NDArray[np.float64], half_length: np.float32, half_width: np.float32) -> Points:
+def _sweep(
+    x: Lanes,
+    y: Lanes,
+    poses: npt.NDArray[np.float64],
+    half_length: np.float32,
+    half_width: np.float32,
+) -> Points:
     arcs, steps = poses.shape[0], poses.shape[1]
     clear, nearest = np.empty((arcs, steps)), np.empty(LANES, dtype=np.float32)
     for a in range(arcs):
@@ -58,7 +68,12 @@ def _sweep(x: Lanes, y: Lanes, poses: npt.NDArray[np.float64], half_length: np.f
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _nearest(
-    x: Lanes, y: Lanes, pose: npt.NDArray[np.float64], half_length: np.float32, half_width: np.float32, nearest: Lanes
+    x: Lanes,
+    y: Lanes,
+    pose: npt.NDArray[np.float64],
+    half_length: np.float32,
+    half_width: np.float32,
+    nearest: Lanes,
 ) -> None:
     """(LANES,) squared distance from the footprint at a pose to the nearest point of each lane."""
     at_x, at_y, zero = np.float32(pose[0]), np.float32(pose[1]), np.float32(0)
@@ -68,7 +83,10 @@ def _nearest(
     for block in range(x.shape[0]):
         for lane in range(LANES):
             dx, dy = x[block, lane] - at_x, y[block, lane] - at_y
-            out_x, out_y = abs(cos * dx + sin * dy) - half_length, abs(cos * dy - sin * dx) - half_width
+            out_x, out_y = (
+                abs(cos * dx + sin * dy) - half_length,
+                abs(cos * dy - sin * dx) - half_width,
+            )
             out_x = out_x if out_x > zero else zero
             out_y = out_y if out_y > zero else zero
             squared = out_x * out_x + out_y * out_y

@@ -1,8 +1,10 @@
-"""From the path to a velocity: motion primitives, scored against what stands near, with the robot's oriented footprint.
+"""From the path to a velocity: motion primitives, scored against what stands near, with the robot's
+oriented footprint.
 
-The primitives, arcs or Falco's paths, start at the robot; backward there are arcs alone, and it turns in place. A primitive is
-driven only as far as the padded footprint stays clear of every occupied cell along it; zones and beware points count like
-walls. Where no primitive leads on, one after the other may: then a manoeuvre is searched for, and carried through.
+The primitives, arcs or Falco's paths, start at the robot; backward there are arcs alone, and it
+turns in place. A primitive is driven only as far as the padded footprint stays clear of every
+occupied cell along it; zones and beware points count like walls. Where no primitive leads on, one
+after the other may: then a manoeuvre is searched for, and carried through.
 """
 
 from __future__ import annotations
@@ -22,7 +24,13 @@ from navcore.control.motion import ARRIVED, BOXED_IN, ControllerState, Motion
 from navcore.control.path_follower import follow
 from navcore.control.primitives.arcs import arcs
 from navcore.control.primitives.library import all_arcs
-from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState, clear_of_people, speed_limit_near_people
+from navcore.control.social import (
+    NOBODY,
+    PEOPLE_CONFIG,
+    PeopleState,
+    clear_of_people,
+    speed_limit_near_people,
+)
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.polyline import metres_along, path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
@@ -50,29 +58,38 @@ def plan_motion(
     ignore_predictions: bool = False,
     now: Twist = STANDSTILL,
 ) -> Motion:
-    """The motion that follows the path best without touching anything, and slower or not at all where people are near.
+    """The motion that follows the path best without touching anything, and slower or not at all
+    where people are near.
 
-    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `unseen` the rim of what the camera has
-    not seen yet: the planner of paths counts it as free, but no part of the body is swept over it before it was looked at.
-    `path_map` is the (N, 2) path in the map frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches
-    as far as its cell's corners. `people` are kept clear of by the rules of `people_config`. At the goal the robot turns in place to
-    `goal_yaw_rad`, map frame, where one is asked for. With `retreat_map`, the (N, 2) driven path in the map frame, newest
-    first, the robot backs off along it instead; with `look_round` it turns on in place. A robot that `ignore_predictions` waits only
-    where people are, not where they may come to (`patience.py`). `now` is the velocity that it has.
+    `geometric` and `ruled` are (N, 2) obstacle cells near the robot in the base frame, `unseen` the
+    rim of what the camera has not seen yet: the planner of paths counts it as free, but no part of
+    the body is swept over it before it was looked at. `path_map` is the (N, 2) path in the map
+    frame, its last point the goal. `cell_m` is the side of a cell: an obstacle reaches as far as
+    its cell's corners. `people` are kept clear of by the rules of `people_config`. At the goal the
+    robot turns in place to `goal_yaw_rad`, map frame, where one is asked for. With `retreat_map`,
+    the (N, 2) driven path in the map frame, newest first, the robot backs off along it instead;
+    with `look_round` it turns on in place. A robot that `ignore_predictions` waits only where
+    people are, not where they may come to (`patience.py`). `now` is the velocity that it has.
     """
     path = path_from(path_map, pose)
     askew = 0.0 if goal_yaw_rad is None else wrap_angle(goal_yaw_rad - pose.yaw_rad)
-    # Wheels that skid carry a turning robot off the spot; it does not drive back for every centimetre.
+    # Wheels that skid carry a turning robot off the spot; it does not drive back for every
+    # centimetre.
     goal_m, aligned = float(np.hypot(*path[-1])), abs(askew) <= math.radians(rules.aligned_deg)
-    at_goal = goal_m <= rules.arrival_m * (DRIFT if previous.outcome is ControllerState.ALIGN else 1.0)
+    at_goal = goal_m <= rules.arrival_m * (
+        DRIFT if previous.outcome is ControllerState.ALIGN else 1.0
+    )
     if at_goal and aligned:
         return ARRIVED
     if footprint_overlaps(ruled, profile, cell_m):
         return Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
-    # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is never noise.
+    # The robot is where it is: a geometric cell inside its body is noise. A rule of the operator is
+    # never noise.
     geometric = geometric[outside(geometric, profile, -cell_m / 2)]
     near = CollisionChecker(
-        obstacles=np.vstack([geometric, ruled, people.outlines()[outside(people.outlines(), profile, 0.0)]]),
+        obstacles=np.vstack(
+            [geometric, ruled, people.outlines()[outside(people.outlines(), profile, 0.0)]]
+        ),
         unseen=unseen[outside(unseen, profile, 0.0)],
         reach_m=cell_m * math.sqrt(0.5),
         profile=profile,
@@ -93,7 +110,11 @@ def plan_motion(
             firm = _chosen(near.as_they_stand(), path, pose, previous, now)
             motion = firm if firm.outcome in ONWARD else motion
     if people_config.non_cooperative:
-        return avoid(near, path, now) if len(people.walking) and will_collide(near, motion.twist, now) else motion
+        return (
+            avoid(near, path, now)
+            if len(people.walking) and will_collide(near, motion.twist, now)
+            else motion
+        )
     motion = _beside_people(motion, near)
     return _facing(near, motion) if motion.outcome is ControllerState.YIELD else motion
 
@@ -104,14 +125,20 @@ def _aligned(near: CollisionChecker, askew: float) -> Motion:
     return BOXED_IN if turn is None else dataclasses.replace(turn, outcome=ControllerState.ALIGN)
 
 
-def _chosen(near: CollisionChecker, path: Points, pose: Pose2, previous: Motion, now: Twist) -> Motion:
-    """Go on with what was begun, turn towards the path, follow it, manoeuvre or back off: the first that is called for."""
+def _chosen(
+    near: CollisionChecker, path: Points, pose: Pose2, previous: Motion, now: Twist
+) -> Motion:
+    """Go on with what was begun, turn towards the path, follow it, manoeuvre or back off: the first
+    that is called for."""
     rules = near.rules
     if previous.manoeuvre is not None and previous.began is not None:
         motion = _manoeuvred(near, previous.manoeuvre, path, pose, previous.began)
         if motion is not None:
             return motion
-    elif previous.began is not None and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m:
+    elif (
+        previous.began is not None
+        and previous.began.distance_to(pose.x_m, pose.y_m) < rules.back_off_m
+    ):
         motion = _back_off(near, previous.began)
         if motion.outcome is ControllerState.BACK:
             return motion
@@ -140,8 +167,11 @@ def _chosen(near: CollisionChecker, path: Points, pose: Pose2, previous: Motion,
     return (found and _manoeuvred(near, found, path, pose, pose)) or _back_off(near, pose)
 
 
-def _manoeuvred(near: CollisionChecker, manoeuvre: Manoeuvre, path: Points, pose: Pose2, began: Pose2) -> Motion | None:
-    """One tick of a manoeuvre; None where it is done, or no longer free, or leads nowhere because the path is another now."""
+def _manoeuvred(
+    near: CollisionChecker, manoeuvre: Manoeuvre, path: Points, pose: Pose2, began: Pose2
+) -> Motion | None:
+    """One tick of a manoeuvre; None where it is done, or no longer free, or leads nowhere because
+    the path is another now."""
     steered = steer(manoeuvre, pose, braking_mps2=near.rules.braking_mps2)
     if steered is None:
         return None
@@ -149,48 +179,75 @@ def _manoeuvred(near: CollisionChecker, manoeuvre: Manoeuvre, path: Points, pose
     poses = left.in_base(pose)
     if float(np.hypot(*(path - pose.from_parent(np.array(left.serves))).T).min()) > PATH_LEFT_M:
         return None
-    if not (near.clear(poses[None]) > 0.5 * left.room_m).all() or not near.is_observed(poses[None]).all():
+    if (
+        not (near.clear(poses[None]) > 0.5 * left.room_m).all()
+        or not near.is_observed(poses[None]).all()
+    ):
         return None
     if (
         len(near.people.walking)
-        and not clear_of_people(near.people, poses[None], left.takes_s(pose)[None], near.profile, near.people_config).all()
+        and not clear_of_people(
+            near.people, poses[None], left.takes_s(pose)[None], near.profile, near.people_config
+        ).all()
     ):
         return Motion(twist=STANDSTILL, outcome=ControllerState.YIELD, began=began, manoeuvre=left)
     for share in (1.0, 0.5, 0.25):
         slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
         soon = stopping_trajectory(slower, near.profile)
-        if (near.clear(soon) > min(0.3 * left.room_m, near.padding_m)).all() and near.is_observed(soon).all():
-            return Motion(twist=slower, outcome=ControllerState.MANOEUVRE, began=began, manoeuvre=left)
+        if (near.clear(soon) > min(0.3 * left.room_m, near.padding_m)).all() and near.is_observed(
+            soon
+        ).all():
+            return Motion(
+                twist=slower, outcome=ControllerState.MANOEUVRE, began=began, manoeuvre=left
+            )
     return None
 
 
 def _beside_people(motion: Motion, near: CollisionChecker) -> Motion:
     """The same motion, no faster than the people near allow."""
-    twist, most = motion.twist, speed_limit_near_people(near.people, motion.twist, near.profile, near.people_config)
+    twist, most = (
+        motion.twist,
+        speed_limit_near_people(near.people, motion.twist, near.profile, near.people_config),
+    )
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * near.profile.circumscribed_radius_m
     if fastest <= most:
         return motion
     if most == 0.0:
-        return dataclasses.replace(motion, twist=STANDSTILL, outcome=ControllerState.YIELD, arc=None)
+        return dataclasses.replace(
+            motion, twist=STANDSTILL, outcome=ControllerState.YIELD, arc=None
+        )
     slower = Twist(v_mps=twist.v_mps * most / fastest, w_radps=twist.w_radps * most / fastest)
     return dataclasses.replace(motion, twist=slower)
 
 
 def _facing(near: CollisionChecker, motion: Motion) -> Motion:
-    """Who waits for somebody turns to him before he leaves the picture: out of sight he could be anywhere."""
-    nearest = min(near.people.reachable_discs.tolist(), key=lambda person: math.hypot(person[0], person[1]), default=(1.0, 0.0))
+    """Who waits for somebody turns to him before he leaves the picture: out of sight he could be
+    anywhere."""
+    nearest = min(
+        near.people.reachable_discs.tolist(),
+        key=lambda person: math.hypot(person[0], person[1]),
+        default=(1.0, 0.0),
+    )
     bearing = math.atan2(nearest[1], nearest[0])
     turn = _turn(near, bearing, either_way=False) if abs(bearing) > FACE_RAD else None
-    return motion if turn is None else _beside_people(dataclasses.replace(motion, twist=turn.twist), near)
+    return (
+        motion
+        if turn is None
+        else _beside_people(dataclasses.replace(motion, twist=turn.twist), near)
+    )
 
 
 def _turn(near: CollisionChecker, bearing: float, *, either_way: bool = True) -> Motion | None:
-    """Turn in place towards the bearing, the long way round if the short one is blocked; None when neither is free."""
+    """Turn in place towards the bearing, the long way round if the short one is blocked; None when
+    neither is free."""
     for angle in (bearing, bearing - math.copysign(2 * math.pi, bearing))[: 2 if either_way else 1]:
         headings = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / math.radians(2.0))))
         if near.may_turn_to(headings[None]).all():
             rate = min(near.rules.turn_rate_radps, 0.15 + 1.5 * abs(angle))
-            return Motion(twist=Twist(v_mps=0.0, w_radps=math.copysign(rate, angle)), outcome=ControllerState.TURN)
+            return Motion(
+                twist=Twist(v_mps=0.0, w_radps=math.copysign(rate, angle)),
+                outcome=ControllerState.TURN,
+            )
     return None
 
 
@@ -199,7 +256,9 @@ def _back_off(near: CollisionChecker, began: Pose2) -> Motion:
     near, (curvatures, poses) = near.without_front_contacts(), arcs()
     behind = poses[:, :BACK_STEPS] * np.array([-1.0, 1.0, -1.0])
     reach = ((near.clear(behind) > near.padding_m) & near.is_observed(behind)).sum(axis=1)
-    reach[np.abs(curvatures) * near.profile.width_m / 2 >= 1] = 0  # in so tight a bend a corner of its front goes forward
+    reach[np.abs(curvatures) * near.profile.width_m / 2 >= 1] = (
+        0  # in so tight a bend a corner of its front goes forward
+    )
     arc = int(np.argmax(reach - 0.1 * np.abs(curvatures)))
     if reach[arc] <= BACK_STEPS // 2:
         return BOXED_IN
@@ -210,14 +269,16 @@ def _back_off(near: CollisionChecker, began: Pose2) -> Motion:
 def _retreat(near: CollisionChecker, driven: Points) -> Motion | None:
     """Reverse along the driven path, (N, 2) in the base frame; None when that is blocked.
 
-    Seen from a robot that faces the other way it is a path like any other: the footprint is the same from both ends.
+    Seen from a robot that faces the other way it is a path like any other: the footprint is the
+    same from both ends.
     """
     motion = follow(near.reversed_motion(), -driven, all_arcs()) if len(driven) > 1 else None
     if motion is None:
         return None
     share = min(1.0, BACK_MPS / max(motion.twist.v_mps, BACK_MPS))
     return Motion(
-        twist=Twist(v_mps=-share * motion.twist.v_mps, w_radps=share * motion.twist.w_radps), outcome=ControllerState.BACK
+        twist=Twist(v_mps=-share * motion.twist.v_mps, w_radps=share * motion.twist.w_radps),
+        outcome=ControllerState.BACK,
     )
 
 
@@ -243,7 +304,8 @@ LOOK_RAD = math.radians(30.0)
 ONWARD = (ControllerState.FOLLOW, ControllerState.TURN)
 AWKWARD = (ControllerState.MANOEUVRE, ControllerState.BACK, ControllerState.BOXED_IN)
 DRIFT = 2.0
-"""While it turns to its heading the robot may be so many times as far from the goal as when it arrived."""
+"""While it turns to its heading the robot may be so many times as far from the goal as when it
+arrived."""
 
 
 def _bearing(path_base: Points, lookahead_m: float) -> float:

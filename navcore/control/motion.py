@@ -37,9 +37,11 @@ class Motion:
     outcome: ControllerState
     """Why."""
     began: Pose2 | None = None
-    """Where a manoeuvre began that is carried through before the path is tried again; None for any other motion."""
+    """Where a manoeuvre began that is carried through before the path is tried again; None for any
+    other motion."""
     arc: int | None = None
-    """Which of `candidates` it drives along; None for a motion that is none of them, such as turning in place."""
+    """Which of `candidates` it drives along; None for a motion that is none of them, such as
+    turning in place."""
     among: Primitives | None = None
     """What it was chosen from, where that was not the arcs."""
     manoeuvre: Manoeuvre | None = None

@@ -25,9 +25,14 @@ Points = npt.NDArray[np.float64]
 
 
 def allowed_speed_mps(
-    zones: Iterable[Zone], pose: Pose2, speed_mps: float, profile: RobotProfile, rules: LocalPlannerConfig
+    zones: Iterable[Zone],
+    pose: Pose2,
+    speed_mps: float,
+    profile: RobotProfile,
+    rules: LocalPlannerConfig,
 ) -> float:
-    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it there; inf without one.
+    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it
+    there; inf without one.
 
     `speed_mps` is what the robot drives now: so fast it goes on until the wheels hear of this.
     """
@@ -36,7 +41,10 @@ def allowed_speed_mps(
         return math.inf
     body = _body(pose, profile)
     going_m = abs(speed_mps) * LAG_S
-    return min(_braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - going_m, rules) for zone in limits)
+    return min(
+        _braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - going_m, rules)
+        for zone in limits
+    )
 
 
 def slowed(motion: Motion, allowed_mps: float) -> Motion:
@@ -45,7 +53,9 @@ def slowed(motion: Motion, allowed_mps: float) -> Motion:
     if speed <= allowed_mps:
         return motion
     share = allowed_mps / speed
-    return dataclasses.replace(motion, twist=Twist(v_mps=motion.twist.v_mps * share, w_radps=motion.twist.w_radps * share))
+    return dataclasses.replace(
+        motion, twist=Twist(v_mps=motion.twist.v_mps * share, w_radps=motion.twist.w_radps * share)
+    )
 
 
 def travel_time_s(
@@ -56,8 +66,9 @@ def travel_time_s(
     *,
     start_yaw_rad: float | None = None,
 ) -> float:
-    """How long the robot takes along (N, 2) points in metres, about: at full speed, at each limit within its zone, turning in
-    place where the path begins or bends sharply. What makes it wait on its way is not known beforehand."""
+    """How long the robot takes along (N, 2) points in metres, about: at full speed, at each limit
+    within its zone, turning in place where the path begins or bends sharply. What makes it wait on
+    its way is not known beforehand."""
     if len(points) < 2:
         return 0.0
     steps = np.diff(points, axis=0)
@@ -65,7 +76,9 @@ def travel_time_s(
     middles = shapely.points(points[:-1] + steps / 2)
     for zone in zones:
         if _limits(zone):
-            touched = shapely.dwithin(middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m)
+            touched = shapely.dwithin(
+                middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m
+            )
             speeds[touched] = np.minimum(speeds[touched], _limit_mps(zone))
     driving_s = float((np.hypot(*steps.T) / speeds).sum())
     return driving_s + _turning_rad(steps, rules, start_yaw_rad) / rules.turn_rate_radps
@@ -90,7 +103,9 @@ def _limit_mps(zone: Zone) -> float:
 
 
 def _braking_mps(zone: Zone, room_m: float, rules: LocalPlannerConfig) -> float:
-    return math.sqrt(_limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0))
+    return math.sqrt(
+        _limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0)
+    )
 
 
 def _body(pose: Pose2, profile: RobotProfile) -> Polygon:

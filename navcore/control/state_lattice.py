@@ -1,7 +1,9 @@
-"""The cheapest manoeuvre in a tight place: a search over (x, y, heading) with the oriented footprint at every pose.
+"""The cheapest manoeuvre in a tight place: a search over (x, y, heading) with the oriented
+footprint at every pose.
 
-Hybrid A* after Dolgov et al. (2010), without a heuristic: the place is small, and any pose along the path will do as its end.
-What an end still lacks is added to its cost, so the first end that the search settles is the best there is.
+Hybrid A* after Dolgov et al. (2010), without a heuristic: the place is small, and any pose along
+the path will do as its end. What an end still lacks is added to its cost, so the first end that the
+search settles is the best there is.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ REACH_M = 2.2
 CELL_M = 0.1
 HEADINGS = 36
 TURN_RAD = 2 * math.pi / HEADINGS
-"""Poses in one cell whose headings differ by less are one to the search; turns in place are so wide."""
+"""Poses in one cell whose headings differ by less are one to the search; turns in place are so
+wide."""
 STEP_M = 0.15
 """Longer than a cell's diagonal, so that every step leads to another cell."""
 FORWARD, REVERSE, TURNING = 1, -1, 0
@@ -36,14 +39,17 @@ BUDGET = 60_000
 NEAR_M = 0.15
 """Less room than this costs extra."""
 SWITCH_COST, REVERSE_COST, TURN_COST, TIGHT_COST = 0.15, 2.5, 0.6, 1.5
-"""Of changing from one kind of step to another; of a metre in reverse; of a radian in place; of a metre without any room."""
+"""Of changing from one kind of step to another; of a metre in reverse; of a radian in place; of a
+metre without any room."""
 SWEEP_M = 0.12
-"""With more room than this at the end of a step there is some on its way, too: a turning corner bulges out by far less."""
+"""With more room than this at the end of a step there is some on its way, too: a turning corner
+bulges out by far less."""
 BUCKET_M = 0.2
 
 Place = tuple[Floats, Floats, Ints, int, float, float, float, float]
-"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the robot to the first's edge,
-half the length and half the width of the footprint, and the farthest that any disc matters, in metres."""
+"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the
+robot to the first's edge, half the length and half the width of the footprint, and the farthest
+that any disc matters, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +57,8 @@ class Ends:
     """Which poses the manoeuvre may end at."""
 
     cost: Floats
-    """(N, N) by cell, row along y: what is still lacking where the manoeuvre ends there; infinite where it may not."""
+    """(N, N) by cell, row along y: what is still lacking where the manoeuvre ends there; infinite
+    where it may not."""
     heading_rad: Floats
     """(N, N) the heading asked for there: what it still has to turn is lacking, too …"""
     askew_rad: float = math.pi
@@ -68,9 +75,11 @@ def cells() -> tuple[Floats, Floats]:
 def cheapest(
     obstacles: Floats, radii_m: Floats, ends: Ends, *, half_length_m: float, half_width_m: float
 ) -> tuple[Floats, Ints]:
-    """(K, 3) poses one step apart, base frame, to the best end from (0, 0, 0), and (K,) the kinds of the steps; (0, 3) if none.
+    """(K, 3) poses one step apart, base frame, to the best end from (0, 0, 0), and (K,) the kinds
+    of the steps; (0, 3) if none.
 
-    At every pose but the first the footprint keeps clear of all (M, 2) obstacles, base frame, each a disc of one of (M,) radii.
+    At every pose but the first the footprint keeps clear of all (M, 2) obstacles, base frame, each
+    a disc of one of (M,) radii.
     """
     widest = max(float(radii_m.max(initial=0.0)), 0.0) + NEAR_M
     reach = REACH_M + math.hypot(half_length_m, half_width_m) + widest
@@ -83,13 +92,18 @@ def cheapest(
     points = np.ascontiguousarray(obstacles[within][order])
     radii = np.ascontiguousarray(radii_m[within][order])
     found = _search(
-        (points, radii, starts, side, reach, half_length_m, half_width_m, widest), ends.cost, ends.heading_rad, ends.askew_rad
+        (points, radii, starts, side, reach, half_length_m, half_width_m, widest),
+        ends.cost,
+        ends.heading_rad,
+        ends.askew_rad,
     )
     return found[0], found[1]
 
 
 @compiled
-def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -> tuple[Floats, Ints]:
+def _search(
+    place: Place, end_cost: Floats, end_heading: Floats, askew: float
+) -> tuple[Floats, Ints]:
     size = end_cost.shape[0]
     count = size * size * HEADINGS
     cost = np.full(count + 1, np.inf)
@@ -111,7 +125,10 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -
         cell = at // HEADINGS
         lacking = end_cost[cell // size, cell % size]
         if lacking < np.inf:
-            off = abs((heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi) - math.pi)
+            off = abs(
+                (heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi)
+                - math.pi
+            )
             if off <= askew and so_far + lacking + TURN_COST * off < cost[count]:
                 cost[count], came[count] = so_far + lacking + TURN_COST * off, at
                 heapq.heappush(heap, (cost[count], count))
@@ -125,14 +142,23 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -
                 bearing = heading + kind * turn / 2
                 there_x, there_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
             there_heading = heading + turn * (kind if kind != TURNING else 1)
-            column, row = math.floor((there_x + REACH_M) / CELL_M), math.floor((there_y + REACH_M) / CELL_M)
+            column, row = (
+                math.floor((there_x + REACH_M) / CELL_M),
+                math.floor((there_y + REACH_M) / CELL_M),
+            )
             if not (0 <= column < size and 0 <= row < size):
                 continue
             into = round(there_heading / TURN_RAD) % HEADINGS
             node = (row * size + column) * HEADINGS + into
             if done[node]:
                 continue
-            least = length if kind == FORWARD else REVERSE_COST * length if kind == REVERSE else TURN_COST * TURN_RAD
+            least = (
+                length
+                if kind == FORWARD
+                else REVERSE_COST * length
+                if kind == REVERSE
+                else TURN_COST * TURN_RAD
+            )
             least += SWITCH_COST if step[at] >= 0 and KINDS[step[at]] != kind else 0.0
             if so_far + least >= cost[node]:
                 continue
@@ -150,13 +176,24 @@ def _search(place: Place, end_cost: Floats, end_heading: Floats, askew: float) -
 
 
 @compiled
-def _room_between(x: float, y: float, heading: float, kind: int, turn: float, place: Place) -> float:
-    """Least room on the way of a step that turns: the corners come nearer to things than before and after it."""
+def _room_between(
+    x: float, y: float, heading: float, kind: int, turn: float, place: Place
+) -> float:
+    """Least room on the way of a step that turns: the corners come nearer to things than before and
+    after it."""
     parts, least = 2 * round(abs(turn) / TURN_RAD), NEAR_M
     for part in range(1, parts):
         turned = turn * part / parts * (kind if kind != TURNING else 1)
         chord, bearing = kind * STEP_M * part / parts, heading + turned / 2
-        least = min(least, _room(x + chord * math.cos(bearing), y + chord * math.sin(bearing), heading + turned, place))
+        least = min(
+            least,
+            _room(
+                x + chord * math.cos(bearing),
+                y + chord * math.sin(bearing),
+                heading + turned,
+                place,
+            ),
+        )
     return least
 
 

@@ -13,12 +13,13 @@ from navcore.grid.inflation import InflatedGrid
 from navcore.mapping.layers import Changes
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone
+from navcore.mission.zone import Zone, cells_of
 
 
 class LiveCostmap:
-    """Follows a map, and keeps the space that is free for the robot's centre: the union of all layers, each inflated by the
-    robot's half width, the safety margin and the layer's own margin."""
+    """Follows a map, and keeps the space that is free for the robot's centre: the union of all
+    layers, each inflated by the robot's half width, the safety margin and the layer's own margin.
+    """
 
     def __init__(self, cloud: PointMap, *, vehicle_width_m: float, safety_margin_m: float) -> None:
         self._cloud = cloud
@@ -28,6 +29,9 @@ class LiveCostmap:
         self._groups: dict[int, list[BitPlane]] = {}
         self._radius_of: dict[int, int] = {}
         self._layers: dict[int, CellMask] = {}
+        self._drawn: (
+            tuple[tuple[Zone, ...], CellMask, tuple[tuple[float, CellMask], ...]] | None
+        ) = None
         self._now: Costmap | None = None
 
     @property
@@ -36,7 +40,8 @@ class LiveCostmap:
         return self._inflated.space
 
     def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Costmap:
-        """The map as it is now under a beware list and zones; the same object as long as nothing has changed."""
+        """The map as it is now under a beware list and zones; the same object as long as nothing
+        has changed."""
         self._cloud.use(beware)
         changes = self._cloud.layers.take_changes()
         if changes is None or self._order != (beware, zones) or self._now is None:
@@ -50,10 +55,15 @@ class LiveCostmap:
         return self._now
 
     def _make_anew(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
-        drawn, wide = self._cloud.layers.drawn(zones)
-        self._zones, self._wide = CellMask.of(drawn), tuple((margin_m, CellMask.of(mask)) for margin_m, mask in wide)
+        if self._drawn is None or self._drawn[0] != zones:
+            drawn, wide = cells_of(zones, self._cloud.spec)
+            packed = tuple((margin_m, CellMask.of(mask)) for margin_m, mask in wide)
+            self._drawn = (zones, CellMask.of(drawn), packed)
+        _, self._zones, self._wide = self._drawn
         margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
-        self._radius_of = {class_id: self._radius(margin_m) for class_id, margin_m in margins.items()}
+        self._radius_of = {
+            class_id: self._radius(margin_m) for class_id, margin_m in margins.items()
+        }
         self._layers = {class_id: self._copied(class_id) for class_id in margins}
         self._regroup()
         unions = {}

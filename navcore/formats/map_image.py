@@ -29,7 +29,8 @@ class MapImage:
     """A picture as it is stored."""
 
     pixels: Pixels
-    """(rows, cols) grey, or (rows, cols, 3) blue, green, red, or (rows, cols, 4) with opacity; row 0 at the top."""
+    """(rows, cols) grey, or (rows, cols, 3) blue, green, red, or (rows, cols, 4) with opacity; row
+    0 at the top."""
     white: int
     """The value of a fully lit channel: 255, 65535, or what a PGM declares."""
 
@@ -40,13 +41,16 @@ class MapImage:
 
 
 def decode(data: bytes, where: str) -> MapImage:
-    """A picture from the bytes of a file, whatever the file's name; `where` names it in the refusals (`BadConfiguration`)."""
+    """A picture from the bytes of a file, whatever the file's name; `where` names it in the
+    refusals (`BadConfiguration`)."""
     if data.startswith((b"P2", b"P5")):
         image = _decode_pgm(data, where)
     elif data.startswith(_PNG):
         image = _decode_png(data, where)
     else:
-        raise BadConfiguration(f"{where}: neither PGM (P2 or P5) nor PNG; it begins with {data[:8]!r}")
+        raise BadConfiguration(
+            f"{where}: neither PGM (P2 or P5) nor PNG; it begins with {data[:8]!r}"
+        )
     image.pixels.flags.writeable = False
     return image
 
@@ -55,7 +59,10 @@ def encode(image: MapImage) -> bytes:
     """The file that `decode` makes the same picture of: binary PGM for grey pixels, PNG for colour."""
     if image.pixels.ndim == 2:
         rows, cols = image.pixels.shape
-        return f"P5\n{cols} {rows}\n{image.white}\n".encode() + image.pixels.astype(_stored_type(image.white)).tobytes()
+        return (
+            f"P5\n{cols} {rows}\n{image.white}\n".encode()
+            + image.pixels.astype(_stored_type(image.white)).tobytes()
+        )
     _, data = cv2.imencode(".png", image.pixels)
     return data.tobytes()
 
@@ -63,15 +70,23 @@ def encode(image: MapImage) -> bytes:
 def _decode_pgm(data: bytes, where: str) -> MapImage:
     header = _HEADER.match(data)
     if header is None:
-        raise BadConfiguration(f"{where}: the PGM header is broken; expected P5, columns, rows and the value of white")
+        raise BadConfiguration(
+            f"{where}: the PGM header is broken; expected P5, columns, rows and the value of white"
+        )
     cols, rows, white = (int(number) for number in header.groups()[1:])
     _check_size(rows, cols, where)
     if not 1 <= white <= 65535:
         raise BadConfiguration(f"{where}: the value of white is {white}, allowed 1 to 65535")
     raster = data[header.end() :]
-    values = _binary(raster, rows * cols, white, where) if header[1] == b"5" else _plain(raster, rows * cols, where)
+    values = (
+        _binary(raster, rows * cols, white, where)
+        if header[1] == b"5"
+        else _plain(raster, rows * cols, where)
+    )
     if values.size and int(values.max()) > white:
-        raise BadConfiguration(f"{where}: a pixel has the value {int(values.max())}, white is {white}")
+        raise BadConfiguration(
+            f"{where}: a pixel has the value {int(values.max())}, white is {white}"
+        )
     pixels: Pixels = values.astype(np.uint8) if white < 256 else values.astype(np.uint16)
     return MapImage(pixels=pixels.reshape(rows, cols), white=white)
 
@@ -88,7 +103,11 @@ def _plain(raster: bytes, count: int, where: str) -> npt.NDArray[np.integer]:
     text = re.sub(rb"#[^\n]*", b"", raster)
     if re.fullmatch(rb"[\d\s]*", text) is None:
         raise BadConfiguration(f"{where}: a plain PGM (P2) holds numbers only, this one does not")
-    values = np.fromstring(text, dtype=np.int64, sep=" ") if text.strip() else np.empty(0, dtype=np.int64)
+    values = (
+        np.fromstring(text, dtype=np.int64, sep=" ")
+        if text.strip()
+        else np.empty(0, dtype=np.int64)
+    )
     if len(values) != count:
         raise BadConfiguration(f"{where}: expected {count} pixels, got {len(values)}")
     return values
@@ -112,15 +131,22 @@ def _decode_png(data: bytes, where: str) -> MapImage:
 
 
 def _check_chunks(data: bytes, where: str) -> None:
-    """Whole from IHDR to IEND, every checksum right: OpenCV is not asked to make something of a torn file."""
+    """Whole from IHDR to IEND, every checksum right: OpenCV is not asked to make something of a
+    torn file."""
     at, kind = len(_PNG), b""
     while kind != b"IEND":
         length = int.from_bytes(data[at : at + 4], "big")
         kind, body_end = data[at + 4 : at + 8], at + 8 + length
         if body_end + 4 > len(data) or (at == len(_PNG) and (kind != b"IHDR" or length != 13)):
-            raise BadConfiguration(f"{where}: the PNG is torn: {len(data)} bytes, and more are missing")
-        if zlib.crc32(data[at + 4 : body_end]) != int.from_bytes(data[body_end : body_end + 4], "big"):
-            raise BadConfiguration(f"{where}: the PNG is damaged: the checksum of a part ({kind!r}) is wrong")
+            raise BadConfiguration(
+                f"{where}: the PNG is torn: {len(data)} bytes, and more are missing"
+            )
+        if zlib.crc32(data[at + 4 : body_end]) != int.from_bytes(
+            data[body_end : body_end + 4], "big"
+        ):
+            raise BadConfiguration(
+                f"{where}: the PNG is damaged: the checksum of a part ({kind!r}) is wrong"
+            )
         at = body_end + 4
 
 

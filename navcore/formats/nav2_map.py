@@ -1,7 +1,7 @@
 """Maps in Nav2's format: a YAML file that says what the pixels of a picture beside it mean.
 
-The picture's row 0 is the top of the map, its largest y; grids of this project begin at the smallest y. Pixels are kept as they
-are, so that a map goes out as it came in.
+The picture's row 0 is the top of the map, its largest y; grids of this project begin at the
+smallest y. Pixels are kept as they are, so that a map goes out as it came in.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class Mode(StrEnum):
     SCALE = "scale"
     """The same, but what is not opaque is unknown."""
     RAW = "raw"
-    """The pixel's value, 0 to 100 of 255, is the occupancy in per cent, and anything above is unknown; `negate` is ignored."""
+    """The pixel's value, 0 to 100 of 255, is the occupancy in per cent, and anything above is
+    unknown; `negate` is ignored."""
 
 
 class State(IntEnum):
@@ -102,30 +103,41 @@ class Nav2Map:
 
 
 def drawn(*, occupied: BoolGrid, known: BoolGrid, spec: GridSpec) -> Nav2Map:
-    """A map of (rows, cols) cells, row 0 at the smallest y; occupied cells are occupied whether known or not."""
+    """A map of (rows, cols) cells, row 0 at the smallest y; occupied cells are occupied whether
+    known or not."""
     pixels = np.where(known, np.uint8(FREE_PIXEL), np.uint8(UNKNOWN_PIXEL))
     pixels[occupied] = OCCUPIED_PIXEL
-    return Nav2Map(description=description_of(spec), image=MapImage(pixels=np.ascontiguousarray(pixels[::-1]), white=255))
+    return Nav2Map(
+        description=description_of(spec),
+        image=MapImage(pixels=np.ascontiguousarray(pixels[::-1]), white=255),
+    )
 
 
 def description_of(spec: GridSpec) -> Description:
     """What stands beside the picture of a map that was drawn here."""
-    return Description(resolution_m=spec.resolution_m, origin_x_m=spec.origin_x_m, origin_y_m=spec.origin_y_m)
+    return Description(
+        resolution_m=spec.resolution_m, origin_x_m=spec.origin_x_m, origin_y_m=spec.origin_y_m
+    )
 
 
 def load(path: Path) -> Nav2Map:
-    """The map of a YAML file and the picture that it names; raises `BadConfiguration` with the key that is wrong.
+    """The map of a YAML file and the picture that it names; raises `BadConfiguration` with the key
+    that is wrong.
 
-    The picture has to lie in the YAML's folder or below it: a map from elsewhere must not make us read other files.
+    The picture has to lie in the YAML's folder or below it: a map from elsewhere must not make us
+    read other files.
     """
     entries = _entries(read_whole(path, at_most=_LARGEST_YAML), path.name)
     description = _description(entries, path.name)
     picture = _picture(entries, path)
-    return Nav2Map(description=description, image=decode(read_whole(picture, at_most=MAX_BYTES), str(picture)))
+    return Nav2Map(
+        description=description, image=decode(read_whole(picture, at_most=MAX_BYTES), str(picture))
+    )
 
 
 def read(text: bytes, picture: bytes, where: str) -> Nav2Map:
-    """The map of a YAML file's text and its picture's bytes, wherever they come from; the picture's name is not looked at."""
+    """The map of a YAML file's text and its picture's bytes, wherever they come from; the picture's
+    name is not looked at."""
     if len(text) > _LARGEST_YAML or len(picture) > MAX_BYTES:
         raise BadConfiguration(f"{where}: larger than a map may be")
     description = _description(_entries(text, f"{where}.yaml"), f"{where}.yaml")
@@ -133,7 +145,8 @@ def read(text: bytes, picture: bytes, where: str) -> Nav2Map:
 
 
 def save(nav2_map: Nav2Map, path: Path) -> Path:
-    """Write the YAML file and the picture beside it, of the same name; returns the picture's path. Raises `StorageFailed`."""
+    """Write the YAML file and the picture beside it, of the same name; returns the picture's path.
+    Raises `StorageFailed`."""
     if path.suffix not in (".yaml", ".yml"):
         raise BadConfiguration(f"{path}: expected a file name that ends in .yaml")
     picture = path.with_suffix(nav2_map.image.suffix)
@@ -144,7 +157,9 @@ def save(nav2_map: Nav2Map, path: Path) -> Path:
 
 def yaml_text(description: Description, image: str) -> str:
     """The YAML file that describes the picture `image`."""
-    name = image if re.fullmatch(r"[A-Za-z][\w-]*\.(pgm|png)", image, re.ASCII) else json.dumps(image)
+    name = (
+        image if re.fullmatch(r"[A-Za-z][\w-]*\.(pgm|png)", image, re.ASCII) else json.dumps(image)
+    )
     x, y = _written(description.origin_x_m), _written(description.origin_y_m)
     return (
         f"image: {name}\nmode: {description.mode}\nresolution: {_written(description.resolution_m)}\n"
@@ -160,7 +175,8 @@ def _written(number: float) -> str:
 
 
 def _states(image: MapImage, description: Description) -> npt.NDArray[np.uint8]:
-    """(rows, cols) as in the picture; through a table, one entry for each sum of a pixel's channels."""
+    """(rows, cols) as in the picture; through a table, one entry for each sum of a pixel's
+    channels."""
     pixels, mode = image.pixels, description.mode
     if pixels.ndim == 2:
         grey: npt.NDArray[np.uint8] = _table(image.white, 1, description)[pixels]
@@ -190,18 +206,23 @@ _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "
 
 
 def _entries(text: bytes, where: str) -> dict[str, yaml.Node]:
-    """The YAML's keys with what they stand before, unread: Nav2 too reads text as a number where it needs one."""
+    """The YAML's keys with what they stand before, unread: Nav2 too reads text as a number where it
+    needs one."""
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise BadConfiguration(f"{where}: not readable as YAML: {' '.join(str(error).split()):.300}") from None
+        raise BadConfiguration(
+            f"{where}: not readable as YAML: {' '.join(str(error).split()):.300}"
+        ) from None
     if not isinstance(root, yaml.MappingNode):
         raise BadConfiguration(f"{where}: expected keys and values, e.g. resolution: 0.05")
     entries: dict[str, yaml.Node] = {}
     for key, value in root.value:
         name = key.value if isinstance(key, yaml.ScalarNode) else "(a list or table)"
         if name not in _KEYS:
-            raise BadConfiguration(f"{where}: unknown key {name!r:.60}; known keys: {', '.join(_KEYS)}")
+            raise BadConfiguration(
+                f"{where}: unknown key {name!r:.60}; known keys: {', '.join(_KEYS)}"
+            )
         if name in entries:
             raise BadConfiguration(f"{where}.{name}: given twice")
         entries[name] = value
@@ -214,13 +235,18 @@ def _entries(text: bytes, where: str) -> dict[str, yaml.Node]:
 def _description(entries: dict[str, yaml.Node], where: str) -> Description:
     x_m, y_m, yaw_rad = _origin(entries["origin"], f"{where}.origin")
     if yaw_rad != 0:
-        raise BadConfiguration(f"{where}.origin[2]: a yaw of {yaw_rad:g} rad is not supported, expected 0; turn the picture")
+        raise BadConfiguration(
+            f"{where}.origin[2]: a yaw of {yaw_rad:g} rad is not supported, expected 0; turn the picture"
+        )
     made = Description(
         resolution_m=_number(entries["resolution"], f"{where}.resolution", 1e-3, 100.0),
         origin_x_m=x_m,
         origin_y_m=y_m,
-        mode=Mode(_word(entries["mode"], f"{where}.mode", tuple(Mode))) if "mode" in entries else Mode.TRINARY,
-        negate=_word(entries["negate"], f"{where}.negate", ("0", "1", "false", "true")) in ("1", "true"),
+        mode=Mode(_word(entries["mode"], f"{where}.mode", tuple(Mode)))
+        if "mode" in entries
+        else Mode.TRINARY,
+        negate=_word(entries["negate"], f"{where}.negate", ("0", "1", "false", "true"))
+        in ("1", "true"),
         occupied_thresh=_number(entries["occupied_thresh"], f"{where}.occupied_thresh", 0.0, 1.0),
         free_thresh=_number(entries["free_thresh"], f"{where}.free_thresh", 0.0, 1.0),
     )
@@ -233,8 +259,12 @@ def _description(entries: dict[str, yaml.Node], where: str) -> Description:
 
 def _origin(node: yaml.Node, where: str) -> tuple[float, float, float]:
     if not isinstance(node, yaml.SequenceNode) or len(node.value) != 3:
-        raise BadConfiguration(f"{where}: expected [x, y, yaw] in metres and radians, e.g. [-10.0, -5.0, 0.0]")
-    x_m, y_m, yaw_rad = (_number(part, f"{where}[{at}]", -1e6, 1e6) for at, part in enumerate(node.value))
+        raise BadConfiguration(
+            f"{where}: expected [x, y, yaw] in metres and radians, e.g. [-10.0, -5.0, 0.0]"
+        )
+    x_m, y_m, yaw_rad = (
+        _number(part, f"{where}[{at}]", -1e6, 1e6) for at, part in enumerate(node.value)
+    )
     return x_m, y_m, yaw_rad
 
 
@@ -245,7 +275,9 @@ def _picture(entries: dict[str, yaml.Node], path: Path) -> Path:
     folder = Path(os.path.abspath(path.parent))  # noqa: PTH100 - a link is followed as any program would, dots are not
     picture = Path(os.path.abspath(folder / name))  # noqa: PTH100
     if not picture.is_relative_to(folder):
-        raise BadConfiguration(f"{where}: {name!r:.200} lies outside the map's folder; put the picture beside the YAML file")
+        raise BadConfiguration(
+            f"{where}: {name!r:.200} lies outside the map's folder; put the picture beside the YAML file"
+        )
     return picture
 
 

@@ -20,7 +20,8 @@ def metres_along(line: Points) -> Floats:
 
 
 def points_at(line: Points, metres: Floats, stations: Floats) -> Points:
-    """(K, 2) the points that are so far along the line, `stations` rising; before it its first point, beyond it its last.
+    """(K, 2) the points that are so far along the line, `stations` rising; before it its first
+    point, beyond it its last.
 
     `metres`: (N,) of `metres_along`.
     """
@@ -30,14 +31,18 @@ def points_at(line: Points, metres: Floats, stations: Floats) -> Points:
 def resample(line: Points, spacing_m: float) -> Points:
     """(K, 2) points along a line, so far apart or a little less; both its ends are among them."""
     metres = metres_along(line)
-    return points_at(line, metres, np.linspace(0.0, metres[-1], max(2, math.ceil(metres[-1] / spacing_m) + 1)))
+    return points_at(
+        line, metres, np.linspace(0.0, metres[-1], max(2, math.ceil(metres[-1] / spacing_m) + 1))
+    )
 
 
 @compiled
 def _metres_along(line: Points) -> Floats:
     metres = np.zeros(len(line))
     for index in range(1, len(line)):
-        metres[index] = metres[index - 1] + math.hypot(line[index, 0] - line[index - 1, 0], line[index, 1] - line[index - 1, 1])
+        metres[index] = metres[index - 1] + math.hypot(
+            line[index, 0] - line[index - 1, 0], line[index, 1] - line[index - 1, 1]
+        )
     return metres
 
 

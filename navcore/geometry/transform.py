@@ -1,8 +1,8 @@
 """Poses in the plane and rigid transforms in space.
 
-A transform is named `T_parent_child` and maps coordinates of the child frame into the parent frame, so that neighbours
-cancel: `T_map_camera = T_map_base @ T_base_camera`. Frames follow REP 103/105: base x forward, y left, z up; the
-optical camera frame has x right, y down and z forward.
+A transform is named `T_parent_child` and maps coordinates of the child frame into the parent frame,
+so that neighbours cancel: `T_map_camera = T_map_base @ T_base_camera`. Frames follow REP 103/105:
+base x forward, y left, z up; the optical camera frame has x right, y down and z forward.
 """
 
 from __future__ import annotations
@@ -40,7 +40,14 @@ class Pose2:
     def matrix(self) -> Matrix:
         """(4, 4) T_parent_body with the body's origin on the floor."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return np.array([[cos, -sin, 0.0, self.x_m], [sin, cos, 0.0, self.y_m], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+        return np.array(
+            [
+                [cos, -sin, 0.0, self.x_m],
+                [sin, cos, 0.0, self.y_m],
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
+        )
 
     def __matmul__(self, child: Pose2) -> Pose2:
         """Compose: T_a_c = T_a_b @ T_b_c."""
@@ -55,18 +62,24 @@ class Pose2:
         """T_body_parent."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return Pose2(
-            x_m=-cos * self.x_m - sin * self.y_m, y_m=sin * self.x_m - cos * self.y_m, yaw_rad=wrap_angle(-self.yaw_rad)
+            x_m=-cos * self.x_m - sin * self.y_m,
+            y_m=sin * self.x_m - cos * self.y_m,
+            yaw_rad=wrap_angle(-self.yaw_rad),
         )
 
     def from_parent(self, points: Matrix) -> Matrix:
         """(N, 2) or (2,) points of the parent frame, expressed in the body's."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return np.asarray((points - np.array([self.x_m, self.y_m])) @ np.array([[cos, -sin], [sin, cos]]))
+        return np.asarray(
+            (points - np.array([self.x_m, self.y_m])) @ np.array([[cos, -sin], [sin, cos]])
+        )
 
     def to_parent(self, points: Matrix) -> Matrix:
         """(N, 2) or (2,) points of the body's frame, expressed in the parent's."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x_m, self.y_m]))
+        return np.asarray(
+            points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x_m, self.y_m])
+        )
 
     def distance_to(self, x_m: float, y_m: float) -> float:
         """Straight distance to a point of the parent frame, in metres."""
@@ -77,10 +90,14 @@ def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -
     """(4, 4) T_base_camera of a forward-looking optical frame, tilted down by `pitch_down_rad`."""
     cos, sin = math.cos(pitch_down_rad), math.sin(pitch_down_rad)
     # Columns: the optical x (right), y (down) and z (forward) axes, seen from the base.
-    return np.array([[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]])
+    return np.array(
+        [[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]]
+    )
 
 
-def transform_points(T_parent_child: Matrix, points_child: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+def transform_points(
+    T_parent_child: Matrix, points_child: npt.NDArray[np.floating]
+) -> npt.NDArray[np.float64]:
     """(N, 3) points of the child frame, expressed in the parent frame."""
     return points_child @ T_parent_child[:3, :3].T + T_parent_child[:3, 3]
 

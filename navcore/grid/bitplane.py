@@ -1,7 +1,9 @@
-"""Words of 64 cells: the machine instructions that numba does not name, and grids packed into such words.
+"""Words of 64 cells: the machine instructions that numba does not name, and grids packed into such
+words.
 
-A plane is uint64 (lines, words); bit b of word w of line l is the cell (l, 64 w + b). Planes are padded by 64 blocked cells on
-every side (`PAD`), so that no scan needs a bounds check and a plane and its transposed copy are cut into the same blocks.
+A plane is uint64 (lines, words); bit b of word w of line l is the cell (l, 64 w + b). Planes are
+padded by 64 blocked cells on every side (`PAD`), so that no scan needs a bounds check and a plane
+and its transposed copy are cut into the same blocks.
 """
 
 from __future__ import annotations
@@ -38,7 +40,10 @@ def highest(_typing: Any, _word: Any) -> Any:
     """Number of the highest set bit of a uint64 that is not 0."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.xor(builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1)), ir.Constant(ir.IntType(64), 63))
+        return builder.xor(
+            builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1)),
+            ir.Constant(ir.IntType(64), 63),
+        )
 
     return types.int64(types.uint64), generate
 
@@ -69,7 +74,9 @@ def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         word = ir.IntType(64)
-        shift = builder.module.declare_intrinsic("llvm.fshl", [word], ir.FunctionType(word, [word] * 3))
+        shift = builder.module.declare_intrinsic(
+            "llvm.fshl", [word], ir.FunctionType(word, [word] * 3)
+        )
         return builder.call(shift, arguments)
 
     return types.uint64(types.uint64, types.uint64, types.uint64), generate
@@ -77,21 +84,29 @@ def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
 
 @instruction
 def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
-    """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit with the uint8 `of`.
+    """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit
+    with the uint8 `of`.
 
-    Nothing checks the bounds. One or two instructions on today's processors, where a loop over the bytes takes hundreds.
+    Nothing checks the bounds. One or two instructions on today's processors, where a loop over the
+    bytes takes hundreds.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         byte, chunk = ir.IntType(8), ir.VectorType(ir.IntType(8), 64)
         address = builder.bitcast(builder.gep(data, [arguments[1]]), chunk.as_pointer())
-        one = builder.insert_element(ir.Constant(chunk, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0))
+        one = builder.insert_element(
+            ir.Constant(chunk, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0)
+        )
         of = builder.shuffle_vector(
-            one, ir.Constant(chunk, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), 64), [0] * 64)
+            one,
+            ir.Constant(chunk, ir.Undefined),
+            ir.Constant(ir.VectorType(ir.IntType(32), 64), [0] * 64),
         )
         shared = builder.and_(builder.load(address, align=1), of)
-        present = builder.icmp_unsigned("!=", shared, ir.Constant(chunk, [ir.Constant(byte, 0)] * 64))
+        present = builder.icmp_unsigned(
+            "!=", shared, ir.Constant(chunk, [ir.Constant(byte, 0)] * 64)
+        )
         return builder.bitcast(present, ir.IntType(64))
 
     return types.uint64(array, types.int64, types.uint8), generate
@@ -108,7 +123,8 @@ def blocks(cells: int) -> int:
 
 
 def pack(mask: BoolGrid, plane: BitPlane) -> None:
-    """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not 0."""
+    """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not
+    0."""
     if mask.itemsize != 1:
         mask = np.not_equal(mask, 0)
     flat = np.ascontiguousarray(mask).view(np.uint8).reshape(-1)
@@ -134,9 +150,12 @@ def contains(plane: BitPlane, cell: Cell) -> bool:
 
 
 def cells_of(plane: BitPlane) -> npt.NDArray[np.int64]:
-    """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every word."""
+    """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every
+    word."""
     lines, words = np.nonzero(plane)
-    held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
+    held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(
+        np.bool_
+    )
     which, bit = np.nonzero(held)
     return np.column_stack([lines[which] - PAD, 64 * words[which] + bit - PAD])
 
@@ -161,9 +180,12 @@ def transpose(source: BitPlane, target: BitPlane) -> None:
     bytes_of_block = block.view(np.uint8)
     for right in range(1, source.shape[1] - 1):
         for down in range(1, target.shape[1] - 1):
-            # Rows are laid out so that swapping bytes leaves the 64 rows of 8 neighbouring columns side by side, in order.
+            # Rows are laid out so that swapping bytes leaves the 64 rows of 8 neighbouring columns
+            # side by side, in order.
             for line in range(64):
-                block[(line & 7) << 3 | line >> 3] = source[np.uint64(64 * down + line), np.uint64(right)]
+                block[(line & 7) << 3 | line >> 3] = source[
+                    np.uint64(64 * down + line), np.uint64(right)
+                ]
             _transpose_bytes(block)
             for line in range(64):
                 bits = gather(bytes_of_block, (line & ~7) << 3, np.uint8(1 << (line & 7)))
@@ -172,7 +194,8 @@ def transpose(source: BitPlane, target: BitPlane) -> None:
 
 @compiled
 def _transpose_bytes(block: BitPlane) -> None:
-    """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed length become vectors."""
+    """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed
+    length become vectors."""
     for line in range(32):
         _exchange(block, line, line + 32, 32, 0x00000000FFFFFFFF)
     for line in range(16):
@@ -207,4 +230,5 @@ def complement(plane: BitPlane, rows: int, cols: int) -> None:
 
 
 LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
-"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25 cells."""
+"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25
+cells."""

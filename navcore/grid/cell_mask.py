@@ -1,4 +1,5 @@
-"""Sets of cells as values: one bit a cell, so that a snapshot of the largest map is a copy of a megabyte."""
+"""Sets of cells as values: one bit a cell, so that a snapshot of the largest map is a copy of a
+megabyte."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ class CellMask:
         return self._bools
 
     def window(self, top: int, left: int, bottom: int, right: int) -> BoolGrid:
-        """(bottom − top, right − left) part of `bools` without unpacking the rest; the borders lie on the grid."""
+        """(bottom − top, right − left) part of `bools` without unpacking the rest; the borders lie
+        on the grid."""
         return window(self._plane, top, left, bottom, right)
 
 

@@ -1,7 +1,8 @@
-"""What is connected with what, on packed bits: 64 cells a step, where a flood cell by cell takes seconds on the largest maps.
+"""What is connected with what, on packed bits: 64 cells a step, where a flood cell by cell takes
+seconds on the largest maps.
 
-Planes are those of `navcore.search.bits`. Connected is by straight steps: where corners are not cut, a diagonal one leads
-nowhere that two straight ones do not lead to.
+Planes are those of `navcore.search.bits`. Connected is by straight steps: where corners are not
+cut, a diagonal one leads nowhere that two straight ones do not lead to.
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ TOP = np.uint64(63)
 
 @compiled
 def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]:
-    """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones, with a free cell of that.
+    """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones,
+    with a free cell of that.
 
     Returns the first and the last line in which something was added.
     """
     last = free.shape[0] - PAD - 1
-    due = np.zeros(free.shape[0], dtype=np.bool_)  # lines that have not heard of all that was reached in them or beside them
+    due = np.zeros(
+        free.shape[0], dtype=np.bool_
+    )  # lines that have not heard of all that was reached in them or beside them
     waiting, low, high = False, free.shape[0], 0
     for line in range(PAD, last + 1):
         for word in range(1, free.shape[1] - 1):
@@ -59,16 +63,26 @@ def beside(cells: BitPlane) -> BitPlane:
 
 @compiled
 def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane) -> BitPlane:
-    """The cells of `within` that are one step from where it is left on the ways to `end` with the fewest closed cells.
+    """The cells of `within` that are one step from where it is left on the ways to `end` with the
+    fewest closed cells.
 
-    A wave from the end on: free cells are flooded, and closed ones entered one step after the other. `end` holds one cell, and
-    `within` whole areas of free cells, it not among them; where no way leads there, nothing is found.
+    A wave from the end on: free cells are flooded, and closed ones entered one step after the
+    other. `end` holds one cell, and `within` whole areas of free cells, it not among them; where no
+    way leads there, nothing is found.
     """
     reached, entered, begin = end & (free | closed), end & closed, end & free
     spare, lowest, highest = np.zeros_like(free), PAD, free.shape[0] - PAD - 1
-    first, last = lowest, highest  # the lines that hold all of `entered`; what lies elsewhere is not looked at again
+    first, last = (
+        lowest,
+        highest,
+    )  # the lines that hold all of `entered`; what lies elsewhere is not looked at again
     while True:
-        top, bottom, is_found, is_open = max(first - 1, lowest), min(last + 1, highest), False, False
+        top, bottom, is_found, is_open = (
+            max(first - 1, lowest),
+            min(last + 1, highest),
+            False,
+            False,
+        )
         for line in range(top, bottom + 1):
             for word in range(1, free.shape[1] - 1):
                 around = _beside(entered, line, word)
@@ -86,7 +100,9 @@ def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane)
         low, high = highest, lowest - 1
         for line in range(top, bottom + 1):
             for word in range(1, free.shape[1] - 1):
-                entered[line, word] = _beside(reached, line, word) & closed[line, word] & ~reached[line, word]
+                entered[line, word] = (
+                    _beside(reached, line, word) & closed[line, word] & ~reached[line, word]
+                )
                 if entered[line, word] != 0:
                     low, high = min(low, line), line
         if high < low:
@@ -102,18 +118,25 @@ def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane)
 def _beside(cells: BitPlane, line: int, word: int) -> np.uint64:
     """What of one word is a straight step away from some cells."""
     here = cells[line, word]
-    west, east = here << ONE | cells[line, word - 1] >> TOP, here >> ONE | cells[line, word + 1] << TOP
+    west, east = (
+        here << ONE | cells[line, word - 1] >> TOP,
+        here >> ONE | cells[line, word + 1] << TOP,
+    )
     around: np.uint64 = cells[line - 1, word] | cells[line + 1, word] | west | east
     return around
 
 
 @inlined
 def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
-    """Add to a line what is connected, along it, with what has been reached in it and in the lines next to it."""
+    """Add to a line what is connected, along it, with what has been reached in it and in the lines
+    next to it."""
     grown, carried = False, np.uint64(0)
     for word in range(1, free.shape[1] - 1):
         open_, known = free[line, word], reached[line, word]
-        above, below = reached[line - 1, word] & free[line - 1, word], reached[line + 1, word] & free[line + 1, word]
+        above, below = (
+            reached[line - 1, word] & free[line - 1, word],
+            reached[line + 1, word] & free[line + 1, word],
+        )
         found = _up(open_, (known | above | below | carried) & open_)
         reached[line, word] = known | found
         grown |= found & ~known != 0
@@ -131,19 +154,24 @@ def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
 @inlined
 def _up(free: np.uint64, cells: np.uint64) -> np.uint64:
     """Of each run of free cells the part from the lowest of `cells` in it upwards; they are free."""
-    return free & ((free ^ (free + cells)) | cells)  # the sum carries through a run, and past it into a cell that is not free
+    return free & (
+        (free ^ (free + cells)) | cells
+    )  # the sum carries through a run, and past it into a cell that is not free
 
 
 def nearest_reachable(blocked: BoolGrid, start: Cell, goal: Cell) -> Cell | None:
-    """The cell nearest to the goal, in a straight line, to which there is a path from start; the goal itself if there is one.
+    """The cell nearest to the goal, in a straight line, to which there is a path from start; the
+    goal itself if there is one.
 
-    `blocked` is bool (rows, cols); `start` and `goal` are (row, col), the goal may be blocked or lie outside. None if the start
-    is blocked or outside. Of cells equally near the first in reading order is taken.
+    `blocked` is bool (rows, cols); `start` and `goal` are (row, col), the goal may be blocked or
+    lie outside. None if the start is blocked or outside. Of cells equally near the first in reading
+    order is taken.
     """
     rows, cols = blocked.shape
     if not (0 <= start[0] < rows and 0 <= start[1] < cols) or blocked[start]:
         return None
-    # A diagonal step needs both orthogonal neighbours free, so what can be reached at all can be reached by straight steps.
+    # A diagonal step needs both orthogonal neighbours free, so what can be reached at all can be
+    # reached by straight steps.
     _, regions = cv2.connectedComponents((~blocked).view(np.uint8), connectivity=4)
     row, col = np.nonzero(regions == regions[start])
     at = int(np.argmin((row - goal[0]) ** 2 + (col - goal[1]) ** 2))

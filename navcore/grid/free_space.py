@@ -1,19 +1,24 @@
-"""The free cells as the search wants them: packed both ways, with marks where a straight walk must stop, kept up to date.
+"""The free cells as the search wants them: packed both ways, with marks where a straight walk must
+stop, kept up to date.
 
-Two stacks of planes (`navcore.search.bits`): `across` has one line per row, `along` one line per column, so that a walk east or
-west reads words of `across` and one south or north words of `along`. Each stack holds, in this order,
+Two stacks of planes (`navcore.search.bits`): `across` has one line per row, `along` one line per
+column, so that a walk east or west reads words of `across` and one south or north words of `along`.
+Each stack holds, in this order,
 
 * FREE: the cell is free;
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
 * BACK: the same for a walk towards lower cells;
-* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it. These are made line by line,
-  once searches have asked for a line several times (`look_along`). Word 0 of a line counts that; until then nothing is in vain.
-  VAIN_AHEAD's line 0 has a bit for each line of the other stack that was forgotten again (`navcore.search.slopes`);
-* SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so both diagonals are open.
+* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it.
+  These are made line by line, once searches have asked for a line several times (`look_along`).
+  Word 0 of a line counts that; until then nothing is in vain. VAIN_AHEAD's line 0 has a bit for
+  each line of the other stack that was forgotten again (`navcore.search.slopes`);
+* SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so
+  both diagonals are open.
 
-A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner cutting this is the only place
-where an optimal path may turn (Harabor & Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011, and
-"Improving Jump Point Search", ICAPS 2014, which packs the rows into words).
+A jump point of a straight walk is a cell beside which an obstacle has just ended: without corner
+cutting this is the only place where an optimal path may turn (Harabor & Grastien, "Online Graph
+Pruning for Pathfinding on Grid Maps", AAAI 2011, and "Improving Jump Point Search", ICAPS 2014,
+which packs the rows into words).
 """
 
 from __future__ import annotations
@@ -49,13 +54,16 @@ PATIENCE = np.uint64(16)
 MANY = 64
 """Where more than one word in so many differs, everything is made anew instead of word by word."""
 MOST_SLOPING = 2**19
-"""A plane of `FreeSpace.sloping` has no more words than this; on larger grids diagonals take turns."""
+"""A plane of `FreeSpace.sloping` has no more words than this; on larger grids diagonals take turns.
+"""
 
 
 class FreeSpace:
-    """Which cells the robot's centre may be in, and notes for the owner of a path on what has changed since.
+    """Which cells the robot's centre may be in, and notes for the owner of a path on what has
+    changed since.
 
-    Not to be shared between threads: a search marks its goal in the planes and removes the mark again.
+    Not to be shared between threads: a search marks its goal in the planes and removes the mark
+    again.
     """
 
     def __init__(self, rows: int, cols: int) -> None:
@@ -76,7 +84,8 @@ class FreeSpace:
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
         """Cells freed since the notes were cleared, as (row << 32 | col)."""
         self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
-        """How many cells were freed, however many of them fit into `freed`; how many words of the tripwire were hit."""
+        """How many cells were freed, however many of them fit into `freed`; how many words of the
+        tripwire were hit."""
         self.written = (self.across, self.along, self.sentinel, self.freed, self.notes)
         """What a change of cells reads and writes, in the order in which compiled code takes it."""
 
@@ -90,12 +99,14 @@ class FreeSpace:
         return space
 
     def rebuild(self) -> None:
-        """Make everything that follows from the free cells of the rows; the notes then say that anything may have changed."""
+        """Make everything that follows from the free cells of the rows; the notes then say that
+        anything may have changed."""
         _rebuild(self.across, self.along)
         self.notes[:] = FREED_LOG + 1, 1
 
     def update(self, blocked: BoolGrid) -> None:
-        """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what the change costs."""
+        """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what
+        the change costs."""
         plane = np.zeros_like(self.sentinel)
         pack(blocked, plane)
         self.replace(plane)
@@ -119,7 +130,9 @@ class FreeSpace:
 
     def is_free(self, cell: Cell) -> bool:
         """Whether the robot's centre may be in this cell of the grid."""
-        return bool(int(self.across[FREE, cell[0] + PAD, (cell[1] + PAD) >> 6]) >> (cell[1] & 63) & 1)
+        return bool(
+            int(self.across[FREE, cell[0] + PAD, (cell[1] + PAD) >> 6]) >> (cell[1] & 63) & 1
+        )
 
     def blocked(self) -> BoolGrid:
         """Bool (rows, cols), True where the robot's centre may not be."""
@@ -129,7 +142,9 @@ class FreeSpace:
 @inlined
 def bit_of(planes: BitPlanes, plane: int, line: int, at: int) -> np.uint64:
     """One bit of a plane: 1 or 0."""
-    bit: np.uint64 = planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+    bit: np.uint64 = (
+        planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
+    )
     return bit
 
 
@@ -142,8 +157,11 @@ def _rebuild(across: BitPlanes, along: BitPlanes) -> None:
 
 
 @compiled
-def mark_stops(planes: BitPlanes, others: BitPlanes, first: int, last: int, left: int, right: int) -> None:
-    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the other stack."""
+def mark_stops(
+    planes: BitPlanes, others: BitPlanes, first: int, last: int, left: int, right: int
+) -> None:
+    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the
+    other stack."""
     free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
     one, rest = np.uint64(1), np.uint64(63)
     low, high = max(left, 1), min(right, planes.shape[2] - 1)
@@ -154,8 +172,12 @@ def mark_stops(planes: BitPlanes, others: BitPlanes, first: int, last: int, left
             word = np.uint64(number)
             before, after = np.uint64(number - 1), np.uint64(number + 1)
             up, down, walls = free[above, word], free[below, word], ~free[here, word]
-            opens = up & ~(up << one | free[above, before] >> rest) | down & ~(down << one | free[below, before] >> rest)
-            closes = up & ~(up >> one | free[above, after] << rest) | down & ~(down >> one | free[below, after] << rest)
+            opens = up & ~(up << one | free[above, before] >> rest) | down & ~(
+                down << one | free[below, before] >> rest
+            )
+            closes = up & ~(up >> one | free[above, after] << rest) | down & ~(
+                down >> one | free[below, after] << rest
+            )
             ahead[here, word], back[here, word] = opens | walls, closes | walls
         forget(planes, others, line)
         if left == 0:
@@ -183,7 +205,10 @@ def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int
         here, below = np.uint64(line), np.uint64(line + 1)
         for number in range(left, right):
             word, after = np.uint64(number), np.uint64(number + 1)
-            both, both_after = free[here, word] & free[below, word], free[here, after] & free[below, after]
+            both, both_after = (
+                free[here, word] & free[below, word],
+                free[here, after] & free[below, after],
+            )
             square[here, word] = both & (both >> one | both_after << rest)
 
 
@@ -191,8 +216,9 @@ def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int
 def look_along(planes: BitPlanes, line: int) -> None:
     """Make VAIN_AHEAD and VAIN_BACK for one line.
 
-    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if c is blocked, and else what
-    is true of c. That is how carries run through an addition: generated at jump points, handed on by cells that stop nobody.
+    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if
+    c is blocked, and else what is true of c. That is how carries run through an addition: generated
+    at jump points, handed on by cells that stop nobody.
     """
     words = planes.shape[2]
     carry = np.uint64(0)
@@ -209,7 +235,9 @@ def look_along(planes: BitPlanes, line: int) -> None:
 
 
 @inlined
-def _carries(generate: np.uint64, hand_on: np.uint64, carry: np.uint64) -> tuple[np.uint64, np.uint64]:
+def _carries(
+    generate: np.uint64, hand_on: np.uint64, carry: np.uint64
+) -> tuple[np.uint64, np.uint64]:
     """The carry into every bit of an addition, and the carry out of it."""
     into = ((generate | hand_on) + generate + carry) ^ hand_on
     return into, (generate | hand_on & into) >> np.uint64(63)
@@ -226,7 +254,8 @@ def write_word(
     word: int,
     value: np.uint64,
 ) -> np.uint64:
-    """Set one word of free cells, in the rows and in the columns; returns the bits that differ. `refresh` has to follow."""
+    """Set one word of free cells, in the rows and in the columns; returns the bits that differ.
+    `refresh` has to follow."""
     changed: np.uint64 = across[FREE, line, word] ^ value
     across[FREE, line, word] = value
     notes[1] += (changed & ~value & sentinel[line, word]) != 0
@@ -243,8 +272,11 @@ def write_word(
 
 
 @compiled
-def refresh(across: BitPlanes, along: BitPlanes, first: int, last: int, left: int, right: int) -> None:
-    """Renew the marks around free cells that were written in rows first … last-1 and columns left … right-1 of the planes."""
+def refresh(
+    across: BitPlanes, along: BitPlanes, first: int, last: int, left: int, right: int
+) -> None:
+    """Renew the marks around free cells that were written in rows first … last-1 and columns left …
+    right-1 of the planes."""
     over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
     mark_stops(across, along, over, under, (left - 1) >> 6, (right >> 6) + 1)
     mark_squares(across, first - 1, last, (left - 1) >> 6, ((right - 1) >> 6) + 1)
@@ -265,7 +297,9 @@ def _replace(
         left, right = along.shape[1], 0
         for word in range(1, plane.shape[1] - 1):
             if plane[line, word] != across[FREE, line, word]:
-                changed = write_word(across, along, sentinel, freed, notes, line, word, plane[line, word])
+                changed = write_word(
+                    across, along, sentinel, freed, notes, line, word, plane[line, word]
+                )
                 left = min(left, 64 * word + lowest(changed))
                 right = max(right, 64 * word + highest(changed) + 1)
         if right > 0:

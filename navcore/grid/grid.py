@@ -1,4 +1,5 @@
-"""The occupancy grid: which cells the robot must not touch and why, and where its centre therefore may not be."""
+"""The occupancy grid: which cells the robot must not touch and why, and where its centre therefore
+may not be."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridSpec:
-    """Where the grid lies on the map frame. Cell (row, col) covers a square; row grows with y, col with x."""
+    """Where the grid lies on the map frame. Cell (row, col) covers a square; row grows with y, col
+    with x."""
 
     resolution_m: float
     """Side of a cell, r_g in the paper."""
@@ -91,7 +93,8 @@ class GridSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OccupancyGrid:
-    """Occupied cells, layer by layer; what no layer marks is free or unknown, and both count as free."""
+    """Occupied cells, layer by layer; what no layer marks is free or unknown, and both count as
+    free."""
 
     spec: GridSpec
     """Where it lies."""
@@ -121,12 +124,16 @@ def inflation_radius(*, vehicle_width_m: float, safety_margin_m: float, resoluti
 
 
 def inflate(mask: BoolGrid, radius_cells: int) -> BoolGrid:
-    """Dilate (rows, cols) by the disc of all cells whose centre is at most `radius_cells` away (Algorithm 1, line 10)."""
+    """Dilate (rows, cols) by the disc of all cells whose centre is at most `radius_cells` away
+    (Algorithm 1, line 10)."""
     return cv2.dilate(mask.view(np.uint8), _disc(radius_cells)).view(np.bool_)
 
 
-def inflate_layers(grid: OccupancyGrid, *, vehicle_width_m: float, safety_margin_m: float) -> BoolGrid:
-    """(rows, cols) where the robot's centre may not be: every layer inflated by the robot and the layer's margin."""
+def inflate_layers(
+    grid: OccupancyGrid, *, vehicle_width_m: float, safety_margin_m: float
+) -> BoolGrid:
+    """(rows, cols) where the robot's centre may not be: every layer inflated by the robot and the
+    layer's margin."""
     base, groups = grid.geometric | grid.zones, dict[float, BoolGrid]()
     for class_id, layer in grid.beware.items():
         margin_m = grid.margins_m.get(class_id, 0.0)

@@ -18,8 +18,11 @@ Indices = npt.NDArray[np.int64]
 
 
 @compiled
-def pixel_of(point: np.void, T_camera_map: npt.NDArray[np.float64], lens: npt.NDArray[np.float64]) -> tuple[int, int, float]:
-    """Row, column and depth at which the camera would see a point of the map; (−1, −1) where it is behind or too near."""
+def pixel_of(
+    point: np.void, T_camera_map: npt.NDArray[np.float64], lens: npt.NDArray[np.float64]
+) -> tuple[int, int, float]:
+    """Row, column and depth at which the camera would see a point of the map; (−1, −1) where it is
+    behind or too near."""
     t, x, y, z = T_camera_map, float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
     depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
     if depth < NEAREST_M:
@@ -43,12 +46,14 @@ def find_outdated(
     max_range_m: float,
     pose_id: int,
 ) -> Indices:
-    """Indices of the points that the frame sees through, or measures again for the same pose or from much nearer.
+    """Indices of the points that the frame sees through, or measures again for the same pose or
+    from much nearer.
 
-    A point's pixel and its neighbours in the picture are looked at: one that measures something nearer hides the point, and the
-    point is seen through only when all that measure anything measure beyond it. Points of a beware class are never "measured
-    again" by depth alone, and flat ones never seen through: a floor marking has no depth of its own, and neither a label lost
-    at a grazing angle nor a nod of the robot when it brakes must free it.
+    A point's pixel and its neighbours in the picture are looked at: one that measures something
+    nearer hides the point, and the point is seen through only when all that measure anything
+    measure beyond it. Points of a beware class are never "measured again" by depth alone, and flat
+    ones never seen through: a floor marking has no depth of its own, and neither a label lost at a
+    grazing angle nor a nod of the robot when it brakes must free it.
     """
     found = np.empty(count, dtype=np.int64)
     found_count = 0

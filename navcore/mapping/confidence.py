@@ -1,9 +1,10 @@
 """How sure the map is of what a network has seen: every look at a place speaks for or against it.
 
-A network errs now and then, and a place that it took for a thing once must not bind the robot for ever; a thing that it found
-in many pictures must not be lost when it misses one. So each point's confidence is a probability that looks add to in log-odds
-(Thrun, Burgard, Fox: Probabilistic Robotics, 4.2): half of what the network claims, for pictures that follow one another err
-alike. What is certain (confidence 1: the rules of colour) is never weighed.
+A network errs now and then, and a place that it took for a thing once must not bind the robot for
+ever; a thing that it found in many pictures must not be lost when it misses one. So each point's
+confidence is a probability that looks add to in log-odds (Thrun, Burgard, Fox: Probabilistic
+Robotics, 4.2): half of what the network claims, for pictures that follow one another err alike.
+What is certain (confidence 1: the rules of colour) is never weighed.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from navcore.robot.frame import Frame
 PRIOR = -1.0
 """Log-odds of a thing in a place that was never seen before."""
 OVERLOOKED = -2.0
-"""Log-odds in a place that earlier pictures have shown, and in which nothing was found: one look is not enough there."""
+"""Log-odds in a place that earlier pictures have shown, and in which nothing was found: one look is
+not enough there."""
 CLAIM = 0.5
 """Share of the network's log-odds that one look is worth."""
 MISS = 0.25
@@ -32,7 +34,8 @@ MISS = 0.25
 LEAST, MOST = -2.5, 3.0
 """Beyond these no look goes; a point as unsure as the least is forgotten."""
 CERTAIN = 0.95
-"""As sure as the map can be of what a network saw (the logistic of `MOST`, rounded down): more cannot be asked of it."""
+"""As sure as the map can be of what a network saw (the logistic of `MOST`, rounded down): more
+cannot be asked of it."""
 TRUSTED_M = 4.0
 """Further away a network may well overlook a small thing."""
 BORDER_PX = 8
@@ -41,7 +44,8 @@ Confidence = npt.NDArray[np.float32]
 
 
 def initial_confidence(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> Confidence:
-    """(N,) how sure to be of points that the network is so sure of and that were never found before; 1 stays 1.
+    """(N,) how sure to be of points that the network is so sure of and that were never found
+    before; 1 stays 1.
 
     `shown_before`: (N,) whether earlier pictures have shown the place.
     """
@@ -60,10 +64,12 @@ def update_confidence(
     labels: Labels,
     clearing: npt.NDArray[np.float64],
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Let one picture speak for or against the points of beware classes it shows; changes their confidence.
+    """Let one picture speak for or against the points of beware classes it shows; changes their
+    confidence.
 
-    Returns the indices of the points to forget, and the cells in which a confidence has changed. `clearing` is constant and
-    factor of the depth's tolerance, `T_camera_map` (4, 4). `labels` are the network's own claims.
+    Returns the indices of the points to forget, and the cells in which a confidence has changed.
+    `clearing` is constant and factor of the depth's tolerance, `T_camera_map` (4, 4). `labels` are
+    the network's own claims.
     """
     lens = frame.intrinsics
     return _weigh(
@@ -82,7 +88,8 @@ def update_confidence(
 
 @compiled
 def _weighed(confidence: float, claim: float) -> float:
-    """Log-odds after one more look, in which the network is so sure of the thing; 0 when it finds nothing."""
+    """Log-odds after one more look, in which the network is so sure of the thing; 0 when it finds
+    nothing."""
     odds = math.log(max(confidence, 0.01) / max(1 - confidence, 0.01))
     if claim == 0.0:
         return max(odds - MISS, LEAST)
@@ -116,9 +123,17 @@ def _weigh(
                 i, j, depth = pixel_of(records[index], t, lens)
                 if depth > TRUSTED_M:
                     continue
-                if i < BORDER_PX or i >= height - BORDER_PX or j < BORDER_PX or j >= width - BORDER_PX:
+                if (
+                    i < BORDER_PX
+                    or i >= height - BORDER_PX
+                    or j < BORDER_PX
+                    or j >= width - BORDER_PX
+                ):
                     continue
-                if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > clearing[0] + clearing[1] * depth * depth:
+                if (
+                    depth_m[i, j] <= 0
+                    or abs(depth_m[i, j] - depth) > clearing[0] + clearing[1] * depth * depth
+                ):
                     continue
                 claim = 0.0
                 for r in range(i - 1, i + 2):

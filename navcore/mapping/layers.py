@@ -1,7 +1,8 @@
-"""The occupied cells that the map's points make, one bit a cell and a layer for each class, and every change of one handed on.
+"""The occupied cells that the map's points make, one bit a cell and a layer for each class, and
+every change of one handed on.
 
-They always equal the layers rebuilt from the points. `take_changes` names the cells that changed, so that whoever follows the
-map pays for what changed and not for its size.
+They always equal the layers rebuilt from the points. `take_changes` names the cells that changed,
+so that whoever follows the map pays for what changed and not for its size.
 """
 
 from __future__ import annotations
@@ -19,19 +20,25 @@ from navcore.mapping.confidence import CERTAIN
 from navcore.mapping.point_table import PointTable, refresh_planes
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone, cells_of
 
 Indices = npt.NDArray[np.int64]
 
 FLOOR_M = 0.05
 """What is measured within this height shows the floor …"""
-FLOOR_BINS = np.uint64(sum(1 << level for level in range(HEIGHT_BINS) if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M))
+FLOOR_BINS = np.uint64(
+    sum(
+        1 << level
+        for level in range(HEIGHT_BINS)
+        if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M
+    )
+)
 """… that is, in one of these bins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Changes:
-    """Cells that became occupied or free in the layer of a class since the last look; a cell may be named more than once."""
+    """Cells that became occupied or free in the layer of a class since the last look; a cell may be
+    named more than once."""
 
     class_ids: npt.NDArray[np.uint8]
     """(N,) whose layer."""
@@ -40,7 +47,7 @@ class Changes:
 
 
 class MapLayers:
-    """A layer for every class that was ever seen, `NOTHING` for what is an obstacle by its height; and the zones' layers."""
+    """A layer for every class that was ever seen, `NOTHING` for what is an obstacle by its height."""
 
     def __init__(self, spec: GridSpec) -> None:
         self._spec = spec
@@ -51,7 +58,6 @@ class MapLayers:
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
         self._has_prior = False
         self._prior_mask: CellMask | None = None
-        self._zones: tuple[tuple[Zone, ...], tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]] | None = None
 
     def add_classes(self, class_ids: npt.NDArray[np.uint8]) -> None:
         """Have a layer for each of these classes."""
@@ -60,10 +66,13 @@ class MapLayers:
         new = np.flatnonzero(lacking).astype(np.uint8)
         if len(new):
             self._class_ids = np.concatenate([self._class_ids, new])
-            self._planes = np.concatenate([self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)])
+            self._planes = np.concatenate(
+                [self._planes, np.zeros((len(new), *self._planes.shape[1:]), dtype=np.uint64)]
+            )
 
     def refresh(self, points: PointTable, cells: Indices) -> bool:
-        """Make (N,) cells, row · cols + col, anew from the points in them; whether any layer has changed."""
+        """Make (N,) cells, row · cols + col, anew from the points in them; whether any layer has
+        changed."""
         class_ids, changed = refresh_planes(
             points.records,
             points.first,
@@ -84,7 +93,9 @@ class MapLayers:
         self._has_prior = bool(prior.any())
         self.add_classes(points.live["class_id"])
         self._planes[:] = 0
-        self.refresh(points, np.union1d(points.live["cell"].astype(np.int64), np.flatnonzero(self._prior)))
+        self.refresh(
+            points, np.union1d(points.live["cell"].astype(np.int64), np.flatnonzero(self._prior))
+        )
         self._changes = None
 
     def use(self, beware: BewareList, points: PointTable) -> None:
@@ -96,20 +107,31 @@ class MapLayers:
         stale = np.flatnonzero(least != self._least)
         if len(stale):
             self._least = least
-            self.refresh(points, np.unique(points.live["cell"][np.isin(points.live["class_id"], stale)]).astype(np.int64))
+            self.refresh(
+                points,
+                np.unique(points.live["cell"][np.isin(points.live["class_id"], stale)]).astype(
+                    np.int64
+                ),
+            )
 
     def take_changes(self) -> Changes | None:
-        """What changed in the layers since the last call; None at the first, when everything has to be looked at."""
+        """What changed in the layers since the last call; None at the first, when everything has to
+        be looked at."""
         taken, self._changes = self._changes, []
         if taken is None:
             return None
         return Changes(
-            class_ids=np.concatenate([np.empty(0, dtype=np.uint8), *(change.class_ids for change in taken)]),
-            cells=np.concatenate([np.empty(0, dtype=np.int64), *(change.cells for change in taken)]),
+            class_ids=np.concatenate(
+                [np.empty(0, dtype=np.uint8), *(change.class_ids for change in taken)]
+            ),
+            cells=np.concatenate(
+                [np.empty(0, dtype=np.int64), *(change.cells for change in taken)]
+            ),
         )
 
     def plane(self, class_id: int) -> BitPlane | None:
-        """The live layer of a class, to be read only until the map changes; None when nothing of it was ever seen."""
+        """The live layer of a class, to be read only until the map changes; None when nothing of it
+        was ever seen."""
         at = np.flatnonzero(self._class_ids == class_id)
         return self._planes[at[0]] if len(at) else None
 
@@ -118,29 +140,28 @@ class MapLayers:
         plane, shape = self.plane(class_id), (self._spec.rows, self._spec.cols)
         return np.zeros(shape, dtype=np.bool_) if plane is None else unpack(plane, *shape)
 
-    def zone_masks(self, zones: tuple[Zone, ...]) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
-        """The zones' cells: all without a margin in one mask, the others with theirs; made anew only when zones change."""
-        if self._zones is None or self._zones[0] != zones:
-            self._zones = (zones, cells_of(zones, self._spec))
-        return self._zones[1]
-
     @property
     def prior(self) -> CellMask | None:
-        """Cells that are occupied on a map from elsewhere and were not seen free; None without such a map."""
+        """Cells that are occupied on a map from elsewhere and were not seen free; None without such
+        a map."""
         if self._has_prior and self._prior_mask is None:
             self._prior_mask = CellMask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
         return self._prior_mask if self._has_prior else None
 
     def load_prior(self, occupied: BoolGrid, points: PointTable) -> bool:
-        """Take (rows, cols) cells of a map from elsewhere for occupied, until they are disproved; whether that changed any."""
+        """Take (rows, cols) cells of a map from elsewhere for occupied, until they are disproved;
+        whether that changed any."""
         if occupied.shape != (self._spec.rows, self._spec.cols):
-            raise BadConfiguration(f"prior map: is {occupied.shape} cells, expected {(self._spec.rows, self._spec.cols)}")
+            raise BadConfiguration(
+                f"prior map: is {occupied.shape} cells, expected {(self._spec.rows, self._spec.cols)}"
+            )
         before = np.flatnonzero(self._prior)
         self._prior, self._prior_mask, self._has_prior = occupied.reshape(-1).copy(), None, True
         return self.refresh(points, np.union1d(before, np.flatnonzero(self._prior)))
 
     def clear_prior(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
-        """Give up the cells of the prior map whose floor was measured, and return them; `refresh` has to follow.
+        """Give up the cells of the prior map whose floor was measured, and return them; `refresh`
+        has to follow.
 
         `heights`: (N,) a bit for each height bin of the (N,) cells in which something was measured.
         """

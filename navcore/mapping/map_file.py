@@ -1,6 +1,8 @@
-"""A session's map in a file: a zip of plain arrays (NumPy's .npz, never pickled) with a head that says what they are.
+"""A session's map in a file: a zip of plain arrays (NumPy's .npz, never pickled) with a head that
+says what they are.
 
-Every part carries a checksum, so that a torn or damaged file is refused, and nothing is read before its size is known.
+Every part carries a checksum, so that a torn or damaged file is refused, and nothing is read before
+its size is known.
 """
 
 from __future__ import annotations
@@ -49,7 +51,8 @@ _KINDS: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
-"""Part → its type and number of axes. Masks are packed: eight cells of a row a byte, the first in the highest bit."""
+"""Part → its type and number of axes. Masks are packed: eight cells of a row a byte, the first in
+the highest bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +88,8 @@ class _Head:
 
 
 def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
-    """Write a map in one step; raises `StorageFailed`, and then the file that was there before is intact."""
+    """Write a map in one step; raises `StorageFailed`, and then the file that was there before is
+    intact."""
     check_state(state, path.name)
     head = _Head(
         format=FORMAT,
@@ -104,7 +108,8 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
 
 
 def load(path: Path) -> StoredMap:
-    """The map of a file; raises `BadConfiguration` for one that is torn, damaged, too large or no map."""
+    """The map of a file; raises `BadConfiguration` for one that is torn, damaged, too large or no
+    map."""
     parts = _read(read_whole(path, at_most=MAX_BYTES), path.name)
     head = _head(parts["head"], path.name)
     spec = GridSpec(**asdict(head.spec))
@@ -116,34 +121,63 @@ def load(path: Path) -> StoredMap:
         **{name: _mask(parts[name], spec, f"{path.name}: {name}") for name in _MASKS},
     )
     check_state(state, path.name)
-    return StoredMap(state=state, class_names=dict(zip(head.class_ids, head.class_names, strict=True)))
+    return StoredMap(
+        state=state, class_names=dict(zip(head.class_ids, head.class_names, strict=True))
+    )
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
-    """Raise `BadConfiguration` if points of the map would mean something else under this beware list.
+    """Raise `BadConfiguration` if points of the map would mean something else under this beware
+    list.
 
-    Of a class that was taken off the list they bind nobody, as they did not when it was taken off; that is logged.
+    Of a class that was taken off the list they bind nobody, as they did not when it was taken off;
+    that is logged.
     """
     present = {entry.class_id: entry.name for entry in beware.classes}
-    for class_id in sorted({int(number) for number in np.unique(stored.state.points.class_ids)} - {NOTHING}):
+    for class_id in sorted(
+        {int(number) for number in np.unique(stored.state.points.class_ids)} - {NOTHING}
+    ):
         now = present.get(class_id)
         then = stored.class_names.get(class_id, now)
         if now is None:
-            log.warning("the stored map has points of %r (class %d), which the beware list lacks: free floor", then, class_id)
+            log.warning(
+                "the stored map has points of %r (class %d), which the beware list lacks: free floor",
+                then,
+                class_id,
+            )
         elif then != now:
-            raise BadConfiguration(f"class {class_id} is {then!r} in the stored map and {now!r} in the beware list")
+            raise BadConfiguration(
+                f"class {class_id} is {then!r} in the stored map and {now!r} in the beware list"
+            )
 
 
 def _read(data: bytes, where: str) -> dict[str, npt.NDArray[Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             entries = packed.infolist()
-            if sorted(entry.filename for entry in entries) != sorted(f"{name}.npy" for name in _KINDS):
-                raise BadConfiguration(f"{where}: no map of this program; expected the parts {', '.join(_KINDS)}")
+            if sorted(entry.filename for entry in entries) != sorted(
+                f"{name}.npy" for name in _KINDS
+            ):
+                raise BadConfiguration(
+                    f"{where}: no map of this program; expected the parts {', '.join(_KINDS)}"
+                )
             if (size := sum(entry.file_size for entry in entries)) > MAX_UNPACKED:
-                raise BadConfiguration(f"{where}: {size} bytes unpacked, at most {MAX_UNPACKED} are read")
-            return {name: _array(packed.read(f"{name}.npy"), *_KINDS[name], f"{where}: {name}") for name in _KINDS}
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, ValueError, RuntimeError, OSError) as error:
+                raise BadConfiguration(
+                    f"{where}: {size} bytes unpacked, at most {MAX_UNPACKED} are read"
+                )
+            return {
+                name: _array(packed.read(f"{name}.npy"), *_KINDS[name], f"{where}: {name}")
+                for name in _KINDS
+            }
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        KeyError,
+        ValueError,
+        RuntimeError,
+        OSError,
+    ) as error:
         raise BadConfiguration(f"{where}: no map file, or a damaged one: {error!s:.200}") from None
 
 
@@ -153,13 +187,17 @@ def _array(data: bytes, kind: type[np.generic], axes: int, where: str) -> npt.ND
     except (ValueError, EOFError, MemoryError, TypeError, OverflowError, SyntaxError) as error:
         raise BadConfiguration(f"{where}: damaged: {error!s:.200}") from None
     if array.dtype != kind or array.ndim != axes:
-        raise BadConfiguration(f"{where}: expected {axes} axes of {np.dtype(kind)}, got {array.ndim} of {array.dtype}")
+        raise BadConfiguration(
+            f"{where}: expected {axes} axes of {np.dtype(kind)}, got {array.ndim} of {array.dtype}"
+        )
     return array
 
 
 def _mask(packed: npt.NDArray[np.uint8], spec: GridSpec, where: str) -> CellMask:
     if packed.shape != (spec.rows, -(-spec.cols // 8)):
-        raise BadConfiguration(f"{where}: expected {(spec.rows, -(-spec.cols // 8))} bytes, got {packed.shape}")
+        raise BadConfiguration(
+            f"{where}: expected {(spec.rows, -(-spec.cols // 8))} bytes, got {packed.shape}"
+        )
     return CellMask.of(np.unpackbits(packed, axis=1, count=spec.cols).view(np.bool_))
 
 
@@ -179,6 +217,10 @@ def _head(part: npt.NDArray[Any], where: str) -> _Head:
         raise BadConfiguration(
             f"{where}: head.spec: {head.spec.rows} × {head.spec.cols} cells, at most {MAX_PIXELS} are allowed"
         )
-    if len(head.class_ids) != len(head.class_names) or len(set(head.class_ids)) != len(head.class_ids):
-        raise BadConfiguration(f"{where}: head.class_ids: expected one id for each name, and no id twice")
+    if len(head.class_ids) != len(head.class_names) or len(set(head.class_ids)) != len(
+        head.class_ids
+    ):
+        raise BadConfiguration(
+            f"{where}: head.class_ids: expected one id for each name, and no id twice"
+        )
     return head

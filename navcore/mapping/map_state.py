@@ -46,7 +46,9 @@ def check_state(state: MapState, where: str) -> None:
     """Raise `BadConfiguration` with the part that no map can have made; `where` names the file."""
     for name, fits in _rules(state).items():
         if not fits:
-            raise BadConfiguration(f"{where}: {name}: holds values that no map has; the file was made by something else")
+            raise BadConfiguration(
+                f"{where}: {name}: holds values that no map has; the file was made by something else"
+            )
 
 
 def _rules(state: MapState) -> dict[str, bool]:
@@ -55,7 +57,14 @@ def _rules(state: MapState) -> dict[str, bool]:
     # How high a point may be is said of the ground there, and how high that is nobody knows.
     low = np.array([spec.origin_x_m, spec.origin_y_m, -_HIGHEST_M])
     size = np.array([spec.cols * spec.resolution_m, spec.rows * spec.resolution_m, 2 * _HIGHEST_M])
-    columns = (points.points_map, points.rgb, points.class_ids, points.confidence, points.range_m, points.pose_ids)
+    columns = (
+        points.points_map,
+        points.rgb,
+        points.class_ids,
+        points.confidence,
+        points.range_m,
+        points.pose_ids,
+    )
     masks = (state.seen, state.looked, state.trodden, state.prior)
     return {
         "points": len({len(column) for column in columns}) == 1,
@@ -72,6 +81,8 @@ def _rules(state: MapState) -> dict[str, bool]:
     }
 
 
-def _within(values: npt.NDArray[np.integer | np.floating], low: float, high: float | npt.NDArray[np.float64]) -> bool:
+def _within(
+    values: npt.NDArray[np.integer | np.floating], low: float, high: float | npt.NDArray[np.float64]
+) -> bool:
     # Written so that NaN is outside.
     return bool(((values >= low) & (values <= high)).all())

@@ -1,14 +1,17 @@
 """The global map: points keyed by the pose they were seen from.
 
-A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's section on global mapping).
-Three rules make that safe for a camera that sees only a part of the world at a time:
+A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's
+section on global mapping). Three rules make that safe for a camera that sees only a part of the
+world at a time:
 
 * a point is replaced only where the camera looks at it again; what it does not look at stays;
-* a point through which the camera now sees is removed, whichever pose it belongs to, because people walk on;
-* a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so that the map is bounded by
-  the world's surface, not by the time driven.
+* a point through which the camera now sees is removed, whichever pose it belongs to, because people
+  walk on;
+* a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so
+  that the map is bounded by the world's surface, not by the time driven.
 
-The points are the truth; the occupied cells that they make (`navcore.layers`) follow every insertion and removal.
+The points are the truth; the occupied cells that they make (`navcore.layers`) follow every
+insertion and removal.
 """
 
 from __future__ import annotations
@@ -24,17 +27,24 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, invert, wrap_angle
 from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
-from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate
+from navcore.grid.grid import BoolGrid, GridSpec, inflate
 from navcore.mapping.clearing import find_outdated
 from navcore.mapping.confidence import initial_confidence, update_confidence
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
-from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, coarse_doubles, levels_of, points_in
+from navcore.mapping.point_table import (
+    POINT,
+    MapPoints,
+    PointTable,
+    Records,
+    coarse_doubles,
+    levels_of,
+    points_in,
+)
 from navcore.mapping.visibility import VisibilityMap
 from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
@@ -63,12 +73,15 @@ class PointMap:
         self._unsure = False  # whether any point may be less than certain
         self._over_budget = False
         self.version = 0
-        """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a beware point may have changed."""
+        """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a
+        beware point may have changed."""
 
     def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
-        """Replace or append the points of the frame's pose ID, and clear what the frame sees through.
+        """Replace or append the points of the frame's pose ID, and clear what the frame sees
+        through.
 
-        With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its word is taken once for all.
+        With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its
+        word is taken once for all.
         """
         if labels is not None:
             self._weigh(frame, labels, observation.box)
@@ -76,11 +89,18 @@ class PointMap:
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
         if labels is not None and (new["confidence"] < 1).any():
-            new["confidence"] = initial_confidence(new["confidence"], self.explored.was_measured(new["cell"]))
+            new["confidence"] = initial_confidence(
+                new["confidence"], self.explored.was_measured(new["cell"])
+            )
         self._unsure = self._unsure or bool((new["confidence"] < 1).any())
         self.layers.add_classes(new["class_id"])
-        touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(np.int64)
-        ruled = bool((self._points.live["class_id"][outdated] != NOTHING).any() or (new["class_id"] != NOTHING).any())
+        touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(
+            np.int64
+        )
+        ruled = bool(
+            (self._points.live["class_id"][outdated] != NOTHING).any()
+            or (new["class_id"] != NOTHING).any()
+        )
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
         self.explored.note(observation.cells_seen, observation.heights_seen)
@@ -90,61 +110,90 @@ class PointMap:
         self._keep_to_budget()
 
     def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
-        """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody walked."""
+        """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody
+        walked."""
         gone = points_in(self._points.first, self._points.records, cells, _kinds(class_ids))
         if len(gone):
             self._points.remove(gone)
             self.version += self.layers.refresh(self._points, cells)
 
-    def clear_ghosts(self, box: Box, is_free_floor: Callable[[Points], Bools], class_ids: Iterable[int], frame: Frame) -> None:
-        """Give up what is left of people who have gone: their points, `class_ids`, and the obstacles within `BODY_M` of them.
+    def clear_ghosts(
+        self,
+        box: Box,
+        is_free_floor: Callable[[Points], Bools],
+        class_ids: Iterable[int],
+        frame: Frame,
+    ) -> None:
+        """Give up what is left of people who have gone: their points, `class_ids`, and the
+        obstacles within `BODY_M` of them.
 
-        Only within a box of the grid where `is_free_floor`, of (N, 2) places of the map frame, says that the frame shows the floor
-        and nothing above it, and where all of what is held would be in the picture: behind what floats in the air depth may
-        see nothing at all, to whatever distance.
+        Only within a box of the grid where `is_free_floor`, of (N, 2) places of the map frame, says
+        that the frame shows the floor and nothing above it, and where all of what is held would be
+        in the picture: behind what floats in the air depth may see nothing at all, to whatever
+        distance.
         """
         class_ids = list(class_ids)
-        bodies = [window(plane, *box) for plane in map(self.layers.plane, class_ids) if plane is not None]
+        bodies = [
+            window(plane, *box) for plane in map(self.layers.plane, class_ids) if plane is not None
+        ]
         if not any(body.any() for body in bodies):
             return
         whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
         cells = np.argwhere(whole) + box[:2]
         cells = cells[is_free_floor(self.spec.centres(cells))]
         flat = cells[:, 0] * self.spec.cols + cells[:, 1]
-        indices = points_in(self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids]))
+        indices = points_in(
+            self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids])
+        )
         held = self._points.records[indices]
         outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
         gone = ~np.isin(held["cell"], outside)
         self._points.remove(indices[gone])
-        self.version += self.layers.refresh(self._points, np.unique(held["cell"][gone]).astype(np.int64))
+        self.version += self.layers.refresh(
+            self._points, np.unique(held["cell"][gone]).astype(np.int64)
+        )
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
-        """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from them, e.g. after a loop closure.
+        """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from
+        them, e.g. after a loop closure.
 
-        Raises `BadConfiguration` for a pose ID that is not on the map, and then has moved nothing. What leaves the map's area
-        is forgotten. Where two points come to lie in one voxel the surer stays.
+        Raises `BadConfiguration` for a pose ID that is not on the map, and then has moved nothing.
+        What leaves the map's area is forgotten. Where two points come to lie in one voxel the surer
+        stays.
         """
         unknown = [pose_id for pose_id in poses if not 0 <= pose_id < len(self._poses)]
         if unknown:
-            raise BadConfiguration(f"pose ID {unknown[0]} is not on the map, which has {len(self._poses)}")
-        moving = np.flatnonzero(np.isin(self._points.live["pose_id"], np.array(list(poses), dtype=np.int32)))
+            raise BadConfiguration(
+                f"pose ID {unknown[0]} is not on the map, which has {len(self._poses)}"
+            )
+        moving = np.flatnonzero(
+            np.isin(self._points.live["pose_id"], np.array(list(poses), dtype=np.int32))
+        )
         taken = self._points.live[moving].copy()
         self._points.remove(moving)
         before = taken["cell"].astype(np.int64)
         for pose_id, pose in poses.items():
             own = taken["pose_id"] == pose_id
             T_new_old = pose.matrix() @ invert(self._poses[pose_id].matrix())
-            xy = np.column_stack([taken["x"][own], taken["y"][own]]).astype(np.float64) @ T_new_old[:2, :2].T + T_new_old[:2, 3]
+            xy = (
+                np.column_stack([taken["x"][own], taken["y"][own]]).astype(np.float64)
+                @ T_new_old[:2, :2].T
+                + T_new_old[:2, 3]
+            )
             taken["x"][own], taken["y"][own] = xy[:, 0], xy[:, 1]
             self._poses[pose_id] = pose
         kept = self._placed(taken)
         self._points.add(kept, one_per_cell=self._over_budget)
         self.version += (
-            self.layers.refresh(self._points, np.concatenate([before, kept["cell"].astype(np.int64)])) or len(moving) > 0
+            self.layers.refresh(
+                self._points, np.concatenate([before, kept["cell"].astype(np.int64)])
+            )
+            or len(moving) > 0
         )
 
     def load_prior(self, occupied: BoolGrid) -> None:
-        """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their floor free."""
+        """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their
+        floor free."""
         self.version += self.layers.load_prior(occupied, self._points)
 
     def state(self) -> MapState:
@@ -153,16 +202,19 @@ class PointMap:
         return MapState(
             spec=self.spec,
             points=self._points.copied(),
-            poses=np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64).reshape(-1, 3),
+            poses=np.array(
+                [[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64
+            ).reshape(-1, 3),
             seen=CellMask.copied(explored.measured, rows, cols),
             looked=CellMask.copied(explored.looked, rows, cols),
-            trodden=CellMask.copied(explored.trodden, rows, cols),
+            trodden=CellMask.copied(explored.driven, rows, cols),
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
             volume=explored.volume.copy(),
         )
 
     def restore(self, state: MapState) -> None:
-        """Know what another map knew, and forget all else; raises `BadConfiguration` if that map's grid was another."""
+        """Know what another map knew, and forget all else; raises `BadConfiguration` if that map's
+        grid was another."""
         if state.spec != self.spec:
             raise BadConfiguration(
                 f"the stored map covers {state.spec.extent()} in cells of {state.spec.resolution_m:g} m, "
@@ -174,25 +226,12 @@ class PointMap:
         self._unsure = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         explored = self.explored
-        explored.measured, explored.looked, explored.trodden = (
+        explored.measured, explored.looked, explored.driven = (
             mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
         )
         explored.volume = state.volume.copy()
         self.layers.rebuild(self._points, state.prior.bools)
         self.version += 1
-
-    def grid(self, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
-        """The layers under the given list and zones: whatever was ever seen counts, whenever the list was edited."""
-        self.use(beware)
-        drawn, wide = self.layers.drawn(tuple(zones))
-        return OccupancyGrid(
-            spec=self.spec,
-            geometric=self.layers.bools(NOTHING),
-            beware={entry.class_id: self.layers.bools(entry.class_id) for entry in beware.enabled},
-            margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
-            zones=drawn,
-            wide_zones=wide,
-        )
 
     def use(self, beware: BewareList) -> None:
         """Count, from now on and in all that was seen, only points as sure as the list wants them."""
@@ -210,13 +249,15 @@ class PointMap:
 
     @property
     def memory_mb(self) -> float:
-        """Of the points; `MappingConfig.budget_mb` bounds it unless every cell and class is down to one point."""
+        """Of the points; `MappingConfig.budget_mb` bounds it unless every cell and class is down to
+        one point."""
         return self._points.bytes_used / 1e6
 
     def _pose_id_of(self, pose: Pose2) -> int:
         near = bool(self._poses) and (
             self._poses[-1].distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
-            and abs(wrap_angle(pose.yaw_rad - self._poses[-1].yaw_rad)) < math.radians(self._rules.pose_spacing_deg)
+            and abs(wrap_angle(pose.yaw_rad - self._poses[-1].yaw_rad))
+            < math.radians(self._rules.pose_spacing_deg)
         )
         if not near:
             self._poses.append(pose)
@@ -257,16 +298,21 @@ class PointMap:
             pose_id,
         )
 
-    def _records(self, seen: Observation | MapPoints, pose_ids: int | npt.NDArray[np.int32]) -> Records:
+    def _records(
+        self, seen: Observation | MapPoints, pose_ids: int | npt.NDArray[np.int32]
+    ) -> Records:
         new = np.zeros(len(seen.class_ids), dtype=POINT)
         new["x"], new["y"], new["z"] = seen.points_map.T
         new["r"], new["g"], new["b"] = seen.rgb.T
         new["class_id"], new["confidence"] = seen.class_ids, seen.confidence
         new["range_m"], new["pose_id"] = seen.range_m, pose_ids
         new["level"] = levels_of(new["z"])
-        # A point measured a rounding error inside the border may be stored a rounding error outside.
+        # A point measured a rounding error inside the border may be stored a rounding error
+        # outside.
         rows, cols = self._rows_cols(new)
-        new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(cols, 0, self.spec.cols - 1)
+        new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(
+            cols, 0, self.spec.cols - 1
+        )
         return new
 
     def _placed(self, records: Records) -> Records:
@@ -278,17 +324,24 @@ class PointMap:
 
     def _rows_cols(self, records: Records) -> tuple[Indices, Indices]:
         spec = self.spec
-        rows = np.floor((records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
-        cols = np.floor((records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
+        rows = np.floor(
+            (records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m
+        ).astype(np.int64)
+        cols = np.floor(
+            (records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m
+        ).astype(np.int64)
         return rows, cols
 
     def _keep_to_budget(self) -> None:
-        """Thin the older half of the points, then all of them; a cell never loses its last point of a class."""
+        """Thin the older half of the points, then all of them; a cell never loses its last point of
+        a class."""
         for share in (0.5, 1.0):
             if self.memory_mb <= self._rules.budget_mb or self._over_budget:
                 return
             newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
-            self._points.remove(coarse_doubles(self._points.records, self._points.count, self._points.first, newest))
+            self._points.remove(
+                coarse_doubles(self._points.records, self._points.count, self._points.first, newest)
+            )
         self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
 
 

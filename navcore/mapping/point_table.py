@@ -1,6 +1,8 @@
-"""The points of the global map, as a value and as a live table in which the points of a cell are chained together.
+"""The points of the global map, as a value and as a live table in which the points of a cell are
+chained together.
 
-With the chain of a cell at hand, whatever happens to the map costs as much as the cells it happens to, however large the map.
+With the chain of a cell at hand, whatever happens to the map costs as much as the cells it happens
+to, however large the map.
 """
 
 from __future__ import annotations
@@ -34,8 +36,9 @@ POINT = np.dtype(
     ],
     align=True,
 )
-"""A point of the map, 40 bytes: where, how far from the camera, how sure, seen from which pose; its cell (row · cols + col),
-the next point of the cell plus one (0: none), colour, class and height bin."""
+"""A point of the map, 40 bytes: where, how far from the camera, how sure, seen from which pose; its
+cell (row · cols + col), the next point of the cell plus one (0: none), colour, class and height
+bin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,18 +60,21 @@ class MapPoints:
 
 
 class PointTable:
-    """The live points. Only the first `count` records count; a voxel holds at most one point of a class."""
+    """The live points. Only the first `count` records count; a voxel holds at most one point of a
+    class."""
 
     def __init__(self, cells: int) -> None:
         """For a grid of so many cells."""
         self.count = 0
         self.records: Records = np.zeros(0, dtype=POINT)
-        # Pages that nothing was ever written to cost no memory: a large map is paid for where there is something on it.
+        # Pages that nothing was ever written to cost no memory: a large map is paid for where there
+        # is something on it.
         self.first: Cells = np.zeros(cells, dtype=np.int32)
         """(cells,) the first point of each cell plus one, 0 where there is none."""
 
     def add(self, new: Records, *, one_per_cell: bool = False) -> bool:
-        """Put in points whose voxel holds none of their class; else the surer of the two counts. Whether any became surer.
+        """Put in points whose voxel holds none of their class; else the surer of the two counts.
+        Whether any became surer.
 
         With `one_per_cell` a cell that holds a point of the class takes no other.
         """
@@ -78,7 +84,9 @@ class PointTable:
 
     def remove(self, indices: npt.NDArray[np.int64]) -> None:
         """Take points out; the last ones take their places."""
-        self.count = _remove(self.records, self.count, self.first, np.sort(indices)[::-1].astype(np.int64))
+        self.count = _remove(
+            self.records, self.count, self.first, np.sort(indices)[::-1].astype(np.int64)
+        )
 
     @property
     def live(self) -> Records:
@@ -116,7 +124,9 @@ def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
 
 
 @compiled
-def _add(records: Records, count: int, first: Cells, new: Records, one_per_cell: bool) -> tuple[int, bool]:
+def _add(
+    records: Records, count: int, first: Cells, new: Records, one_per_cell: bool
+) -> tuple[int, bool]:
     raised = False
     for index in range(len(new)):
         cell, class_id, level = new[index].cell, new[index].class_id, new[index].level
@@ -173,10 +183,11 @@ def refresh_planes(
     class_ids: npt.NDArray[np.uint8],
     planes: BitPlanes,
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-    """Make the bits of (N,) cells anew in the plane of each class; returns class and cell of every bit that changed.
+    """Make the bits of (N,) cells anew in the plane of each class; returns class and cell of every
+    bit that changed.
 
-    A cell is occupied in a class when it holds a point of it that is at least as sure as `least` (64,) says, and in class 0
-    also where the `prior` map has something.
+    A cell is occupied in a class when it holds a point of it that is at least as sure as `least`
+    (64,) says, and in class 0 also where the `prior` map has something.
     """
     changed_class = np.empty(len(cells) * len(class_ids), dtype=np.uint8)
     changed_cell = np.empty(len(cells) * len(class_ids), dtype=np.int64)
@@ -204,7 +215,8 @@ def refresh_planes(
 def points_in(
     first: Cells, records: Records, cells: npt.NDArray[np.int64], kinds: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.int64]:
-    """Indices of the points in (N,) cells, each named once, whose class is among `kinds`, (256,) by class id."""
+    """Indices of the points in (N,) cells, each named once, whose class is among `kinds`, (256,) by
+    class id."""
     total = 0
     for cell in cells:
         at = first[cell]
@@ -223,8 +235,11 @@ def points_in(
 
 
 @compiled
-def coarse_doubles(records: Records, count: int, first: Cells, newest_pose_id: int) -> npt.NDArray[np.int64]:
-    """Indices of points up to a pose ID that share cell and class with another: all but one of each cell, the surest."""
+def coarse_doubles(
+    records: Records, count: int, first: Cells, newest_pose_id: int
+) -> npt.NDArray[np.int64]:
+    """Indices of points up to a pose ID that share cell and class with another: all but one of each
+    cell, the surest."""
     found = np.empty(count, dtype=np.int64)
     found_count = 0
     for index in range(count):

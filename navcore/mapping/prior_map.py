@@ -1,4 +1,5 @@
-"""A map that was known before: laid on the navigator's grid, as a layer that no camera frame changes."""
+"""A map that was known before: laid on the navigator's grid, as a layer that no camera frame
+changes."""
 
 from __future__ import annotations
 
@@ -10,18 +11,35 @@ from navcore.formats.nav2_map import Nav2Map, State
 from navcore.grid.grid import BoolGrid, GridSpec
 
 SLIVER = 1e-6
-"""Overlaps narrower than this share of a cell are rounding: two equal grids that meet exactly must not grow each other."""
+"""Overlaps narrower than this share of a cell are rounding: two equal grids that meet exactly must
+not grow each other."""
 
 
 def prior_layer(prior: Nav2Map, spec: GridSpec) -> BoolGrid:
-    """(rows, cols) of `spec`, read-only: a cell is occupied if an occupied pixel of the map covers any part of it.
+    """(rows, cols) of `spec`, read-only: a cell is occupied if an occupied pixel of the map covers
+    any part of it.
 
-    The map may have another resolution and lie elsewhere; what it shows beyond the grid is left out, and cells beyond the map
-    are not occupied. Raises `BadGeometry` if the two have nothing in common.
+    The map may have another resolution and lie elsewhere; what it shows beyond the grid is left
+    out, and cells beyond the map are not occupied. Raises `BadGeometry` if the two have nothing in
+    common.
     """
     source = prior.spec
-    rows = _overlaps(spec.origin_y_m, spec.rows, spec.resolution_m, source.origin_y_m, source.rows, source.resolution_m)
-    cols = _overlaps(spec.origin_x_m, spec.cols, spec.resolution_m, source.origin_x_m, source.cols, source.resolution_m)
+    rows = _overlaps(
+        spec.origin_y_m,
+        spec.rows,
+        spec.resolution_m,
+        source.origin_y_m,
+        source.rows,
+        source.resolution_m,
+    )
+    cols = _overlaps(
+        spec.origin_x_m,
+        spec.cols,
+        spec.resolution_m,
+        source.origin_x_m,
+        source.cols,
+        source.resolution_m,
+    )
     if not ((rows[0] < rows[1]).any() and (cols[0] < cols[1]).any()):
         raise BadGeometry(
             f"the prior map covers {source.extent()}, the grid {spec.extent()}: they do not meet; check the map's origin"
@@ -38,7 +56,8 @@ Indices = npt.NDArray[np.int64]
 def _overlaps(
     origin_m: float, count: int, side_m: float, source_m: float, sources: int, source_side_m: float
 ) -> tuple[Indices, Indices]:
-    """For each of `count` cells along one axis the first source cell that it overlaps, and the one after the last."""
+    """For each of `count` cells along one axis the first source cell that it overlaps, and the one
+    after the last."""
     edges = (origin_m - source_m + np.arange(count + 1) * side_m) / source_side_m
     sliver = SLIVER * max(1.0, side_m / source_side_m)
     first, last = np.floor(edges[:-1] + sliver), np.ceil(edges[1:] - sliver)
@@ -46,11 +65,14 @@ def _overlaps(
 
 
 def _any_of(mask: BoolGrid, first: Indices, last: Indices) -> BoolGrid:
-    """(len(first), cols): line k is True where any of the lines first[k] … last[k]-1 of the mask is."""
+    """(len(first), cols): line k is True where any of the lines first[k] … last[k]-1 of the mask
+    is."""
     lines = np.zeros((len(first), mask.shape[1]), dtype=np.bool_)
     some = first < last
     if some.any():
         # `reduceat` takes ends below the number of lines only, so there is one more.
         padded = np.vstack([mask, np.zeros((1, mask.shape[1]), dtype=np.bool_)])
-        lines[some] = np.logical_or.reduceat(padded, np.column_stack([first[some], last[some]]).ravel(), axis=0)[::2]
+        lines[some] = np.logical_or.reduceat(
+            padded, np.column_stack([first[some], last[some]]).ravel(), axis=0
+        )[::2]
     return lines

@@ -1,4 +1,5 @@
-"""Which space the camera has looked into: along every line of sight up to what it ended at, and nothing behind it."""
+"""Which space the camera has looked into: along every line of sight up to what it ended at, and
+nothing behind it."""
 
 from __future__ import annotations
 
@@ -21,11 +22,20 @@ SPARSE = 3
 """… and for the volume, whose blocks are larger, one of so many of these in columns and rows."""
 
 
-def look(frame: Frame, spec: GridSpec, *, max_range_m: float, ceiling_m: float, looked: BitPlane, volume: BitPlane) -> None:
+def look(
+    frame: Frame,
+    spec: GridSpec,
+    *,
+    max_range_m: float,
+    ceiling_m: float,
+    looked: BitPlane,
+    volume: BitPlane,
+) -> None:
     """Note what lies between the camera and what it measured.
 
-    `looked`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling. `volume`: uint64 of
-    (⌈rows / 4⌉, ⌈cols / 4⌉) blocks, a bit for each height bin that a line of sight passed through.
+    `looked`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling.
+    `volume`: uint64 of (⌈rows / 4⌉, ⌈cols / 4⌉) blocks, a bit for each height bin that a line of
+    sight passed through.
     """
     lens = frame.intrinsics
     place = np.array([spec.origin_x_m, spec.origin_y_m, spec.resolution_m, max_range_m, ceiling_m])

@@ -1,7 +1,8 @@
 """Which voxels a depth picture measures: a grid cell × 5 cm of height above the ground.
 
-The picture is gone through row by row. A row's voxels are worked out in vectors; then only those pixels are looked at that show
-another voxel than the pixel before them, about every sixth. So most of the time goes into arithmetic on what lies in the cache.
+The picture is gone through row by row. A row's voxels are worked out in vectors; then only those
+pixels are looked at that show another voxel than the pixel before them, about every sixth. So most
+of the time goes into arithmetic on what lies in the cache.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from navcore.robot.frame import Frame
 HEIGHT_BINS = 64
 BIN_M = 0.05
 LOWEST_M = -0.425
-"""Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin, not the border of two."""
+"""Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin,
+not the border of two."""
 
 Box = tuple[int, int, int, int]
 """First row and column of some cells of the grid, and those after the last."""
@@ -38,7 +40,8 @@ class DepthView:
     depth_m: Image
     """(H, W) as the camera measured it."""
     ground_m: Image
-    """(H, W) height of the ground below each pixel, or (1, W) for all rows alike, above the plane on which the robot stands."""
+    """(H, W) height of the ground below each pixel, or (1, W) for all rows alike, above the plane
+    on which the robot stands."""
     affine: npt.NDArray[np.float32]
     """(3, 4) from optical coordinates to columns and rows of the box, and metres of height."""
     across: npt.NDArray[np.float32]
@@ -57,22 +60,32 @@ class DepthView:
 
 
 def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
-    """(top, left, bottom, right) cells of the grid within which everything lies that the camera can measure; may be empty."""
+    """(top, left, bottom, right) cells of the grid within which everything lies that the camera can
+    measure; may be empty."""
     lens = frame.intrinsics
     a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
     b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
     corners = max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
     points = corners @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]
-    (top, left), (bottom, right) = (spec.cell(*points[:, :2].min(axis=0)), spec.cell(*points[:, :2].max(axis=0)))
+    (top, left), (bottom, right) = (
+        spec.cell(*points[:, :2].min(axis=0)),
+        spec.cell(*points[:, :2].max(axis=0)),
+    )
     return max(top, 0), max(left, 0), min(bottom + 1, spec.rows), min(right + 1, spec.cols)
 
 
-def depth_view(frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None) -> DepthView:
-    """The frame's picture over the grid; without `ground_m` the ground is the plane on which the robot stands."""
+def depth_view(
+    frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None
+) -> DepthView:
+    """The frame's picture over the grid; without `ground_m` the ground is the plane on which the
+    robot stands."""
     lens, t, box = frame.intrinsics, frame.T_map_camera, frustum_box(frame, spec, max_range_m)
     cells = 1.0 / spec.resolution_m
     affine = t[:3].copy()
-    affine[:2, 3] -= (spec.origin_x_m + box[1] * spec.resolution_m, spec.origin_y_m + box[0] * spec.resolution_m)
+    affine[:2, 3] -= (
+        spec.origin_x_m + box[1] * spec.resolution_m,
+        spec.origin_y_m + box[0] * spec.resolution_m,
+    )
     affine[:2] *= cells
     return DepthView(
         depth_m=frame.depth_m,
@@ -86,7 +99,8 @@ def depth_view(frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image
 
 
 class _Scratch(threading.local):
-    """A counter for every voxel of a box, all 0 between two uses: clearing what was touched beats asking for new memory."""
+    """A counter for every voxel of a box, all 0 between two uses: clearing what was touched beats
+    asking for new memory."""
 
     def __init__(self) -> None:
         self.counts: npt.NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
@@ -103,10 +117,12 @@ _scratch = _Scratch()
 def measured_voxels(
     looked: DepthView, limits_m: tuple[float, float, float], min_support: int
 ) -> tuple[Pixels, npt.NDArray[np.uint64]]:
-    """One pixel of each voxel where something stands or the ground drops, and what of the box was measured at all.
+    """One pixel of each voxel where something stands or the ground drops, and what of the box was
+    measured at all.
 
-    Something stands where enough pixels lie between the first two limits, the ground drops where they lie below the third. The
-    second array is (rows · columns of the box,) with a bit for each height bin.
+    Something stands where enough pixels lie between the first two limits, the ground drops where
+    they lie below the third. The second array is (rows · columns of the box,) with a bit for each
+    height bin.
     """
     rows, cols = looked.shape
     seen = np.zeros(rows * cols + 1, dtype=np.uint64)  # one more, for what was not measured
@@ -114,18 +130,25 @@ def measured_voxels(
         return np.empty(0, dtype=np.int32), seen[:0]
     limits = np.array([*limits_m, looked.max_range_m], dtype=np.float32)
     rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
-    pixels = _measured(*rays, rows, cols, limits, seen, _scratch.room(rows * cols * HEIGHT_BINS), min_support)
+    pixels = _measured(
+        *rays, rows, cols, limits, seen, _scratch.room(rows * cols * HEIGHT_BINS), min_support
+    )
     return pixels, seen[:-1]
 
 
-def voxels_of(looked: DepthView, pixels: npt.NDArray[np.int64], high_m: float, min_support: int) -> Pixels:
-    """One pixel of each voxel in which enough of the (N,) ascending `pixels` lie, below `high_m` above the ground."""
+def voxels_of(
+    looked: DepthView, pixels: npt.NDArray[np.int64], high_m: float, min_support: int
+) -> Pixels:
+    """One pixel of each voxel in which enough of the (N,) ascending `pixels` lie, below `high_m`
+    above the ground."""
     rows, cols = looked.shape
     if not rows * cols:
         return np.empty(0, dtype=np.int32)
     limits = np.array([-np.inf, high_m, -np.inf, looked.max_range_m], dtype=np.float32)
     rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
-    return _supported(*rays, rows, cols, limits, pixels, _scratch.room(rows * cols * HEIGHT_BINS), min_support)
+    return _supported(
+        *rays, rows, cols, limits, pixels, _scratch.room(rows * cols * HEIGHT_BINS), min_support
+    )
 
 
 @inlined
@@ -140,11 +163,18 @@ def _row(
     limits: npt.NDArray[np.float32],
     codes: npt.NDArray[np.int32],
 ) -> None:
-    """Of each pixel of a row twice its voxel, cell · 64 + height bin, plus one if it is as high as asked for; −1 for none.
+    """Of each pixel of a row twice its voxel, cell · 64 + height bin, plus one if it is as high as
+    asked for; −1 for none.
 
-    Without a branch and without doubles, so that the compiler makes vectors of it. The first code is left for a sentinel.
+    Without a branch and without doubles, so that the compiler makes vectors of it. The first code
+    is left for a sentinel.
     """
-    zero, bins, lowest_m, levels = np.float32(0), np.float32(1.0 / BIN_M), np.float32(LOWEST_M), np.float32(HEIGHT_BINS)
+    zero, bins, lowest_m, levels = (
+        np.float32(0),
+        np.float32(1.0 / BIN_M),
+        np.float32(LOWEST_M),
+        np.float32(HEIGHT_BINS),
+    )
     x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
     x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
     x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
@@ -157,17 +187,26 @@ def _row(
         level = (z - lowest_m) * bins
         # The deeper a drop, the worse: what lies below the lowest bin is in that one.
         level = zero if (z < deep) & (level < zero) else level
-        # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would be a branch.
+        # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would
+        # be a branch.
         inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (level >= zero)
         inside &= (x < wide) & (y < long) & (level < levels)
         counts = ((low < z) & (z < high)) | (z < deep)
-        voxel = (np.int32(y) * np.int32(cols) + np.int32(x)) * np.int32(HEIGHT_BINS) + np.int32(level)
+        voxel = (np.int32(y) * np.int32(cols) + np.int32(x)) * np.int32(HEIGHT_BINS) + np.int32(
+            level
+        )
         codes[j + 1] = voxel * np.int32(2) + np.int32(counts) if inside else np.int32(-1)
 
 
 @inlined
-def _starts(codes: npt.NDArray[np.int32], changed: npt.NDArray[np.uint8], starts: npt.NDArray[np.int32], width: int) -> int:
-    """How many runs of one code a row has; writes where each begins, and after the last where the row ends."""
+def _starts(
+    codes: npt.NDArray[np.int32],
+    changed: npt.NDArray[np.uint8],
+    starts: npt.NDArray[np.int32],
+    width: int,
+) -> int:
+    """How many runs of one code a row has; writes where each begins, and after the last where the
+    row ends."""
     for j in range(width):
         changed[j] = codes[j + 1] != codes[j]
     bytes_, count = changed.view(np.uint64), 0
@@ -202,7 +241,11 @@ def _measured(
     codes, changed = np.full(width + 1, -2, dtype=np.int32), np.zeros(64 * words, dtype=np.uint8)
     starts, tall = np.empty(width + 1, dtype=np.int32), np.empty(width + 1, dtype=np.int32)
     outside = np.uint32(rows * cols * HEIGHT_BINS)
-    touched, pixels, count = np.empty(height * width, dtype=np.int32), np.empty(height * width, dtype=np.int32), 0
+    touched, pixels, count = (
+        np.empty(height * width, dtype=np.int32),
+        np.empty(height * width, dtype=np.int32),
+        0,
+    )
     for i in range(height):
         ground = ground_m[i if len(ground_m) > 1 else 0]
         _row(depth_m[i], ground, across, down[i], t, rows, cols, limits, codes)
@@ -239,7 +282,11 @@ def _supported(
 ) -> Pixels:
     width = depth_m.shape[1]
     codes, row = np.full(width + 1, -2, dtype=np.int32), -1
-    touched, pixels, count = np.empty(len(some), dtype=np.int32), np.empty(len(some), dtype=np.int32), 0
+    touched, pixels, count = (
+        np.empty(len(some), dtype=np.int32),
+        np.empty(len(some), dtype=np.int32),
+        0,
+    )
     for pixel in some:
         if pixel // width != row:
             row = pixel // width
@@ -257,7 +304,9 @@ def _supported(
 
 
 @compiled
-def _enough(touched: Pixels, pixels: Pixels, counts: npt.NDArray[np.uint8], min_support: int) -> Pixels:
+def _enough(
+    touched: Pixels, pixels: Pixels, counts: npt.NDArray[np.uint8], min_support: int
+) -> Pixels:
     """The pixels of those voxels that were counted often enough; the counters are 0 again."""
     found = 0
     for index in range(len(touched)):

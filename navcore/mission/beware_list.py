@@ -1,7 +1,9 @@
-"""The beware list: what the operator says must not be touched, and how sure the robot must be of it.
+"""The beware list: what the operator says must not be touched, and how sure the robot must be of
+it.
 
-One immutable, versioned value. The segmenter labels pixels with the entries' class ids whether or not an entry is enabled;
-the map keeps every class it ever saw. So an edit of the list acts at once on everything seen before.
+One immutable, versioned value. The segmenter labels pixels with the entries' class ids whether or
+not an entry is enabled; the map keeps every class it ever saw. So an edit of the list acts at once
+on everything seen before.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from navcore.errors import BadConfiguration
 from navcore.toml_config import from_table, ranged, read_toml
 
 NOTHING = 0
-"""Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle."""
+"""Class id of a pixel that shows nothing of the list; on the map, of a purely geometric obstacle.
+"""
 PERSON = "person"
 """What the list calls people."""
 LARGEST_CLASS_ID = 62
@@ -36,9 +39,11 @@ class ColourRule:
     min_value: float = ranged(0.0, 1.0, default=0.2)
     """Least brightness, 0 (black) to 1."""
     max_height_m: float = ranged(0.0, 3.0, default=0.05)
-    """Only points up to this height above the floor: a marking is flat, a red chair is no red zone."""
+    """Only points up to this height above the floor: a marking is flat, a red chair is no red zone.
+    """
     fallback: bool = False
-    """Only while no network knows the class: a blue chair leg is a cup to a rule, and need not be one to a network."""
+    """Only while no network knows the class: a blue chair leg is a cup to a rule, and need not be
+    one to a network."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,15 +63,19 @@ class BewareClass:
     colour: ColourRule | None = None
     """The rule that finds it by colour; None when only a network can."""
     min_height_m: float | None = ranged(0.01, 2.0, default=None)
-    """What a thing of this class rises above the floor at least; what is flat is a picture of it. None when it may be flat."""
+    """What a thing of this class rises above the floor at least; what is flat is a picture of it.
+    None when it may be flat."""
     max_height_m: float | None = ranged(0.01, 2.0, default=None)
-    """How high a thing of this class is at most; what has something higher right above it is a part of that, as the foot of a
-    chair, and that is in the way itself. None for a thing that may be as high as any."""
+    """How high a thing of this class is at most; what has something higher right above it is a part
+    of that, as the foot of a chair, and that is in the way itself. None for a thing that may be as
+    high as any."""
     min_size_m: float | None = ranged(0.01, 2.0, default=None)
-    """What is seen of a thing of this class at once is at least so long; a speck is none, whether a network or a rule of colour
-    sees it: floors have red grains, and pictures noise. None for any size."""
+    """What is seen of a thing of this class at once is at least so long; a speck is none, whether a
+    network or a rule of colour sees it: floors have red grains, and pictures noise. None for any
+    size."""
     label: str | None = None
-    """What the console calls it, in the operator's language; the English name when there is none."""
+    """What the console calls it, in the operator's language; the English name when there is none.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +87,8 @@ class BewareList:
     version: int = 0
     """Grows by one with every edit."""
     retired: tuple[tuple[str, int], ...] = ()
-    """Name and class id of entries that were taken off it: the map may still hold what was seen of them."""
+    """Name and class id of entries that were taken off it: the map may still hold what was seen of
+    them."""
 
     def __post_init__(self) -> None:
         for what in ("name", "class_id"):
@@ -103,7 +113,9 @@ class BewareList:
     @property
     def names(self) -> dict[int, str]:
         """What class ids mean, of entries that were taken off it, too."""
-        return {class_id: name for name, class_id in self.retired} | {entry.class_id: entry.name for entry in self.classes}
+        return {class_id: name for name, class_id in self.retired} | {
+            entry.class_id: entry.name for entry in self.classes
+        }
 
     @property
     def people_ids(self) -> list[int]:
@@ -111,37 +123,49 @@ class BewareList:
         return [entry.class_id for entry in self.classes if entry.name == PERSON]
 
     def edited(self, name: str, /, **changes: object) -> BewareList:
-        """The next version, with fields of one entry changed; raises `BadConfiguration` for an unknown key or a bad value."""
+        """The next version, with fields of one entry changed; raises `BadConfiguration` for an
+        unknown key or a bad value."""
         if "class_id" in changes:
             raise BadConfiguration(f"beware list: {name}: class_id stays with the name for ever")
         merged = {**as_table(self.named(name)), **changes}
-        table = {key: value for key, value in merged.items() if value is not None or key not in OPTIONAL}
+        table = {
+            key: value for key, value in merged.items() if value is not None or key not in OPTIONAL
+        }
         checked = from_table(BewareClass, table, f"beware list: {name}")
         return self.replaced(checked if other.name == name else other for other in self.classes)
 
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
-        """The next version, with other entries; id and name stay together, for the map remembers ids."""
+        """The next version, with other entries; id and name stay together, for the map remembers
+        ids."""
         classes = tuple(classes)
         names = self.names
         ids = {name: class_id for class_id, name in names.items()}
         for entry in classes:
             if names.get(entry.class_id, entry.name) != entry.name:
-                raise BadConfiguration(f"beware list: class_id {entry.class_id} belongs to {names[entry.class_id]!r} for ever")
+                raise BadConfiguration(
+                    f"beware list: class_id {entry.class_id} belongs to {names[entry.class_id]!r} for ever"
+                )
             if ids.get(entry.name, entry.class_id) != entry.class_id:
-                raise BadConfiguration(f"beware list: {entry.name!r} has class_id {ids[entry.name]} for ever")
+                raise BadConfiguration(
+                    f"beware list: {entry.name!r} has class_id {ids[entry.name]} for ever"
+                )
         kept = {entry.name for entry in classes}
         retired = tuple((name, class_id) for name, class_id in ids.items() if name not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
 
 
 def as_table(entry: BewareClass) -> dict[str, object]:
-    """The entry as plain values, as a TOML table or JSON object would give it; without what is None."""
+    """The entry as plain values, as a TOML table or JSON object would give it; without what is
+    None."""
     return {key: value for key, value in dataclasses.asdict(entry).items() if value is not None}
 
 
 def as_toml(beware: BewareList) -> str:
     """The list as a document that `load_beware_list` reads."""
-    tables = ([f"{key} = {_toml(value)}" for key, value in as_table(entry).items()] for entry in beware.classes)
+    tables = (
+        [f"{key} = {_toml(value)}" for key, value in as_table(entry).items()]
+        for entry in beware.classes
+    )
     return "\n".join("\n".join(["[[beware]]", *lines, ""]) for lines in tables)
 
 
@@ -150,7 +174,8 @@ def _toml(value: object) -> str:
         return "{ " + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(map(_toml, value)) + "]"
-    # JSON's strings, booleans and numbers are TOML's too, but for the one control character that JSON leaves as it is.
+    # JSON's strings, booleans and numbers are TOML's too, but for the one control character that
+    # JSON leaves as it is.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -1,4 +1,5 @@
-"""The operator's goals, in order, and whether the robot may drive to them. A value with its transitions."""
+"""The operator's goals, in order, and whether the robot may drive to them. A value with its
+transitions."""
 
 from __future__ import annotations
 
@@ -67,7 +68,15 @@ class Mission:
         """Where the robot may drive now; None unless it is driving."""
         return self.queue[0] if self.phase is Phase.DRIVING else None
 
-    def add(self, x_m: float, y_m: float, spec: GridSpec, *, yaw_rad: float | None = None, name: str = "") -> Mission:
+    def add(
+        self,
+        x_m: float,
+        y_m: float,
+        spec: GridSpec,
+        *,
+        yaw_rad: float | None = None,
+        name: str = "",
+    ) -> Mission:
         """Queue one more goal; raises `BadGeometry` outside the map."""
         if len(self.queue) >= MAX_GOALS:
             raise Refused(f"the queue is full, at most {MAX_GOALS} goals wait")
@@ -75,15 +84,20 @@ class Mission:
         return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
 
     def change(self, goal: Goal, spec: GridSpec) -> Mission:
-        """Put a goal in the place of the waiting one with its id; raises `BadGeometry` outside the map."""
+        """Put a goal in the place of the waiting one with its id; raises `BadGeometry` outside the
+        map."""
         self.waiting(goal.id)
         goal = checked(goal, spec)
-        return dataclasses.replace(self, queue=tuple(goal if old.id == goal.id else old for old in self.queue))
+        return dataclasses.replace(
+            self, queue=tuple(goal if old.id == goal.id else old for old in self.queue)
+        )
 
     def reorder(self, ids: Sequence[int]) -> Mission:
         """Let the waiting goals be driven to in this order; every one has to be named once."""
         if sorted(ids) != sorted(goal.id for goal in self.queue):
-            raise Refused("the order has to name every waiting goal once; the queue has changed meanwhile, look again")
+            raise Refused(
+                "the order has to name every waiting goal once; the queue has changed meanwhile, look again"
+            )
         return dataclasses.replace(self, queue=tuple(self.waiting(goal_id) for goal_id in ids))
 
     def repeat(self, loop: bool) -> Mission:
@@ -93,8 +107,12 @@ class Mission:
     def refill(self, goals: Sequence[Goal], spec: GridSpec, *, loop: bool) -> Mission:
         """These goals, under new ids, in the place of those that wait; only while standing."""
         if self.phase in (Phase.DRIVING, Phase.LEAVING):
-            raise Refused(f"the mission is {self.phase}; pause or cancel it before another is loaded")
-        empty = dataclasses.replace(self, queue=(), phase=Phase.IDLE, reached=(), loop=loop, cancelled=False)
+            raise Refused(
+                f"the mission is {self.phase}; pause or cancel it before another is loaded"
+            )
+        empty = dataclasses.replace(
+            self, queue=(), phase=Phase.IDLE, reached=(), loop=loop, cancelled=False
+        )
         for goal in goals:
             empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
         return empty
@@ -166,9 +184,12 @@ class Mission:
 
 
 def checked(goal: Goal, spec: GridSpec) -> Goal:
-    """The goal with its heading in (-π, π]; raises `BadGeometry` outside the map and for a heading that is none."""
+    """The goal with its heading in (-π, π]; raises `BadGeometry` outside the map and for a heading
+    that is none."""
     if not spec.contains(goal.x_m, goal.y_m):
-        raise BadGeometry(f"goal ({goal.x_m:g}, {goal.y_m:g}) lies outside the map, {spec.extent()}")
+        raise BadGeometry(
+            f"goal ({goal.x_m:g}, {goal.y_m:g}) lies outside the map, {spec.extent()}"
+        )
     if goal.yaw_rad is None:
         return goal
     if not math.isfinite(goal.yaw_rad):

@@ -21,4 +21,5 @@ class NavigationRequest:
     goal_yaw_rad: float | None = None
     """Heading in the map frame to stand in at the goal; None for any."""
     leave: bool = False
-    """Whether to leave the beware area that the robot stands in, by the shortest way; then there is no goal."""
+    """Whether to leave the beware area that the robot stands in, by the shortest way; then there is
+    no goal."""

@@ -1,5 +1,5 @@
-"""Zones: areas that an operator draws on the map. A keep-out is as hard as a wall for every stage downstream; where a speed
-limit holds the robot may go, but slowly (`speed_limits.py`)."""
+"""Zones: areas that an operator draws on the map. A keep-out is as hard as a wall for every stage
+downstream; where a speed limit holds the robot may go, but slowly (`speed_limits.py`)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ class Zone:
     colour: str | None = None
     """`#rrggbb` that the operator gave it; None for the console's own."""
     expires_at_s: float | None = None
-    """When it is switched off by itself, seconds since 1970 (UTC) by the robot's calendar clock; None for never."""
+    """When it is switched off by itself, seconds since 1970 (UTC) by the robot's calendar clock;
+    None for never."""
     drawn: Shape | None = None
     """What the polygon was made of; None for one that was drawn corner by corner."""
 
@@ -75,9 +76,12 @@ class Zone:
 
 
 def check_rules(zone: Zone) -> None:
-    """Raise `BadGeometry` with the first of a zone's values, other than its outline, that is out of range."""
+    """Raise `BadGeometry` with the first of a zone's values, other than its outline, that is out of
+    range."""
     if not 0 <= zone.margin_m <= MAX_ZONE_MARGIN_M:
-        raise BadGeometry(f"zone margin {zone.margin_m:g} m is out of range, allowed 0 to {MAX_ZONE_MARGIN_M:g} m")
+        raise BadGeometry(
+            f"zone margin {zone.margin_m:g} m is out of range, allowed 0 to {MAX_ZONE_MARGIN_M:g} m"
+        )
     if zone.colour is not None and COLOUR.fullmatch(zone.colour) is None:
         raise BadGeometry("zone colour must be #rrggbb in small hexadecimal digits")
     if (zone.kind is ZoneKind.SPEED_LIMIT) != (zone.max_speed_mps is not None):
@@ -88,8 +92,11 @@ def check_rules(zone: Zone) -> None:
         )
 
 
-def cells_of(zones: Iterable[Zone], spec: GridSpec) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
-    """The cells of those zones that are closed: (rows, cols) of all without a margin, and (margin, (rows, cols)) of others."""
+def cells_of(
+    zones: Iterable[Zone], spec: GridSpec
+) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
+    """The cells of those zones that are closed: (rows, cols) of all without a margin, and (margin,
+    (rows, cols)) of others."""
     plain, wide = np.zeros((spec.rows, spec.cols), dtype=np.bool_), dict[float, BoolGrid]()
     for zone in zones:
         if not zone.closed:
@@ -102,8 +109,11 @@ def cells_of(zones: Iterable[Zone], spec: GridSpec) -> tuple[BoolGrid, tuple[tup
     return plain, tuple(wide.items())
 
 
-def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[tuple[float, float], ...]:
-    """The corners as a simple polygon on the map, closing corner dropped; raises `BadGeometry` with the reason."""
+def check_polygon(
+    corners: Sequence[Sequence[float]], spec: GridSpec
+) -> tuple[tuple[float, float], ...]:
+    """The corners as a simple polygon on the map, closing corner dropped; raises `BadGeometry` with
+    the reason."""
     if len(corners) > MAX_CORNERS:
         raise BadGeometry(f"zone has {len(corners)} corners, at most {MAX_CORNERS} are allowed")
     if any(len(corner) != 2 for corner in corners):
@@ -114,20 +124,29 @@ def check_polygon(corners: Sequence[Sequence[float]], spec: GridSpec) -> tuple[t
     if len(points) > 1 and points[0] == points[-1]:
         points.pop()
     if len(set(points)) < 3:
-        raise BadGeometry(f"zone has {len(set(points))} distinct corners, a polygon needs at least 3")
+        raise BadGeometry(
+            f"zone has {len(set(points))} distinct corners, a polygon needs at least 3"
+        )
     polygon = Polygon(points)
     if not polygon.is_valid:
-        raise BadGeometry(f"zone outline is not simple: {explain_validity(polygon)}; draw it without crossing itself")
+        raise BadGeometry(
+            f"zone outline is not simple: {explain_validity(polygon)}; draw it without crossing itself"
+        )
     if polygon.area < MIN_AREA_M2:
-        raise BadGeometry(f"zone covers {polygon.area:g} m², at least {MIN_AREA_M2:g} m² are needed")
+        raise BadGeometry(
+            f"zone covers {polygon.area:g} m², at least {MIN_AREA_M2:g} m² are needed"
+        )
     for x_m, y_m in points:
         if not spec.contains(x_m, y_m):
-            raise BadGeometry(f"zone corner ({x_m:g}, {y_m:g}) lies outside the map, {spec.extent()}")
+            raise BadGeometry(
+                f"zone corner ({x_m:g}, {y_m:g}) lies outside the map, {spec.extent()}"
+            )
     return tuple(points)
 
 
 def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone is lost to rounding.
+    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone
+    is lost to rounding.
 
     A part of a map gets the very cells that the whole map gets there.
     """
@@ -141,13 +160,16 @@ def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray
     bottom, right = min(top + cells.shape[0], spec.rows), min(left + cells.shape[1], spec.cols)
     whole = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     if max(top, 0) < bottom and max(left, 0) < right:
-        whole[max(top, 0) : bottom, max(left, 0) : right] = cells[max(-top, 0) : bottom - top, max(-left, 0) : right - left]
+        whole[max(top, 0) : bottom, max(left, 0) : right] = cells[
+            max(-top, 0) : bottom - top, max(-left, 0) : right - left
+        ]
     whole.flags.writeable = False
     return whole
 
 
 def _aligned(origin_m: float, resolution_m: float) -> tuple[int, float]:
-    """Number of the grid's first line of cells, counted from 0 m, and how far off 0 m the counting begins, in cells."""
+    """Number of the grid's first line of cells, counted from 0 m, and how far off 0 m the counting
+    begins, in cells."""
     cells = origin_m / resolution_m
     first = math.floor(cells + 1e-6)
     return first, round(cells - first, 6)
@@ -155,9 +177,13 @@ def _aligned(origin_m: float, resolution_m: float) -> tuple[int, float]:
 
 @lru_cache(maxsize=64)
 def _rasterised(
-    corners_m: tuple[tuple[float, float], ...], resolution_m: float, row_phase: float, col_phase: float
+    corners_m: tuple[tuple[float, float], ...],
+    resolution_m: float,
+    row_phase: float,
+    col_phase: float,
 ) -> tuple[int, int, npt.NDArray[np.bool_]]:
-    """First row, first column and the cells of the polygon's own box: whole maps of zones long gone would fill the memory.
+    """First row, first column and the cells of the polygon's own box: whole maps of zones long gone
+    would fill the memory.
 
     Drawn whole, for what leaves the picture is drawn otherwise at its border.
     """
@@ -176,17 +202,21 @@ def _rasterised(
 
 
 def _cells_in(corners: npt.NDArray[np.float64], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    # fillPoly works on pixel centres with `shift` fractional bits: world metres → cells, where a centre is an integer.
+    # fillPoly works on pixel centres with `shift` fractional bits: world metres → cells, where a
+    # centre is an integer.
     shift = 8
     pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
     fixed = np.round((pixels - 0.5) * (1 << shift)).astype(np.int32)
     mask = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
     cv2.fillPoly(mask, [fixed], 1, shift=shift)
     cv2.polylines(mask, [fixed], True, 1, shift=shift)
-    # Drawn lines are 8-connected and skip cells that the polygon only clips: those are asked one by one.
+    # Drawn lines are 8-connected and skip cells that the polygon only clips: those are asked one by
+    # one.
     rim = np.argwhere((cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8)) > 0) & (mask == 0))
     low = rim[:, ::-1] * spec.resolution_m + np.array([spec.origin_x_m, spec.origin_y_m])
-    squares = shapely.box(low[:, 0], low[:, 1], low[:, 0] + spec.resolution_m, low[:, 1] + spec.resolution_m)
+    squares = shapely.box(
+        low[:, 0], low[:, 1], low[:, 0] + spec.resolution_m, low[:, 1] + spec.resolution_m
+    )
     clipped = rim[shapely.intersects(Polygon(corners), squares)]
     mask[clipped[:, 0], clipped[:, 1]] = 1
     return mask > 0

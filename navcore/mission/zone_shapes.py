@@ -1,6 +1,8 @@
-"""Shapes that an operator draws otherwise than corner by corner, and the polygon that each stands for.
+"""Shapes that an operator draws otherwise than corner by corner, and the polygon that each stands
+for.
 
-The polygon is what binds the robot; the shape is kept beside it so that a circle can be edited as a circle.
+The polygon is what binds the robot; the shape is kept beside it so that a circle can be edited as a
+circle.
 """
 
 from __future__ import annotations
@@ -34,11 +36,14 @@ class Circle:
     """`MIN_RADIUS_M` to `MAX_RADIUS_M`."""
 
     def outline(self) -> Corners:
-        """The polygon around it: no part of the circle is outside. Raises `BadGeometry` where it is no circle."""
+        """The polygon around it: no part of the circle is outside. Raises `BadGeometry` where it is
+        no circle."""
         if not all(map(math.isfinite, self.centre)):
             raise BadGeometry("the circle's centre is not finite; give metres of the map frame")
         if not MIN_RADIUS_M <= self.radius_m <= MAX_RADIUS_M:
-            raise BadGeometry(f"radius {self.radius_m:g} m is out of range, allowed {MIN_RADIUS_M:g} to {MAX_RADIUS_M:g} m")
+            raise BadGeometry(
+                f"radius {self.radius_m:g} m is out of range, allowed {MIN_RADIUS_M:g} to {MAX_RADIUS_M:g} m"
+            )
         (x, y), reach = self.centre, self.radius_m / math.cos(math.pi / CIRCLE_CORNERS)
         angles = [2 * math.pi * i / CIRCLE_CORNERS for i in range(CIRCLE_CORNERS)]
         return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)
@@ -54,20 +59,33 @@ class Corridor:
     """From edge to edge, `MIN_WIDTH_M` to `MAX_WIDTH_M`."""
 
     def outline(self) -> Corners:
-        """The polygon around it. Raises `BadGeometry` for a line that is none or closes around something."""
+        """The polygon around it. Raises `BadGeometry` for a line that is none or closes around
+        something."""
         if len(self.line) > MAX_BENDS:
-            raise BadGeometry(f"the line has {len(self.line)} points, at most {MAX_BENDS} are allowed")
+            raise BadGeometry(
+                f"the line has {len(self.line)} points, at most {MAX_BENDS} are allowed"
+            )
         if not all(math.isfinite(value) for point in self.line for value in point):
-            raise BadGeometry("the line has a point that is not finite; give metres of the map frame")
+            raise BadGeometry(
+                "the line has a point that is not finite; give metres of the map frame"
+            )
         if len(set(self.line)) < 2:
-            raise BadGeometry(f"the line has {len(set(self.line))} distinct points, it needs at least 2")
+            raise BadGeometry(
+                f"the line has {len(set(self.line))} distinct points, it needs at least 2"
+            )
         if not MIN_WIDTH_M <= self.width_m <= MAX_WIDTH_M:
-            raise BadGeometry(f"width {self.width_m:g} m is out of range, allowed {MIN_WIDTH_M:g} to {MAX_WIDTH_M:g} m")
-        strip = LineString(self.line).buffer(self.width_m / 2, cap_style="flat", join_style="round", quad_segs=4)
+            raise BadGeometry(
+                f"width {self.width_m:g} m is out of range, allowed {MIN_WIDTH_M:g} to {MAX_WIDTH_M:g} m"
+            )
+        strip = LineString(self.line).buffer(
+            self.width_m / 2, cap_style="flat", join_style="round", quad_segs=4
+        )
         if not isinstance(strip, Polygon) or strip.is_empty:
             raise BadGeometry("the line makes no connected strip; draw it wider or in parts")
         if strip.interiors:
-            raise BadGeometry("the line closes around something; leave it open, draw two lines, or draw a polygon")
+            raise BadGeometry(
+                "the line closes around something; leave it open, draw two lines, or draw a polygon"
+            )
         return tuple((float(x), float(y)) for x, y in strip.exterior.coords[:-1])
 
 
@@ -75,7 +93,8 @@ Shape = Circle | Corridor
 
 
 def still_drawn(shape: Shape | None, polygon: Corners) -> Shape | None:
-    """The shape, if the polygon is still the one that it stands for; None if its corners were moved since."""
+    """The shape, if the polygon is still the one that it stands for; None if its corners were moved
+    since."""
     if shape is None:
         return None
     outline = shape.outline()

@@ -1,4 +1,5 @@
-"""Label pixels: which of them show something on the beware list (the paper's equation for the mask M_c)."""
+"""Label pixels: which of them show something on the beware list (the paper's equation for the mask
+M_c)."""
 
 from __future__ import annotations
 
@@ -21,9 +22,11 @@ STEEPEST = 0.2
 TALL_M = 0.1
 """What rises by so much more than a marking can is an obstacle, however depth errs."""
 PERSON_SURE = 0.5
-"""So sure a network must be of a person for him to be followed, and for the colour of his shoes to be no floor's."""
+"""So sure a network must be of a person for him to be followed, and for the colour of his shoes to
+be no floor's."""
 UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
-"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds nobody who asks for a half."""
+"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds
+nobody who asks for a half."""
 
 
 ColourMask = tuple[BewareClass, npt.NDArray[np.bool_]]
@@ -31,13 +34,19 @@ ColourMask = tuple[BewareClass, npt.NDArray[np.bool_]]
 
 
 class ColourSegmenter:
-    """Labels by the colour rules of the beware list; where rules overlap, the first that is enabled shows."""
+    """Labels by the colour rules of the beware list; where rules overlap, the first that is enabled
+    shows."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Exact: a pixel fits a rule or it does not, so its confidence is 1."""
         coats = colour_masks(frame, heights_above_floor(frame), beware.classes)
-        shown, hypotheses = topmost_label(coats, frame.depth_m.shape), by_colour(coats, frame.depth_m.shape)
-        return dataclasses.replace(with_full_confidence(shown), hypotheses=hypotheses if len(hypotheses) > 1 else ())
+        shown, hypotheses = (
+            topmost_label(coats, frame.depth_m.shape),
+            by_colour(coats, frame.depth_m.shape),
+        )
+        return dataclasses.replace(
+            with_full_confidence(shown), hypotheses=hypotheses if len(hypotheses) > 1 else ()
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         """A rule, where the entry has one."""
@@ -64,10 +73,14 @@ def by_colour(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> tuple[Labe
     return tuple(map(with_full_confidence, layers))
 
 
-def colour_masks(frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]) -> list[ColourMask]:
-    """Each entry whose colour rule some pixel fits, in their order, and (H, W) which pixels; none higher than the rule allows.
+def colour_masks(
+    frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]
+) -> list[ColourMask]:
+    """Each entry whose colour rule some pixel fits, in their order, and (H, W) which pixels; none
+    higher than the rule allows.
 
-    Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of something of that colour.
+    Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of
+    something of that colour.
     """
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
     coats = []

@@ -1,11 +1,13 @@
-"""How high the ground lies, from one depth picture: a thing's height is measured from the ground below it, not from a plane.
+"""How high the ground lies, from one depth picture: a thing's height is measured from the ground
+below it, not from a plane.
 
-The robot stands on the ground, so that is where it is known: height 0, level. From there it is followed outward, cell by cell.
-What is measured at a height to which a slope can lead that the robot can drive is ground; what is higher or lower is something
-else, and there the ground is taken to go on as it was. So a slope is ground, while a step up or down, a wall, a table or a pit
-is not, however much of the picture it fills. Nothing is remembered: heights are relative to the plane on which the robot
-stands, and that tilts with it. It errs on the safe side: on a slope, ground beyond the shadow of something wide may be taken
-for an obstacle until it is seen from nearer.
+The robot stands on the ground, so that is where it is known: height 0, level. From there it is
+followed outward, cell by cell. What is measured at a height to which a slope can lead that the
+robot can drive is ground; what is higher or lower is something else, and there the ground is taken
+to go on as it was. So a slope is ground, while a step up or down, a wall, a table or a pit is not,
+however much of the picture it fills. Nothing is remembered: heights are relative to the plane on
+which the robot stands, and that tilts with it. It errs on the safe side: on a slope, ground beyond
+the shadow of something wide may be taken for an obstacle until it is seen from nearer.
 """
 
 from __future__ import annotations
@@ -24,15 +26,18 @@ CELL_M = 0.2
 AHEAD, ASIDE = 30, 25
 """So many cells ahead of the robot's middle, and to either side, beginning one row behind it."""
 ROWS, COLUMNS = 240, 106
-"""About so many rows and columns of the picture are looked at: far away there are few rows to a cell, but columns enough."""
+"""About so many rows and columns of the picture are looked at: far away there are few rows to a
+cell, but columns enough."""
 BAND_M = 0.04
 """What is measured so little above the lowest of a cell is its ground, too."""
 PIXELS = 2
 """So many of them make a measurement."""
 TALL_M = 0.1
-"""Where more than this is measured one above the other something stands, and its foot need not be the ground."""
+"""Where more than this is measured one above the other something stands, and its foot need not be
+the ground."""
 STEP_M = 0.06
-"""Where the ground was out of sight for a while it has risen or fallen by no more than this, or it is an obstacle."""
+"""Where the ground was out of sight for a while it has risen or fallen by no more than this, or it
+is an obstacle."""
 SLACK_M = 0.02
 """Depth is not better than this; flat ground comes out as exactly flat."""
 FARTHEST_M = 6.0
@@ -43,17 +48,22 @@ Heights = npt.NDArray[np.float64]
 
 
 def ground_heights(frame: Frame, max_slope: float) -> Image:
-    """(H, W) height in metres, above the plane on which the robot stands, of the ground below what each pixel measured.
+    """(H, W) height in metres, above the plane on which the robot stands, of the ground below what
+    each pixel measured.
 
-    `max_slope` is the rise per metre up to which it is ground that goes on, not a step; with 0 the ground is that plane. The
-    heights are read-only.
+    `max_slope` is the rise per metre up to which it is ground that goes on, not a step; with 0 the
+    ground is that plane. The heights are read-only.
     """
     if max_slope > 0:
         cells = cell_heights(frame, max_slope)
         if cells.any():
             lens = frame.intrinsics
-            heights = _per_pixel(frame.depth_m, frame.T_base_camera, lens.fx, lens.fy, lens.cx, lens.cy, cells)
-            heights.flags.writeable = False  # as those of flat ground: to compiled code that is a type of its own
+            heights = _per_pixel(
+                frame.depth_m, frame.T_base_camera, lens.fx, lens.fy, lens.cx, lens.cy, cells
+            )
+            heights.flags.writeable = (
+                False  # as those of flat ground: to compiled code that is a type of its own
+            )
             return np.asarray(heights)
     return flat(frame.depth_m.shape)
 
@@ -67,9 +77,11 @@ def flat(shape: tuple[int, ...]) -> Image:
 
 
 def cell_heights(frame: Frame, max_slope: float) -> Heights:
-    """(AHEAD, 2 · ASIDE) the ground's height cell by cell in the base frame, x forward, then y from right to left.
+    """(AHEAD, 2 · ASIDE) the ground's height cell by cell in the base frame, x forward, then y from
+    right to left.
 
-    Exactly 0 where it is nearer to the robot's plane than `SLACK_M`, and as much nearer everywhere else.
+    Exactly 0 where it is nearer to the robot's plane than `SLACK_M`, and as much nearer everywhere
+    else.
     """
     lens = frame.intrinsics
     measured = _lowest(frame.depth_m, frame.T_base_camera, lens.fx, lens.fy, lens.cx, lens.cy)
@@ -79,7 +91,8 @@ def cell_heights(frame: Frame, max_slope: float) -> Heights:
 
 @lru_cache(maxsize=1)
 def _outward() -> tuple[npt.NDArray[np.int64], Heights]:
-    """(N, 2) all cells, the nearest to the robot first, and (AHEAD, 2 · ASIDE) how far each is from it."""
+    """(N, 2) all cells, the nearest to the robot first, and (AHEAD, 2 · ASIDE) how far each is from
+    it."""
     x, y = (np.arange(AHEAD) - 0.5) * CELL_M, (np.arange(2 * ASIDE) + 0.5 - ASIDE) * CELL_M
     away = np.hypot(x[:, None], y[None, :])
     order = np.argsort(away, axis=None, kind="stable")
@@ -87,8 +100,11 @@ def _outward() -> tuple[npt.NDArray[np.int64], Heights]:
 
 
 @compiled
-def _lowest(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx: float, cy: float) -> Heights:
-    """(AHEAD, 2 · ASIDE) mean height of the lowest that each cell shows; NaN where that is too little, or something stands."""
+def _lowest(
+    depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx: float, cy: float
+) -> Heights:
+    """(AHEAD, 2 · ASIDE) mean height of the lowest that each cell shows; NaN where that is too
+    little, or something stands."""
     height, width = depth_m.shape
     least, most = np.full((AHEAD, 2 * ASIDE), np.inf), np.full((AHEAD, 2 * ASIDE), -np.inf)
     rows, columns = max(height // ROWS, 1), max(width // COLUMNS, 1)
@@ -101,22 +117,34 @@ def _lowest(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx
                 if not 0 < depth <= FARTHEST_M:
                     continue
                 a = (j - cx) / fx
-                row = math.floor(((t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]) / CELL_M) + 1
-                col = math.floor(((t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]) / CELL_M) + ASIDE
+                row = (
+                    math.floor(((t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]) / CELL_M)
+                    + 1
+                )
+                col = (
+                    math.floor(((t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]) / CELL_M)
+                    + ASIDE
+                )
                 if not (0 <= row < AHEAD and 0 <= col < 2 * ASIDE):
                     continue
                 z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3]
                 if turn == 0:
-                    least[row, col], most[row, col] = min(least[row, col], z), max(most[row, col], z)
+                    least[row, col], most[row, col] = (
+                        min(least[row, col], z),
+                        max(most[row, col], z),
+                    )
                 elif z < least[row, col] + BAND_M:
                     total[row, col] += z
                     count[row, col] += 1
-    return np.where((count >= PIXELS) & (most - least < TALL_M), total / np.maximum(count, 1), np.nan)
+    return np.where(
+        (count >= PIXELS) & (most - least < TALL_M), total / np.maximum(count, 1), np.nan
+    )
 
 
 @compiled
 def _without_specks(heights: Heights) -> Heights:
-    """The median of each cell and those beside it that are measured: small things that lie about are no ground."""
+    """The median of each cell and those beside it that are measured: small things that lie about
+    are no ground."""
     rows, cols = heights.shape
     smooth, beside = np.full((rows, cols), np.nan), np.empty(9)
     for row in range(rows):
@@ -134,8 +162,11 @@ def _without_specks(heights: Heights) -> Heights:
 
 
 @compiled
-def _followed(measured: Heights, order: npt.NDArray[np.int64], away: Heights, max_slope: float) -> Heights:
-    """The ground, from the robot outward: measured where that can be ground, going on as it was where it cannot."""
+def _followed(
+    measured: Heights, order: npt.NDArray[np.int64], away: Heights, max_slope: float
+) -> Heights:
+    """The ground, from the robot outward: measured where that can be ground, going on as it was
+    where it cannot."""
     rows, cols = measured.shape
     ground, gap = np.zeros((rows, cols)), np.zeros((rows, cols))
     for index in range(len(order)):
@@ -151,7 +182,9 @@ def _followed(measured: Heights, order: npt.NDArray[np.int64], away: Heights, ma
         before = total / weights if weights > 0 else 0.0
         reach = least if weights > 0 else away[row, col]
         height = measured[row, col]
-        if abs(height - before) <= min(max_slope * reach, STEP_M) + SLACK_M:  # never true of what is not measured
+        if (
+            abs(height - before) <= min(max_slope * reach, STEP_M) + SLACK_M
+        ):  # never true of what is not measured
             ground[row, col] = height
         else:
             ground[row, col], gap[row, col] = before, reach
@@ -160,13 +193,22 @@ def _followed(measured: Heights, order: npt.NDArray[np.int64], away: Heights, ma
 
 @inlined
 def _within(at: float, count: int) -> float:
-    """The same, or the nearest place between the middles of the first and the last cell; the first for what is no number."""
+    """The same, or the nearest place between the middles of the first and the last cell; the first
+    for what is no number."""
     at = at if at > 0.0 else 0.0
     return at if at < count - 1.001 else count - 1.001
 
 
 @compiled
-def _per_pixel(depth_m: Image, t: npt.NDArray[np.float64], fx: float, fy: float, cx: float, cy: float, cells: Heights) -> Image:
+def _per_pixel(
+    depth_m: Image,
+    t: npt.NDArray[np.float64],
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    cells: Heights,
+) -> Image:
     """(H, W) the heights between the middles of the cells; 0 where nothing is measured."""
     height, width = depth_m.shape
     rows, cols = cells.shape

@@ -19,7 +19,8 @@ MIN_PIXELS = 40
 MAX_REGIONS = 24
 """In one picture; the largest are taken."""
 CELL_M = 0.2
-"""Places are compared in squares of this side: two things of a class that are nearer to each other count as one."""
+"""Places are compared in squares of this side: two things of a class that are nearer to each other
+count as one."""
 
 Cells = frozenset[tuple[int, int]]
 
@@ -43,7 +44,8 @@ class Detection:
 
 
 def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Detection, ...]:
-    """The regions that bind the robot, the largest first; without those of too little measured depth, and without people."""
+    """The regions that bind the robot, the largest first; without those of too little measured
+    depth, and without people."""
     binding = labels.mask(beware)
     found: list[tuple[int, int, npt.NDArray[np.bool_]]] = []
     for class_id in np.unique(labels.class_ids[binding]):
@@ -52,21 +54,32 @@ def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Detect
         mask = (binding & (labels.class_ids == class_id)).view(np.uint8)
         count, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         sizes = boxes[:, cv2.CC_STAT_AREA]
-        found += [(int(sizes[name]), int(class_id), names == name) for name in range(1, count) if sizes[name] >= MIN_PIXELS]
+        found += [
+            (int(sizes[name]), int(class_id), names == name)
+            for name in range(1, count)
+            if sizes[name] >= MIN_PIXELS
+        ]
     found.sort(key=lambda region: -region[0])
     regions = (_placed(frame, labels, class_id, mask) for _, class_id, mask in found[:MAX_REGIONS])
     return tuple(region for region in regions if region is not None)
 
 
-def _placed(frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bool_]) -> Detection | None:
+def _placed(
+    frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bool_]
+) -> Detection | None:
     rows, cols = np.nonzero(mask & (frame.depth_m > 0) & (frame.depth_m <= RANGE_M))
     if len(rows) < MIN_PIXELS // 2:
         return None
     depth, lens = frame.depth_m[rows, cols].astype(np.float64), frame.intrinsics
-    points = np.column_stack([(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth])
+    points = np.column_stack(
+        [(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth]
+    )
     xy = points @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
-    squares, counts = np.unique(np.floor(xy / CELL_M).astype(np.int64)[:, ::-1], axis=0, return_counts=True)
-    # The rim of a thing mixes its depth with what is behind: squares that few pixels fall into are no place of it.
+    squares, counts = np.unique(
+        np.floor(xy / CELL_M).astype(np.int64)[:, ::-1], axis=0, return_counts=True
+    )
+    # The rim of a thing mixes its depth with what is behind: squares that few pixels fall into are
+    # no place of it.
     kept = squares[counts >= max(3, 0.02 * len(rows))]
     x_m, y_m = np.median(xy, axis=0)
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))

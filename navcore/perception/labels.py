@@ -22,9 +22,9 @@ class Labels:
     confidence: npt.NDArray[np.float32]
     """(H, W) how sure the segmenter is, 0 to 1."""
     hypotheses: tuple[Labels, ...] = ()
-    """Where several may claim a pixel, what each of them claims, whatever the list thinks of it: a network first, then the
-    rules of colour. Of these the map is made, or an edit of the list would not bring back what another claim lay upon. Empty:
-    nobody else claims anything."""
+    """Where several may claim a pixel, what each of them claims, whatever the list thinks of it: a
+    network first, then the rules of colour. Of these the map is made, or an edit of the list would
+    not bring back what another claim lay upon. Empty: nobody else claims anything."""
 
     @property
     def all_hypotheses(self) -> tuple[Labels, ...]:
@@ -32,7 +32,8 @@ class Labels:
         return self.hypotheses or (self,)
 
     def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
-        """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its enabled classes."""
+        """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its
+        enabled classes."""
         return np.greater_equal(self.confidence, _least(beware)[self.class_ids])
 
 
@@ -46,7 +47,8 @@ class LabelSource(StrEnum):
 
 
 class Segmenter(Protocol):
-    """Anything that labels the pixels of a frame. Enabled or not: every class of the list is labelled."""
+    """Anything that labels the pixels of a frame. Enabled or not: every class of the list is
+    labelled."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Labels of the same height and width as the frame."""

@@ -1,4 +1,5 @@
-"""From a click in the camera's picture to a place on the floor: the pixels of what was clicked, and where it stands."""
+"""From a click in the camera's picture to a place on the floor: the pixels of what was clicked, and
+where it stands."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def region_at(
     intrinsics: Intrinsics,
     T_map_camera: Matrix,
 ) -> Region:
-    """The connected pixels of one class about a pixel of (H, W) pictures or, where no class is, those of one thing by depth.
+    """The connected pixels of one class about a pixel of (H, W) pictures or, where no class is,
+    those of one thing by depth.
 
     Raises `BadGeometry` with the reason where nothing can be told apart.
     """
@@ -56,11 +58,17 @@ def region_at(
         raise BadGeometry(f"pixel ({row}, {col}) lies outside the picture of {height} × {width}")
     points = _points_map(depth_m, intrinsics, T_map_camera)
     class_id = int(class_ids[row, col])
-    pixels = _connected(class_ids == class_id, row, col) if class_id else _by_depth(depth_m, points[..., 2], row, col)
+    pixels = (
+        _connected(class_ids == class_id, row, col)
+        if class_id
+        else _by_depth(depth_m, points[..., 2], row, col)
+    )
     return Region(pixels=pixels, class_id=class_id, footprint=_footprint(points[pixels]))
 
 
-def _points_map(depth_m: npt.NDArray[np.float32], lens: Intrinsics, T_map_camera: Matrix) -> npt.NDArray[np.float64]:
+def _points_map(
+    depth_m: npt.NDArray[np.float32], lens: Intrinsics, T_map_camera: Matrix
+) -> npt.NDArray[np.float64]:
     """(H, W, 3) metres of the map frame; NaN where nothing was measured."""
     rows, cols = np.mgrid[: depth_m.shape[0], : depth_m.shape[1]]
     z = np.where((depth_m > 0) & (depth_m < FARTHEST_M), depth_m, np.nan).astype(np.float64)
@@ -73,14 +81,28 @@ def _connected(mask: BoolGrid, row: int, col: int) -> BoolGrid:
     return np.asarray(parts == parts[row, col])
 
 
-def _by_depth(depth_m: npt.NDArray[np.float32], height_m: npt.NDArray[np.float64], row: int, col: int) -> BoolGrid:
+def _by_depth(
+    depth_m: npt.NDArray[np.float32], height_m: npt.NDArray[np.float64], row: int, col: int
+) -> BoolGrid:
     if np.isnan(height_m[row, col]):
-        raise BadGeometry("the camera has measured no distance there; click a place nearer to the middle of the thing")
+        raise BadGeometry(
+            "the camera has measured no distance there; click a place nearer to the middle of the thing"
+        )
     if height_m[row, col] < FLOOR_M:
-        raise BadGeometry("there is nothing but floor there; click a thing that stands on it, or draw the zone on the map")
+        raise BadGeometry(
+            "there is nothing but floor there; click a thing that stands on it, or draw the zone on the map"
+        )
     outside = np.pad(~(height_m >= FLOOR_M), 1, constant_values=True).astype(np.uint8)
     near = np.ascontiguousarray(depth_m, dtype=np.float32)
-    cv2.floodFill(near.copy(), outside, (col, row), 0.0, STEP_M, STEP_M, 8 | cv2.FLOODFILL_MASK_ONLY | (2 << 8))
+    cv2.floodFill(
+        near.copy(),
+        outside,
+        (col, row),
+        0.0,
+        STEP_M,
+        STEP_M,
+        8 | cv2.FLOODFILL_MASK_ONLY | (2 << 8),
+    )
     return np.asarray(outside[1:-1, 1:-1] == 2)
 
 
@@ -89,7 +111,9 @@ def _footprint(points_map: npt.NDArray[np.float64]) -> Corners:
     good = np.isfinite(points_map).all(axis=1) & (points_map[:, 2] < CEILING_M)
     places = points_map[good, :2]
     if len(places) < LEAST_PIXELS:
-        raise BadGeometry(f"only {len(places)} pixels of it have a distance, {LEAST_PIXELS} are needed; drive nearer")
+        raise BadGeometry(
+            f"only {len(places)} pixels of it have a distance, {LEAST_PIXELS} are needed; drive nearer"
+        )
     low = places.min(axis=0) - 3 * CELL_M
     cells = np.floor((places - low) / CELL_M).astype(np.int64)
     mask = np.zeros(cells.max(axis=0)[::-1] + 4, dtype=np.uint8)

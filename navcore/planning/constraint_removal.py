@@ -1,13 +1,15 @@
 """Which rules must be lifted, at the least, for a path to open: the smallest set, found exactly.
 
-Cells that are closed by the same rules and hang together are one *region*. A way through regions needs every rule of every
-region that it crosses lifted, and costs as many as these are. So the search runs over pairs (region, rules lifted so far),
-cheapest first, and drops a pair when its region was reached with a part of its rules already: that one can go wherever this one
-can, for no more. The first pair taken at the goal is a smallest set. (Robotics calls this minimum constraint removal; in the
-worst case the pairs grow exponentially with the rules, hence the bound. What was taken last is then still a lower bound of the
-answer's size.)
+Cells that are closed by the same rules and hang together are one *region*. A way through regions
+needs every rule of every region that it crosses lifted, and costs as many as these are. So the
+search runs over pairs (region, rules lifted so far), cheapest first, and drops a pair when its
+region was reached with a part of its rules already: that one can go wherever this one can, for no
+more. The first pair taken at the goal is a smallest set. (Robotics calls this minimum constraint
+removal; in the worst case the pairs grow exponentially with the rules, hence the bound. What was
+taken last is then still a lower bound of the answer's size.)
 
-The regions hang together by straight steps: a diagonal step needs both straight neighbours free, so it opens nothing new.
+The regions hang together by straight steps: a diagonal step needs both straight neighbours free, so
+it opens nothing new.
 """
 
 from __future__ import annotations
@@ -34,25 +36,35 @@ class Removal:
     """What has to go for a path to open."""
 
     keys: tuple[str, ...] | None
-    """Of the rules, in the order of the list; empty when a path is open as it is; None when none was found."""
+    """Of the rules, in the order of the list; empty when a path is open as it is; None when none
+    was found."""
     exact: bool
-    """Whether that is proven: the set is a smallest one, or none exists. False when the search was given up."""
+    """Whether that is proven: the set is a smallest one, or none exists. False when the search was
+    given up."""
     at_least: int
     """No smaller number of rules opens a path. 0 when none exists whatever is lifted."""
 
 
-def minimum_removal(rules: Rules, start: Cell, goal: Cell, *, max_labels: int = MAX_LABELS) -> Removal:
-    """The smallest set of rules without which there is a path from start to goal, (row, col) both; of several any one.
+def minimum_removal(
+    rules: Rules, start: Cell, goal: Cell, *, max_labels: int = MAX_LABELS
+) -> Removal:
+    """The smallest set of rules without which there is a path from start to goal, (row, col) both;
+    of several any one.
 
-    The rules that close the start or the goal itself count too. No set helps where walls part the two.
+    The rules that close the start or the goal itself count too. No set helps where walls part the
+    two.
     """
     regions, signatures = _regions(rules)
-    if not all(0 <= cell[0] < rules.spec.rows and 0 <= cell[1] < rules.spec.cols for cell in (start, goal)):
+    if not all(
+        0 <= cell[0] < rules.spec.rows and 0 <= cell[1] < rules.spec.cols for cell in (start, goal)
+    ):
         return Removal(keys=None, exact=True, at_least=0)
     first, last = int(regions[start]), int(regions[goal])
     if _WALL in (first, last):
         return Removal(keys=None, exact=True, at_least=0)
-    lifted, exact, bound = _search(_neighbours(regions, len(signatures)), signatures, first, last, max_labels)
+    lifted, exact, bound = _search(
+        _neighbours(regions, len(signatures)), signatures, first, last, max_labels
+    )
     if lifted is None:
         return Removal(keys=None, exact=exact, at_least=bound)
     keys = tuple(rule.key for index, rule in enumerate(rules.liftable) if lifted >> index & 1)
@@ -62,7 +74,8 @@ def minimum_removal(rules: Rules, start: Cell, goal: Cell, *, max_labels: int = 
 def _search(
     neighbours: list[list[int]], signatures: list[int], first: int, last: int, max_labels: int
 ) -> tuple[int | None, bool, int]:
-    """Lifted rules as bits (None: not found), whether that is proven, and how many rules are needed at the least."""
+    """Lifted rules as bits (None: not found), whether that is proven, and how many rules are needed
+    at the least."""
     waiting = [(signatures[first].bit_count(), 0, first, signatures[first])]
     taken: list[list[int]] = [[] for _ in signatures]
     pushed = looked = 0
@@ -85,7 +98,8 @@ def _search(
 
 
 def _regions(rules: Rules) -> tuple[Ints, list[int]]:
-    """(rows, cols) index of each cell's region, `_WALL` where something stands, and the rules of each region as bits."""
+    """(rows, cols) index of each cell's region, `_WALL` where something stands, and the rules of
+    each region as bits."""
     kinds = np.zeros((rules.spec.rows, rules.spec.cols), dtype=np.int32)
     sets = [0]
     for bit, rule in enumerate(rules.liftable):

@@ -50,26 +50,43 @@ class EscapePath:
 
 
 def escape_path(
-    occupancy: Costmap, pose: Pose2, zones: Iterable[Zone], profile: RobotProfile, config: NavigatorConfig
+    occupancy: Costmap,
+    pose: Pose2,
+    zones: Iterable[Zone],
+    profile: RobotProfile,
+    config: NavigatorConfig,
 ) -> EscapePath:
-    """The shortest way to where no part of the robot is in a beware area, however it turns; over no area but its own.
+    """The shortest way to where no part of the robot is in a beware area, however it turns; over no
+    area but its own.
 
-    `zones`: those that the occupancy was made with. What is near is looked at first, and taken if nothing farther away can be
-    nearer or change it.
+    `zones`: those that the occupancy was made with. What is near is looked at first, and taken if
+    nothing farther away can be nearer or change it.
     """
     spec, zones, within_m = occupancy.spec, tuple(zones), NEAR_M
     row, col = spec.cell(pose.x_m, pose.y_m)
     if not (0 <= row < spec.rows and 0 <= col < spec.cols):
-        return EscapePath(outcome=NoPath(reason=Reason.OUTSIDE), spec=spec, corner=(0, 0), free=occupancy.free.plane)
+        return EscapePath(
+            outcome=NoPath(reason=Reason.OUTSIDE),
+            spec=spec,
+            corner=(0, 0),
+            free=occupancy.free.plane,
+        )
     # What lies beyond the part tells upon its rim: as far as margins reach, and then the body.
-    body_m = max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m) + 2 * spec.resolution_m
+    body_m = (
+        max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m)
+        + 2 * spec.resolution_m
+    )
     rim_m = max(margin_m for _, margin_m, _ in occupancy.layers) + body_m
     while True:
         box = box_around(spec, pose, within_m + rim_m)
         found, own = _exit_within(occupancy, box, pose, zones, profile, config)
         # Where the way begins is told by what is nearest, and so is that it cannot.
-        length_m = found.outcome.length * spec.resolution_m if isinstance(found.outcome, Path) else 0.0
-        is_near = length_m < within_m - config.start_relief_m and found.outcome != NoPath(reason=Reason.UNREACHABLE)
+        length_m = (
+            found.outcome.length * spec.resolution_m if isinstance(found.outcome, Path) else 0.0
+        )
+        is_near = length_m < within_m - config.start_relief_m and found.outcome != NoPath(
+            reason=Reason.UNREACHABLE
+        )
         if box == (0, 0, spec.rows, spec.cols) or (is_near and not _goes_on(own, box, spec)):
             return found
         within_m *= 2
@@ -83,40 +100,60 @@ def _exit_within(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> tuple[EscapePath, list[BoolGrid]]:
-    """The way out in a part of the map, and the things that the robot stands on there; zones are known beyond it."""
+    """The way out in a part of the map, and the things that the robot stands on there; zones are
+    known beyond it."""
     grid = occupancy.part(*box)
     spec, (geometric, ruled) = grid.spec, obstacle_masks(grid)
     own, _ = split_areas(grid, (), profile, pose)
     _, others = split_areas(grid, zones, profile, pose)
-    half_width_m, beyond_m = profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m
+    half_width_m, beyond_m = (
+        profile.width_m / 2 + config.safety_margin_m,
+        profile.circumscribed_radius_m,
+    )
     closed = inflate(geometric | others, math.ceil(half_width_m / spec.resolution_m))
     blocked = ~occupancy.free.window(*box)
     inside = blocked | inflate(ruled & ~others, math.ceil(beyond_m / spec.resolution_m) + 1)
     free = CellMask.of(~closed)
-    start = nearest_free(free, spec.cell(pose.x_m, pose.y_m), config.start_relief_m / spec.resolution_m)
-    outcome = NoPath(reason=Reason.START_BLOCKED) if start is None else way_out(closed=closed, inside=inside, start=start)
+    start = nearest_free(
+        free, spec.cell(pose.x_m, pose.y_m), config.start_relief_m / spec.resolution_m
+    )
+    outcome = (
+        NoPath(reason=Reason.START_BLOCKED)
+        if start is None
+        else way_out(closed=closed, inside=inside, start=start)
+    )
     return EscapePath(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
 
 
 def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:
-    """Whether a thing reaches the border of a part of the map: what is another thing here may be a part of it farther off."""
+    """Whether a thing reaches the border of a part of the map: what is another thing here may be a
+    part of it farther off."""
     top, left, bottom, right = box
-    sides = ((top > 0, np.s_[0]), (left > 0, np.s_[:, 0]), (bottom < spec.rows, np.s_[-1]), (right < spec.cols, np.s_[:, -1]))
+    sides = (
+        (top > 0, np.s_[0]),
+        (left > 0, np.s_[:, 0]),
+        (bottom < spec.rows, np.s_[-1]),
+        (right < spec.cols, np.s_[:, -1]),
+    )
     return any(area[side].any() for area in areas for open_, side in sides if open_)
 
 
 def way_out(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath:
-    """The shortest 8-connected path from start to the nearest cell that is neither closed nor inside.
+    """The shortest 8-connected path from start to the nearest cell that is neither closed nor
+    inside.
 
-    `closed`: bool (rows, cols), True where the robot's centre may not even pass; `inside`: True where it may pass but not
-    stay. Corners are not cut. Exactly optimal (Dijkstra): there are many goals, and they are near.
+    `closed`: bool (rows, cols), True where the robot's centre may not even pass; `inside`: True
+    where it may pass but not stay. Corners are not cut. Exactly optimal (Dijkstra): there are many
+    goals, and they are near.
     """
     rows, cols = closed.shape
     if not (0 <= start[0] < rows and 0 <= start[1] < cols):
         return NoPath(reason=Reason.OUTSIDE)
     if closed[start]:
         return NoPath(reason=Reason.START_BLOCKED)
-    cells, diagonal = _search(np.ascontiguousarray(closed), np.ascontiguousarray(inside), start[0], start[1])
+    cells, diagonal = _search(
+        np.ascontiguousarray(closed), np.ascontiguousarray(inside), start[0], start[1]
+    )
     if len(cells) == 0:
         return NoPath(reason=Reason.UNREACHABLE)
     return Path(cells=cells, length=len(cells) - 1 - diagonal + diagonal * SQRT2)
@@ -142,7 +179,15 @@ def _search(closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int) 
         for down in range(-1, 2):
             for right in range(-1, 2):
                 r, c = row + down, col + right
-                if r < 0 or r >= rows or c < 0 or c >= cols or closed[r, c] or closed[row, c] or closed[r, col]:
+                if (
+                    r < 0
+                    or r >= rows
+                    or c < 0
+                    or c >= cols
+                    or closed[r, c]
+                    or closed[row, c]
+                    or closed[r, col]
+                ):
                     continue
                 there = cost + (SQRT2 if down != 0 and right != 0 else 1.0)
                 if there < best[r * cols + c]:
@@ -161,6 +206,8 @@ def _trace(came_from: Ints, node: int, cols: int) -> tuple[Ints, int]:
     for index in range(count - 1, -1, -1):
         cells[index, 0], cells[index, 1] = node // cols, node % cols
         if index < count - 1:
-            diagonal += cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
+            diagonal += (
+                cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
+            )
         node = came_from[node]
     return cells, diagonal

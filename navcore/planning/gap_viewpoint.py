@@ -1,10 +1,12 @@
-"""A way that only the safety margin or somebody closes is looked at from nearer before the robot believes that it is closed.
+"""A way that only the safety margin or somebody closes is looked at from nearer before the robot
+believes that it is closed.
 
-From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured anew. And who stood in the
-way when the robot turned from him may have walked on. So where there is no path, the robot goes to the mouth of the gap that
-least is missing of: of all ways that its body would fit through without the safety margin and without anybody there, the one
-with the fewest cells that margin or people close. It enters none of them, but for those within reach of where it stands, as at
-every start: these it may leave to any side.
+From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured
+anew. And who stood in the way when the robot turned from him may have walked on. So where there is
+no path, the robot goes to the mouth of the gap that least is missing of: of all ways that its body
+would fit through without the safety margin and without anybody there, the one with the fewest cells
+that margin or people close. It enters none of them, but for those within reach of where it stands,
+as at every start: these it may leave to any side.
 """
 
 from __future__ import annotations
@@ -35,11 +37,13 @@ def viewpoint_before_gap(
     vehicle_width_m: float,
     relief_cells: float,
 ) -> tuple[Cell, Cell] | None:
-    """From which cell to which one to go to look closer; None where there is nothing to be gained by going.
+    """From which cell to which one to go to look closer; None where there is nothing to be gained
+    by going.
 
-    Both are free and connected. `start` is the robot's cell and may be closed: free cells within `relief_cells` of it count as
-    beside it. Layers and zones keep their own margins, but for the layers of `people`, class ids, which somebody who walks on
-    leaves. Of ways that equally little is missing of, the one that is entered nearest to the goal.
+    Both are free and connected. `start` is the robot's cell and may be closed: free cells within
+    `relief_cells` of it count as beside it. Layers and zones keep their own margins, but for the
+    layers of `people`, class ids, which somebody who walks on leaves. Of ways that equally little
+    is missing of, the one that is entered nearest to the goal.
     """
     areas = _areas(occupancy, start, relief_cells)
     for first, area in areas:
@@ -57,14 +61,17 @@ def viewpoint_before_gap(
 
 
 def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
-    """The areas that the robot is beside, each with its free cell nearest to the robot, and that with the nearest first."""
+    """The areas that the robot is beside, each with its free cell nearest to the robot, and that
+    with the nearest first."""
     free, reach = occupancy.free, int(relief_cells)
     top, left = max(start[0] - reach, 0), max(start[1] - reach, 0)
     bottom, right = min(start[0] + reach + 1, free.rows), min(start[1] + reach + 1, free.cols)
     cells = np.argwhere(free.window(top, left, bottom, right)) + np.array([top, left])
     away = np.hypot(*(cells - start).T)
     areas: list[Area] = []
-    for row, col in cells[np.argsort(away, kind="stable")[: int((away <= relief_cells).sum())]].tolist():
+    for row, col in cells[
+        np.argsort(away, kind="stable")[: int((away <= relief_cells).sum())]
+    ].tolist():
         if not any(contains(area, (row, col)) for _, area in areas):
             area = plane_of((row, col), like=free.plane)
             flood(free.plane, area, area)
@@ -72,8 +79,15 @@ def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
     return areas
 
 
-def _entries(occupancy: Costmap, within: BitPlane, goal: Cell, people: Collection[int], vehicle_width_m: float) -> BitPlane:
-    """The cells of `within` beside those by which it is left on the ways to the goal with the fewest closed cells."""
+def _entries(
+    occupancy: Costmap,
+    within: BitPlane,
+    goal: Cell,
+    people: Collection[int],
+    vehicle_width_m: float,
+) -> BitPlane:
+    """The cells of `within` beside those by which it is left on the ways to the goal with the
+    fewest closed cells."""
     free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
     closed = free | solid
     complement(closed, occupancy.spec.rows, occupancy.spec.cols)
@@ -85,15 +99,26 @@ def _entries(occupancy: Costmap, within: BitPlane, goal: Cell, people: Collectio
 
 
 def _solid(occupancy: Costmap, people: Collection[int], vehicle_width_m: float) -> BitPlane:
-    """Where the body does not fit in even without a safety margin and without the people who are known to be some."""
+    """Where the body does not fit in even without a safety margin and without the people who are
+    known to be some."""
     spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
-    bodies = [mask.plane for class_id, _, mask in occupancy.layers if class_id in people and mask.plane.any()]
+    bodies = [
+        mask.plane
+        for class_id, _, mask in occupancy.layers
+        if class_id in people and mask.plane.any()
+    ]
     by_radius: dict[int, BitPlane] = {}
     for class_id, margin_m, mask in occupancy.layers:
         cells = mask.plane
         if class_id == NOTHING and bodies:
-            cells = cells & ~inflated({math.ceil(BODY_M / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols)
+            cells = cells & ~inflated(
+                {math.ceil(BODY_M / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols
+            )
         if class_id == NOTHING or (class_id not in people and cells.any()):
-            radius = inflation_radius(vehicle_width_m=vehicle_width_m, safety_margin_m=margin_m, resolution_m=spec.resolution_m)
+            radius = inflation_radius(
+                vehicle_width_m=vehicle_width_m,
+                safety_margin_m=margin_m,
+                resolution_m=spec.resolution_m,
+            )
             by_radius[radius] = by_radius[radius] | cells if radius in by_radius else cells
     return inflated(by_radius, rows, cols)

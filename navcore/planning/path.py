@@ -8,7 +8,13 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from navcore.planning.search.jump_point_search import GOAL_BLOCKED, OUTSIDE, START_BLOCKED, TIMEOUT, UNREACHABLE
+from navcore.planning.search.jump_point_search import (
+    GOAL_BLOCKED,
+    OUTSIDE,
+    START_BLOCKED,
+    TIMEOUT,
+    UNREACHABLE,
+)
 
 
 class Reason(StrEnum):
@@ -17,7 +23,8 @@ class Reason(StrEnum):
     START_BLOCKED = "start blocked"
     """The robot's own cell is blocked."""
     GOAL_BLOCKED = "goal blocked"
-    """The goal's cell lies in an obstacle or a zone, or closer to one than the robot's body allows."""
+    """The goal's cell lies in an obstacle or a zone, or closer to one than the robot's body allows.
+    """
     OUTSIDE = "outside the map"
     """Start or goal is no cell of the grid."""
     UNREACHABLE = "unreachable"

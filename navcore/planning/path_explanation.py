@@ -1,8 +1,10 @@
-"""Why the path leads where it does: which rule each stretch of it keeps clear of, and where it would lead without a rule.
+"""Why the path leads where it does: which rule each stretch of it keeps clear of, and where it
+would lead without a rule.
 
-A *rule* is what an operator can lift: a class of the beware list or a zone. What stands there in earnest, the geometric layer,
-binds too but cannot be lifted. Each is turned into the cells in which the robot's centre may not be because of it alone; the
-union of all of them is what the planner of paths keeps out of.
+A *rule* is what an operator can lift: a class of the beware list or a zone. What stands there in
+earnest, the geometric layer, binds too but cannot be lifted. Each is turned into the cells in which
+the robot's centre may not be because of it alone; the union of all of them is what the planner of
+paths keeps out of.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
 
 TOUCH_CELLS = math.sqrt(2.0) + 1e-3
-"""The path keeps clear of a rule where the next cell, or the next one diagonally, is closed by it."""
+"""The path keeps clear of a rule where the next cell, or the next one diagonally, is closed by it.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +58,9 @@ class Rule:
     def at(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
         """(N,) how far (N, 2) cells are from the closed area; infinity outside the window."""
         row, col = cells[:, 0] - self.top, cells[:, 1] - self.left
-        inside = (row >= 0) & (col >= 0) & (row < self.beyond.shape[0]) & (col < self.beyond.shape[1])
+        inside = (
+            (row >= 0) & (col >= 0) & (row < self.beyond.shape[0]) & (col < self.beyond.shape[1])
+        )
         found = np.full(len(cells), np.inf, dtype=np.float32)
         found[inside] = self.beyond[row[inside], col[inside]]
         return found
@@ -81,7 +86,8 @@ class Rules:
         return blocked
 
     def find(self, key: str) -> Rule | None:
-        """The rule of that key that can be lifted; None when there is none, or when it closes nothing."""
+        """The rule of that key that can be lifted; None when there is none, or when it closes
+        nothing."""
         return next((rule for rule in self.liftable if rule.key == key), None)
 
     def _all(self) -> Iterator[Rule]:
@@ -90,10 +96,14 @@ class Rules:
         yield from self.liftable
 
     def touching(self, cells: npt.NDArray[np.int64]) -> list[str | None]:
-        """For each of (N, 2) cells the key of the rule that it lies against, the nearest if several; None in the open."""
+        """For each of (N, 2) cells the key of the rule that it lies against, the nearest if
+        several; None in the open."""
         if not len(cells):
             return []
-        least, keys = np.full(len(cells), np.float32(TOUCH_CELLS)), np.full(len(cells), -1, dtype=np.int64)
+        least, keys = (
+            np.full(len(cells), np.float32(TOUCH_CELLS)),
+            np.full(len(cells), -1, dtype=np.int64),
+        )
         rules = list(self._all())
         for index, rule in enumerate(rules):
             away = rule.at(cells)
@@ -115,18 +125,31 @@ class Stretch:
 
 
 def rules_of(
-    grid: OccupancyGrid, beware: BewareList, zones: Iterable[Zone], *, vehicle_width_m: float, safety_margin_m: float
+    grid: OccupancyGrid,
+    beware: BewareList,
+    zones: Iterable[Zone],
+    *,
+    vehicle_width_m: float,
+    safety_margin_m: float,
 ) -> Rules:
-    """The rules behind an occupancy grid that was made under a beware list and zones; their union closes what it closes."""
+    """The rules behind an occupancy grid that was made under a beware list and zones; their union
+    closes what it closes."""
     spec = grid.spec
 
     def radius(margin_m: float) -> int:
         return inflation_radius(
-            vehicle_width_m=vehicle_width_m, safety_margin_m=safety_margin_m + margin_m, resolution_m=spec.resolution_m
+            vehicle_width_m=vehicle_width_m,
+            safety_margin_m=safety_margin_m + margin_m,
+            resolution_m=spec.resolution_m,
         )
 
     found = [
-        _rule(f"class:{entry.class_id}", entry.label or entry.name, grid.beware[entry.class_id], radius(entry.margin_m))
+        _rule(
+            f"class:{entry.class_id}",
+            entry.label or entry.name,
+            grid.beware[entry.class_id],
+            radius(entry.margin_m),
+        )
         for entry in beware.enabled
         if entry.class_id in grid.beware
     ]
@@ -149,8 +172,11 @@ def stretches(path: Path, rules: Rules) -> tuple[Stretch, ...]:
     return tuple(found)
 
 
-def path_without(rules: Rules, keys: Sequence[str], start: Cell, goal: Cell, *, budget: int | None) -> Path | NoPath:
-    """The shortest path if the rules of these keys did not stand; `budget` bounds the search as in `navcore.path.plan`."""
+def path_without(
+    rules: Rules, keys: Sequence[str], start: Cell, goal: Cell, *, budget: int | None
+) -> Path | NoPath:
+    """The shortest path if the rules of these keys did not stand; `budget` bounds the search as in
+    `navcore.path.plan`."""
     return plan(rules.blocked(keys), start, goal, max_expansions=budget)
 
 
@@ -162,6 +188,13 @@ def _rule(key: str, name: str, mask: BoolGrid, radius: int) -> Rule | None:
     room = radius + 2
     top, left = max(int(rows[0]) - room, 0), max(int(cols[0]) - room, 0)
     part = mask[top : int(rows[-1]) + room + 1, left : int(cols[-1]) + room + 1]
-    # Squared distances of cells are whole numbers, so the small term keeps the disc of `navcore.grid.inflate` exactly.
+    # Squared distances of cells are whole numbers, so the small term keeps the disc of
+    # `navcore.grid.inflate` exactly.
     away = cv2.distanceTransform((~part).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return Rule(key=key, name=name, top=top, left=left, beyond=np.asarray(away - np.float32(radius + 1e-3), dtype=np.float32))
+    return Rule(
+        key=key,
+        name=name,
+        top=top,
+        left=left,
+        beyond=np.asarray(away - np.float32(radius + 1e-3), dtype=np.float32),
+    )

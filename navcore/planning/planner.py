@@ -1,8 +1,10 @@
-"""The shortest path on the grid, in full, from scratch (the paper's Algorithm 1), found by jump-point search.
+"""The shortest path on the grid, in full, from scratch (the paper's Algorithm 1), found by
+jump-point search.
 
-Lengths are octile: a straight step costs 1, a diagonal one √2, and a diagonal step needs both orthogonal neighbours free, so
-that the robot never cuts a corner. The search itself is in `navcore.search`; over a map that changes use its `Replanner`, whose
-paths are as long as those of `plan` and cost a fraction of the time.
+Lengths are octile: a straight step costs 1, a diagonal one √2, and a diagonal step needs both
+orthogonal neighbours free, so that the robot never cuts a corner. The search itself is in
+`navcore.search`; over a map that changes use its `Replanner`, whose paths are as long as those of
+`plan` and cost a fraction of the time.
 """
 
 from __future__ import annotations
@@ -22,21 +24,30 @@ ENDLESS = 1 << 62
 """The budget of a search that must not be given up."""
 
 
-def plan(blocked: BoolGrid, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
+def plan(
+    blocked: BoolGrid, start: Cell, goal: Cell, *, max_expansions: int | None = None
+) -> Path | NoPath:
     """The shortest 8-connected path from start to goal without cutting corners.
 
-    `blocked` is bool (rows, cols), True where the robot's centre may not be; `start` and `goal` are (row, col). The result is
-    exactly optimal and deterministic. `max_expansions` bounds the search (`Reason.TIMEOUT`) by work, not by a clock: by the
-    number of straight walks and diagonal steps, of which a query has some ten (free view) to some ten thousand (a maze).
+    `blocked` is bool (rows, cols), True where the robot's centre may not be; `start` and `goal` are
+    (row, col). The result is exactly optimal and deterministic. `max_expansions` bounds the search
+    (`Reason.TIMEOUT`) by work, not by a clock: by the number of straight walks and diagonal steps,
+    of which a query has some ten (free view) to some ten thousand (a maze).
     """
     space = FreeSpace.of(blocked)
     return plan_in(space, SearchWorkspace(space), start, goal, max_expansions=max_expansions)
 
 
 def plan_in(
-    space: FreeSpace, arena: SearchWorkspace, start: Cell, goal: Cell, *, max_expansions: int | None = None
+    space: FreeSpace,
+    arena: SearchWorkspace,
+    start: Cell,
+    goal: Cell,
+    *,
+    max_expansions: int | None = None,
 ) -> Path | NoPath:
-    """The same over a grid that is packed already, in memory that is kept from one search to the next."""
+    """The same over a grid that is packed already, in memory that is kept from one search to the
+    next."""
     budget = ENDLESS if max_expansions is None else max_expansions
     status, cells, diagonal = find(space, arena, start, goal, budget)
     if status == FOUND:

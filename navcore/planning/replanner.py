@@ -1,4 +1,5 @@
-"""The shortest path over a space that changes, searched for only when the one at hand may no longer be the shortest."""
+"""The shortest path over a space that changes, searched for only when the one at hand may no longer
+be the shortest."""
 
 from __future__ import annotations
 
@@ -22,9 +23,11 @@ Ints = npt.NDArray[np.int64]
 NOWHERE: Ints = np.empty((0, 2), dtype=np.int64)
 NO_LENGTHS: Ints = np.empty(0, dtype=np.int64)
 DETOUR = 12 * UNIT
-"""A change mostly makes the path no longer than this; a search that may assume so does not look far aside."""
+"""A change mostly makes the path no longer than this; a search that may assume so does not look far
+aside."""
 ELSEWHERE, LONGER = -1, -2
-"""The robot has left the path, or there may be a shorter one; or the path is blocked, and none is shorter than it was."""
+"""The robot has left the path, or there may be a shorter one; or the path is blocked, and none is
+shorter than it was."""
 
 
 @dataclass(slots=True, eq=False)
@@ -44,11 +47,13 @@ class Standing:
 
 
 class Replanner:
-    """Plans over one `FreeSpace`. What it returns is always as long as what `navcore.path.plan` would return.
+    """Plans over one `FreeSpace`. What it returns is always as long as what `navcore.path.plan`
+    would return.
 
-    The path at hand stays the shortest from every later cell of it as long as nothing on it is blocked and every cell that
-    was freed is so far off that a path by way of it is no shorter. It is then kept without a search, and so never gives way to
-    another of the same length. One replanner a space: it consumes the notes that the space keeps of its changes.
+    The path at hand stays the shortest from every later cell of it as long as nothing on it is
+    blocked and every cell that was freed is so far off that a path by way of it is no shorter. It
+    is then kept without a search, and so never gives way to another of the same length. One
+    replanner a space: it consumes the notes that the space keeps of its changes.
 
     A frame costs one compiled call, and a second one if there has to be a search.
     """
@@ -66,21 +71,40 @@ class Replanner:
         floor = 0
         standing, space = self._standing, self._space
         if standing is not None and standing.goal == goal:
-            at, floor = still_shortest(standing.cells, standing.left, standing.at, start[0], start[1], space.freed, space.notes)
+            at, floor = still_shortest(
+                standing.cells,
+                standing.left,
+                standing.at,
+                start[0],
+                start[1],
+                space.freed,
+                space.notes,
+            )
             if at >= 0:
                 if at != standing.at:
                     standing.at, standing.path = at, _path(standing.cells[at:], floor)
                 return standing.path
-        elif self._failure == (start, goal) and space.notes[0] == 0 and space.is_free(start) and space.is_free(goal):
+        elif (
+            self._failure == (start, goal)
+            and space.notes[0] == 0
+            and space.is_free(start)
+            and space.is_free(goal)
+        ):
             return NoPath(reason=Reason.UNREACHABLE)
         self.searches += 1
-        return self._searched(start, goal, ENDLESS if max_expansions is None else max_expansions, floor)
+        return self._searched(
+            start, goal, ENDLESS if max_expansions is None else max_expansions, floor
+        )
 
     def _searched(self, start: Cell, goal: Cell, budget: int, floor: int) -> Path | NoPath:
         space, standing, memory = self._space, self._standing, self._arena.memory
         cells, left, at = NOWHERE, NO_LENGTHS, ELSEWHERE
         if standing is not None:
-            cells, left, at = standing.cells, standing.left, standing.at if standing.goal == goal else ELSEWHERE
+            cells, left, at = (
+                standing.cells,
+                standing.left,
+                standing.at if standing.goal == goal else ELSEWHERE,
+            )
         status, fresh, lengths = searched(
             space.across,
             space.along,
@@ -121,13 +145,16 @@ def _path(cells: Ints, left: int) -> Path:
 def still_shortest(
     cells: Ints, left: Ints, at: int, start_row: int, start_col: int, freed: Ints, notes: Ints
 ) -> tuple[int, int]:
-    """Where on the path the robot is, not before `at`, and the length left from there; the notes are then cleared.
+    """Where on the path the robot is, not before `at`, and the length left from there; the notes
+    are then cleared.
 
-    `LONGER` in place of where, if something on the path was blocked; a path is then at least as long as what was left of it.
-    `ELSEWHERE`, and 0, if the robot is not on the path or a path may be shorter.
+    `LONGER` in place of where, if something on the path was blocked; a path is then at least as
+    long as what was left of it. `ELSEWHERE`, and 0, if the robot is not on the path or a path may
+    be shorter.
 
-    A path that uses a freed cell f, or squeezes diagonally past it, is at least octile(start, f) + octile(f, goal) - (2 - √2)
-    long: the squeeze goes by way of f's neighbours, one straight step each, with one diagonal step in place of those two.
+    A path that uses a freed cell f, or squeezes diagonally past it, is at least octile(start, f) +
+    octile(f, goal) - (2 - √2) long: the squeeze goes by way of f's neighbours, one straight step
+    each, with one diagonal step in place of those two.
     """
     if notes[0] > len(freed):
         return ELSEWHERE, 0
@@ -138,7 +165,11 @@ def still_shortest(
     goal_row, goal_col = cells[-1, 0], cells[-1, 1]
     for index in range(notes[0]):
         row, col = freed[index] >> 32, freed[index] & 0xFFFFFFFF
-        bound = octile(row - start_row, col - start_col) + octile(row - goal_row, col - goal_col) - (2 * UNIT - ROOT)
+        bound = (
+            octile(row - start_row, col - start_col)
+            + octile(row - goal_row, col - goal_col)
+            - (2 * UNIT - ROOT)
+        )
         if bound < left[at]:
             return ELSEWHERE, 0
     if notes[1] > 0:
@@ -165,8 +196,9 @@ def searched(
     budget: int,
     floor: int,
 ) -> tuple[int, Ints, Ints]:
-    """A path in place of the one at hand, none of which is shorter than `floor`: how the search for it ended, its (N, 2) cells,
-    and (N,) how much is left from each. The wire is moved to it and the notes are cleared, if the search came to an end.
+    """A path in place of the one at hand, none of which is shorter than `floor`: how the search for
+    it ended, its (N, 2) cells, and (N,) how much is left from each. The wire is moved to it and the
+    notes are cleared, if the search came to an end.
 
     `at`: where the robot was on the path at hand; `ELSEWHERE` if that one leads to another goal.
     """
@@ -193,7 +225,8 @@ def searched(
 
 @compiled
 def measure(cells: Ints, left: Ints, first: int) -> None:
-    """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is known."""
+    """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is
+    known."""
     for index in range(first - 1, -1, -1):
         if index == len(cells) - 1:
             left[index] = 0
@@ -206,7 +239,12 @@ def measure(cells: Ints, left: Ints, first: int) -> None:
 def alike(old: Ints, new: Ints) -> int:
     """How many cells two paths have in common at their ends."""
     before, after = len(old), len(new)
-    while before > 0 and after > 0 and old[before - 1, 0] == new[after - 1, 0] and old[before - 1, 1] == new[after - 1, 1]:
+    while (
+        before > 0
+        and after > 0
+        and old[before - 1, 0] == new[after - 1, 0]
+        and old[before - 1, 1] == new[after - 1, 1]
+    ):
         before, after = before - 1, after - 1
     return len(new) - after
 
@@ -214,14 +252,16 @@ def alike(old: Ints, new: Ints) -> int:
 @compiled
 def restring(sentinel: BitPlane, old: Ints, new: Ints, common: int) -> None:
     """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
-    # The first cell of what is alike is come to in another way. No two other steps of a shortest path share a cell beside them.
+    # The first cell of what is alike is come to in another way. No two other steps of a shortest
+    # path share a cell beside them.
     string(sentinel, old, len(old) - common + 1, False)
     string(sentinel, new, len(new) - common + 1, True)
 
 
 @lean
 def string(sentinel: BitPlane, cells: Ints, until: int, on: bool) -> None:
-    """Set or clear the wire at all that has to stay free for the first cells: these and what is beside their diagonal steps."""
+    """Set or clear the wire at all that has to stay free for the first cells: these and what is
+    beside their diagonal steps."""
     for index in range(min(until, len(cells))):
         before = max(index - 1, 0)
         for row, col in (
@@ -238,7 +278,8 @@ def string(sentinel: BitPlane, cells: Ints, until: int, on: bool) -> None:
 
 @compiled
 def joined(across: BitPlanes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
-    """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and follows them; else (0, 2)."""
+    """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and
+    follows them; else (0, 2)."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
     for index in range(len(cells)):
         to_row, to_col = cells[index, 0] + PAD, cells[index, 1] + PAD

@@ -1,4 +1,5 @@
-"""The way to the goal as everybody else takes it from a path of cells: in metres, its waypoints, and the track to drive."""
+"""The way to the goal as everybody else takes it from a path of cells: in metres, its waypoints,
+and the track to drive."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from navcore.robot.profile import RobotProfile
 
 NO_POINTS: Points = np.empty((0, 2))
 BAND_M = 0.1
-"""Beside what it turns round the track keeps this much more than the circle in which the robot turns, where it can."""
+"""Beside what it turns round the track keeps this much more than the circle in which the robot
+turns, where it can."""
 TAUT_M = 8.0
 """As far ahead as this the path is pulled taut; the local planner looks no further."""
 Array = TypeVar("Array", bound=npt.NDArray[np.generic])
@@ -35,7 +37,8 @@ class Route:
     outcome: Path | NoPath
     """The shortest path, or why there is none."""
     points: Points
-    """(N, 2) the path in metres of the map frame; without one the way to go nearer to where it is closed, or (0, 2)."""
+    """(N, 2) the path in metres of the map frame; without one the way to go nearer to where it is
+    closed, or (0, 2)."""
     waypoints: Points
     """(M, 2) its corners and its end."""
     track: Points
@@ -44,7 +47,11 @@ class Route:
     @property
     def length_m(self) -> float | None:
         """Of the path; None without one."""
-        return None if isinstance(self.outcome, NoPath) else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        return (
+            None
+            if isinstance(self.outcome, NoPath)
+            else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        )
 
 
 def build_route(
@@ -55,16 +62,21 @@ def build_route(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> Route:
-    """The route along a path; it ends at the goal, (x, y) in the map frame. `free`: plane of cells that the path may use."""
+    """The route along a path; it ends at the goal, (x, y) in the map frame. `free`: plane of cells
+    that the path may use."""
     if isinstance(outcome, NoPath):
         return no_route(outcome.reason)
-    corners = choose_waypoints(outcome, spec, max_vertex_angle_rad=math.radians(config.max_vertex_angle_deg))
+    corners = choose_waypoints(
+        outcome, spec, max_vertex_angle_rad=math.radians(config.max_vertex_angle_deg)
+    )
     taut = shortcut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
     # The goal is a point, not a cell: the last centre gives way to it.
     points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
     kept_m = profile.width_m / 2 + config.safety_margin_m
     wanted_m = profile.circumscribed_radius_m + BAND_M - kept_m
-    track = relax(resample(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m)
+    track = relax(
+        resample(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m
+    )
     return Route(
         outcome=outcome,
         points=read_only(points),
@@ -75,7 +87,9 @@ def build_route(
 
 def no_route(reason: Reason) -> Route:
     """That there is none, and why."""
-    return Route(outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS)
+    return Route(
+        outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS
+    )
 
 
 def read_only(array: Array) -> Array:

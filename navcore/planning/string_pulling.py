@@ -1,7 +1,9 @@
-"""The track: the path as a robot would drive it, pulled taut over the first stretch; the grid knows only eight directions.
+"""The track: the path as a robot would drive it, pulled taut over the first stretch; the grid knows
+only eight directions.
 
-Many paths are as short as the shortest on the grid; the one that is found may turn far off the straight line between corners.
-Pulled taut it is never longer, and stays within the cells the search may use.
+Many paths are as short as the shortest on the grid; the one that is found may turn far off the
+straight line between corners. Pulled taut it is never longer, and stays within the cells the search
+may use.
 """
 
 from __future__ import annotations
@@ -16,10 +18,12 @@ Ints = npt.NDArray[np.int64]
 
 
 def shortcut(cells: Ints, free: BitPlane, *, stretch: int) -> Ints:
-    """(M, 2) corners (row, col) of the taut path; from the first corner more than `stretch` cells along it is the path itself.
+    """(M, 2) corners (row, col) of the taut path; from the first corner more than `stretch` cells
+    along it is the path itself.
 
-    `cells`: (N, 2) every cell of a path. `free`: plane of the cells that the robot's centre may be in. Between two corners the
-    straight line of their centres crosses free cells only, and passes no blocked cell's corner.
+    `cells`: (N, 2) every cell of a path. `free`: plane of the cells that the robot's centre may be
+    in. Between two corners the straight line of their centres crosses free cells only, and passes
+    no blocked cell's corner.
     """
     return cells[_corners(np.ascontiguousarray(cells), free, stretch)]
 
@@ -32,7 +36,11 @@ def _corners(cells: Ints, free: BitPlane, stretch: int) -> Ints:
     while at < len(cells) - 1:
         further = at + 1
         if at < stretch:
-            while further < len(cells) - 1 and further < at + stretch and line_of_sight(free, cells[at], cells[further + 1]):
+            while (
+                further < len(cells) - 1
+                and further < at + stretch
+                and line_of_sight(free, cells[at], cells[further + 1])
+            ):
                 further += 1
         at = further
         kept[count] = at
@@ -42,11 +50,13 @@ def _corners(cells: Ints, free: BitPlane, stretch: int) -> Ints:
 
 @compiled
 def line_of_sight(free: BitPlane, here: Ints, there: Ints) -> bool:
-    """Whether the straight line between the centres of two free cells crosses free cells only, beside corners too."""
+    """Whether the straight line between the centres of two free cells crosses free cells only,
+    beside corners too."""
     rows, cols = abs(there[0] - here[0]), abs(there[1] - here[1])
     row, col = here[0], here[1]
     row_step, col_step = (1 if there[0] > row else -1), (1 if there[1] > col else -1)
-    # Positive while the line leaves the present cell through its side towards the next column, negative through the next row's.
+    # Positive while the line leaves the present cell through its side towards the next column,
+    # negative through the next row's.
     side = cols - rows
     for _ in range(rows + cols):
         if row == there[0] and col == there[1]:

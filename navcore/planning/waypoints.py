@@ -14,11 +14,14 @@ DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
 """Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""
 
 
-def choose_waypoints(path: Path, spec: GridSpec, *, max_vertex_angle_rad: float) -> npt.NDArray[np.float64]:
+def choose_waypoints(
+    path: Path, spec: GridSpec, *, max_vertex_angle_rad: float
+) -> npt.NDArray[np.float64]:
     """(M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
 
-    A cell p_i is kept where the angle at it between p_(i−1) − p_i and p_(i+1) − p_i, π on a straight line, is below
-    `max_vertex_angle_rad`, which is less than π. The end of the path is always a waypoint.
+    A cell p_i is kept where the angle at it between p_(i−1) − p_i and p_(i+1) − p_i, π on a
+    straight line, is below `max_vertex_angle_rad`, which is less than π. The end of the path is
+    always a waypoint.
     """
     steps = np.diff(path.cells, axis=0)
     bends = np.flatnonzero(np.diff(3 * steps[:, 0] + steps[:, 1]))

@@ -22,7 +22,8 @@ class Command:
 
 
 class Robot(Protocol):
-    """What a robot back end offers: newest senses, and a wheel command it forgets by itself after 0.25 s."""
+    """What a robot back end offers: newest senses, and a wheel command it forgets by itself after
+    0.25 s."""
 
     def now_ns(self) -> int:
         """The robot's monotonic clock."""

@@ -1,4 +1,5 @@
-"""What the robot senses at one instant: a registered RGB-D picture and the odometry that belongs to it."""
+"""What the robot senses at one instant: a registered RGB-D picture and the odometry that belongs to
+it."""
 
 from __future__ import annotations
 
@@ -13,12 +14,14 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2, Twist
 
 BLIND_SHARE = 0.98
-"""A picture with more than this share of its depth missing is no measurement (lens covered, laser off)."""
+"""A picture with more than this share of its depth missing is no measurement (lens covered, laser
+off)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One picture of the depth camera with colour registered to it, and where odometry says it was taken."""
+    """One picture of the depth camera with colour registered to it, and where odometry says it was
+    taken."""
 
     stamp_ns: int
     """Capture time on the robot's monotonic clock, ns."""
@@ -41,12 +44,17 @@ class Frame:
         return self.pose.matrix() @ self.T_base_camera
 
     def shows(self, points_map: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-        """(N,) which of (N, 3) points of the map frame lie within the picture, whether or not something hides them."""
+        """(N,) which of (N, 3) points of the map frame lie within the picture, whether or not
+        something hides them."""
         camera, lens = self.T_map_camera, self.intrinsics
         x, y, z = ((points_map - camera[:3, 3]) @ camera[:3, :3] * (lens.fx, lens.fy, 1.0)).T
         cols, rows = x + lens.cx * z, y + lens.cy * z
         return np.asarray(
-            (z > 0) & (cols >= 0) & (cols <= (lens.width - 1) * z) & (rows >= 0) & (rows <= (lens.height - 1) * z)
+            (z > 0)
+            & (cols >= 0)
+            & (cols <= (lens.width - 1) * z)
+            & (rows >= 0)
+            & (rows <= (lens.height - 1) * z)
         )
 
 
@@ -54,22 +62,38 @@ def check_frame(frame: Frame) -> None:
     """Raise `BadFrame` when a frame must not enter the map; it names what is wrong with it."""
     lens = frame.intrinsics
     if not np.isfinite((lens.fx, lens.fy, lens.cx, lens.cy)).all() or min(lens.fx, lens.fy) <= 0:
-        raise BadFrame(f"intrinsics {lens} are no lens: fx and fy must be positive, all four finite")
+        raise BadFrame(
+            f"intrinsics {lens} are no lens: fx and fy must be positive, all four finite"
+        )
     height, width = frame.intrinsics.height, frame.intrinsics.width
     if frame.depth_m.shape != (height, width):
-        raise BadFrame(f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its intrinsics say")
+        raise BadFrame(
+            f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its intrinsics say"
+        )
     if frame.rgb.shape != (height, width, 3) or frame.rgb.dtype != np.uint8:
-        raise BadFrame(f"rgb is {frame.rgb.dtype} {frame.rgb.shape}, expected uint8 {(height, width, 3)}")
+        raise BadFrame(
+            f"rgb is {frame.rgb.dtype} {frame.rgb.shape}, expected uint8 {(height, width, 3)}"
+        )
     if frame.depth_m.dtype != np.float32:
         raise BadFrame(f"depth is {frame.depth_m.dtype}, expected float32 metres")
     least, most = float(frame.depth_m.min()), float(frame.depth_m.max())
     if not (math.isfinite(least) and math.isfinite(most)):
-        raise BadFrame(f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected metres or 0")
+        raise BadFrame(
+            f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected metres or 0"
+        )
     if least < 0:
         raise BadFrame(f"depth holds negative values, least {least:g} m, expected metres or 0")
     missing = 1.0 - np.count_nonzero(frame.depth_m) / frame.depth_m.size
     if missing > BLIND_SHARE:
-        raise BadFrame(f"depth is missing in {missing:.0%} of the picture, expected at most {BLIND_SHARE:.0%}")
-    numbers = (frame.pose.x_m, frame.pose.y_m, frame.pose.yaw_rad, frame.twist.v_mps, frame.twist.w_radps)
+        raise BadFrame(
+            f"depth is missing in {missing:.0%} of the picture, expected at most {BLIND_SHARE:.0%}"
+        )
+    numbers = (
+        frame.pose.x_m,
+        frame.pose.y_m,
+        frame.pose.yaw_rad,
+        frame.twist.v_mps,
+        frame.twist.w_radps,
+    )
     if not np.isfinite(numbers).all() or not np.isfinite(frame.T_base_camera).all():
         raise BadFrame(f"pose, velocity or camera mount is not finite: {numbers}")

@@ -32,12 +32,15 @@ class CameraMount:
     @property
     def T_base_camera(self) -> Matrix:
         """(4, 4) of the optical frame."""
-        return camera_mount(x_m=self.x_m, y_m=0.0, z_m=self.z_m, pitch_down_rad=math.radians(self.pitch_down_deg))
+        return camera_mount(
+            x_m=self.x_m, y_m=0.0, z_m=self.z_m, pitch_down_rad=math.radians(self.pitch_down_deg)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotProfile:
-    """Body and limits of a platform; the origin of the base is the middle of the footprint, on the floor."""
+    """Body and limits of a platform; the origin of the base is the middle of the footprint, on the
+    floor."""
 
     name: str
     """Platform, as in `robot` of reports."""
@@ -77,12 +80,15 @@ def robot_names() -> tuple[str, ...]:
 
 
 def load_profile(name_or_path: str | Path) -> RobotProfile:
-    """A known platform by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
+    """A known platform by name, or a file that ends in .toml; raises `BadConfiguration`, which
+    names the key."""
     path = Path(name_or_path)
     if path.suffix != ".toml":
         if name_or_path not in robot_names():
             known = ", ".join(robot_names())
-            raise BadConfiguration(f"no robot is called {str(name_or_path)!r}; give a .toml file or one of: {known}")
+            raise BadConfiguration(
+                f"no robot is called {str(name_or_path)!r}; give a .toml file or one of: {known}"
+            )
         path = ROBOTS / f"{name_or_path}.toml"
     return from_table(RobotProfile, read_toml(path), path.name)
 

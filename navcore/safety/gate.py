@@ -1,6 +1,7 @@
 """The safety gate: the last word before the wheels, independent of everything above it.
 
-A pure function of facts and the newest command. It never moves the robot: it passes a command on, weakens it, or sends zero.
+A pure function of facts and the newest command. It never moves the robot: it passes a command on,
+weakens it, or sends zero.
 """
 
 from __future__ import annotations
@@ -12,7 +13,14 @@ from enum import StrEnum
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import RobotProfile
-from navcore.safety.collision_monitor import CREEP_MPS, HORIZON_S, NO_POINTS, NearPoints, allowed_share, time_to_contact
+from navcore.safety.collision_monitor import (
+    CREEP_MPS,
+    HORIZON_S,
+    NO_POINTS,
+    NearPoints,
+    allowed_share,
+    time_to_contact,
+)
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_LIFE_NS = 250_000_000
@@ -20,13 +28,15 @@ FRAME_LIFE_NS = 500_000_000
 BLOCKED_NS = 2_000_000_000
 """Wheels that are commanded for so long and do not turn are held by something."""
 COMMANDED_MPS, TURNING_SHARE = 0.05, 0.1
-"""Faster than this something must move, and by this share of it at least; at the rim of the circle that the body sweeps."""
+"""Faster than this something must move, and by this share of it at least; at the rim of the circle
+that the body sweeps."""
 LONGEST_PERIOD_S = 0.1
 """A gate that was not asked for longer than this allows no more acceleration than over this."""
 
 
 class Cause(StrEnum):
-    """Why the robot does not move. The order is that of severity: the first that holds is shown, the rest are listed."""
+    """Why the robot does not move. The order is that of severity: the first that holds is shown,
+    the rest are listed."""
 
     EMERGENCY_STOP = "emergency_stop"
     CONTACT_IMMINENT = "contact_imminent"
@@ -63,7 +73,8 @@ class StopReason:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GateInput:
-    """What the gate judges by, all on the robot's monotonic clock; what is left out is not known to be wrong."""
+    """What the gate judges by, all on the robot's monotonic clock; what is left out is not known to
+    be wrong."""
 
     now_ns: int
     """The present."""
@@ -107,7 +118,9 @@ def gate(facts: GateInput, *, sent: Twist, period_s: float, profile: RobotProfil
 def pushes_in_vain(sent: Twist, measured: Twist, profile: RobotProfile) -> bool:
     """Whether the wheels were told to turn and do (nearly) not."""
     asked_mps = _fastest_point(sent, profile)
-    return asked_mps > COMMANDED_MPS and _fastest_point(measured, profile) < TURNING_SHARE * asked_mps
+    return (
+        asked_mps > COMMANDED_MPS and _fastest_point(measured, profile) < TURNING_SHARE * asked_mps
+    )
 
 
 def ranked(reasons: list[StopReason]) -> tuple[StopReason, ...]:
@@ -132,17 +145,27 @@ def _objections(facts: GateInput) -> list[StopReason]:
 def _sensor_objections(facts: GateInput) -> list[StopReason]:
     found, senses = [], facts.senses
     if facts.frame_ns is None:
-        found.append(StopReason(cause=Cause.STALE_FRAME, text="The camera has not delivered a picture yet."))
+        found.append(
+            StopReason(cause=Cause.STALE_FRAME, text="The camera has not delivered a picture yet.")
+        )
     elif not 0 <= facts.now_ns - facts.frame_ns <= FRAME_LIFE_NS:
         age_s = (facts.now_ns - facts.frame_ns) / 1e9
         text = f"The newest camera picture is {age_s:.2f} s old, at most {FRAME_LIFE_NS / 1e9:g} s are allowed."
         found.append(StopReason(cause=Cause.STALE_FRAME, text=text))
-    elif senses.fresh_ns is not None and senses.repeats and facts.now_ns - senses.fresh_ns > FRAME_LIFE_NS:
+    elif (
+        senses.fresh_ns is not None
+        and senses.repeats
+        and facts.now_ns - senses.fresh_ns > FRAME_LIFE_NS
+    ):
         age_s = (facts.now_ns - senses.fresh_ns) / 1e9
         text = f"The camera has shown the same picture for {age_s:.2f} s, at most {FRAME_LIFE_NS / 1e9:g} s are allowed."
         found.append(StopReason(cause=Cause.STUCK_CAMERA, text=text))
     if senses.malformed:
-        found.append(StopReason(cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {senses.malformed}."))
+        found.append(
+            StopReason(
+                cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {senses.malformed}."
+            )
+        )
     if senses.doubt is not None:
         found.append(StopReason(cause=_DOUBTS[senses.doubt], text=senses.why))
     return found
@@ -151,7 +174,11 @@ def _sensor_objections(facts: GateInput) -> list[StopReason]:
 def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
     found = []
     if not (math.isfinite(command.twist.v_mps) and math.isfinite(command.twist.w_radps)):
-        found.append(StopReason(cause=Cause.BAD_COMMAND, text="The planner asked for a velocity that is not finite."))
+        found.append(
+            StopReason(
+                cause=Cause.BAD_COMMAND, text="The planner asked for a velocity that is not finite."
+            )
+        )
     if not 0 <= now_ns - command.stamp_ns <= COMMAND_LIFE_NS:
         age_s = (now_ns - command.stamp_ns) / 1e9
         text = f"The newest command is {age_s:.2f} s old, at most {COMMAND_LIFE_NS / 1e9:g} s are allowed."
@@ -160,7 +187,8 @@ def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
 
 
 def _slowed(asked: Twist, contact_s: float, facts: GateInput, profile: RobotProfile) -> Twist:
-    """The same motion, no faster than it can be stopped before contact; a standstill when that is hardly any motion."""
+    """The same motion, no faster than it can be stopped before contact; a standstill when that is
+    hardly any motion."""
     if not contact_s <= HORIZON_S:
         return asked
     age_s = (facts.now_ns - facts.frame_ns) / 1e9 if facts.frame_ns is not None else 0.0
@@ -172,7 +200,11 @@ def _slowed(asked: Twist, contact_s: float, facts: GateInput, profile: RobotProf
 
 
 def _contact(asked: Twist, contact_s: float) -> StopReason:
-    way = f"{abs(asked.v_mps) * contact_s:.2f} m ahead" if abs(asked.v_mps) > CREEP_MPS else "in the way of the turn"
+    way = (
+        f"{abs(asked.v_mps) * contact_s:.2f} m ahead"
+        if abs(asked.v_mps) > CREEP_MPS
+        else "in the way of the turn"
+    )
     return StopReason(
         cause=Cause.CONTACT_IMMINENT,
         text=f"The camera sees something {way}, {contact_s:.2f} s before contact: too near to drive on.",
@@ -184,14 +216,22 @@ def _fastest_point(twist: Twist, profile: RobotProfile) -> float:
 
 
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:
-    period_s = min(max(period_s, 0.0), LONGEST_PERIOD_S)  # a clock that goes back gives no licence to accelerate
-    speed = _approach(asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps)
-    # While the speed is still building up the robot turns less as well: it was the curvature that was checked.
+    period_s = min(
+        max(period_s, 0.0), LONGEST_PERIOD_S
+    )  # a clock that goes back gives no licence to accelerate
+    speed = _approach(
+        asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps
+    )
+    # While the speed is still building up the robot turns less as well: it was the curvature that
+    # was checked.
     built_up = 1.0 if asked.v_mps == 0.0 else min(max(speed / asked.v_mps, 0.0), 1.0)
     return Twist(
         v_mps=speed,
         w_radps=_approach(
-            asked.w_radps * built_up, sent.w_radps, profile.max_yaw_accel_radps2 * period_s, profile.max_yaw_rate_radps
+            asked.w_radps * built_up,
+            sent.w_radps,
+            profile.max_yaw_accel_radps2 * period_s,
+            profile.max_yaw_rate_radps,
         ),
     )
 

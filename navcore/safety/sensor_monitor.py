@@ -1,7 +1,9 @@
-"""Whether what the sensors say can be true: stamps that go on, a pose the robot can have reached, pictures that change.
+"""Whether what the sensors say can be true: stamps that go on, a pose the robot can have reached,
+pictures that change.
 
-A value with its transition, one for each new frame. It remembers the last frame that could be true; what cannot follow from it
-is not believed until the sensors agree with it again, or until the operator says that the new place is the true one.
+A value with its transition, one for each new frame. It remembers the last frame that could be true;
+what cannot follow from it is not believed until the sensors agree with it again, or until the
+operator says that the new place is the true one.
 """
 
 from __future__ import annotations
@@ -21,11 +23,14 @@ SLACK = 1.1
 SLACK_M, SLACK_RAD = 0.03, 0.03
 """And odometry comes in steps."""
 LONGEST_S = 1.0
-"""After this without a picture the gate has stopped the robot: a longer gap does not let it have gone any further."""
+"""After this without a picture the gate has stopped the robot: a longer gap does not let it have
+gone any further."""
 STEADY = 3
-"""A pose that has jumped is believed again when it is back, and has gone on steadily for so many frames."""
+"""A pose that has jumped is believed again when it is back, and has gone on steadily for so many
+frames."""
 EVERY_PX = 13
-"""Every so manieth pixel is compared: a camera that works never repeats them all, for the noise in it."""
+"""Every so manieth pixel is compared: a camera that works never repeats them all, for the noise in
+it."""
 
 
 class SensorFault(StrEnum):
@@ -60,7 +65,8 @@ class SensorMonitor:
     why: str = ""
     """The same for the operator, with figures."""
     malformed: str = ""
-    """What is wrong with the newest frame itself, whatever came before it; empty when nothing is."""
+    """What is wrong with the newest frame itself, whatever came before it; empty when nothing is.
+    """
     reach: Way = Way(m=0.0, rad=0.0)
     """While the pose is in doubt: how far from the trusted one it can be by now."""
     steady: int = 0
@@ -89,11 +95,15 @@ class SensorMonitor:
         last_ns = self.newest.stamp_ns if self.trusted is None else self.trusted.stamp_ns
         if frame.stamp_ns <= last_ns:
             back_s = (last_ns - frame.stamp_ns) / 1e9
-            why = (
-                f"The camera's clock does not go on: a picture is dated {back_s:.3f} s back from the one before it, or like it."
+            why = f"The camera's clock does not go on: a picture is dated {back_s:.3f} s back from the one before it, or like it."
+            doubted = (
+                (self.doubt, self.why)
+                if self.doubt is SensorFault.POSE
+                else (SensorFault.STAMP, why)
             )
-            doubted = (self.doubt, self.why) if self.doubt is SensorFault.POSE else (SensorFault.STAMP, why)
-            return dataclasses.replace(self._shown(frame), doubt=doubted[0], why=doubted[1], steady=0)
+            return dataclasses.replace(
+                self._shown(frame), doubt=doubted[0], why=doubted[1], steady=0
+            )
         if self.trusted is None or not _is_somewhere(frame):
             # Without a pose there is none to doubt: the frame is refused for that.
             return (
@@ -107,25 +117,39 @@ class SensorMonitor:
         if not _jumped(self.trusted, frame, reach):
             return self._believe(frame)
         why = _told(self.trusted, frame, reach)
-        return dataclasses.replace(self._shown(frame), doubt=SensorFault.POSE, why=why, reach=reach, steady=0)
+        return dataclasses.replace(
+            self._shown(frame), doubt=SensorFault.POSE, why=why, reach=reach, steady=0
+        )
 
     def _shown(self, frame: Frame) -> SensorMonitor:
         """The same, but for what the newest frame shows."""
-        depth, rgb = (pixels.reshape(-1)[::EVERY_PX].tobytes() for pixels in (frame.depth_m, frame.rgb))
+        depth, rgb = (
+            pixels.reshape(-1)[::EVERY_PX].tobytes() for pixels in (frame.depth_m, frame.rgb)
+        )
         same = self.newest is not None and (depth == self.depth or rgb == self.rgb)
         fresh_ns = self.fresh_ns if same else frame.stamp_ns
-        return dataclasses.replace(self, newest=frame, fresh_ns=fresh_ns, malformed=_malformed(frame), depth=depth, rgb=rgb)
+        return dataclasses.replace(
+            self, newest=frame, fresh_ns=fresh_ns, malformed=_malformed(frame), depth=depth, rgb=rgb
+        )
 
     def _believe(self, frame: Frame) -> SensorMonitor:
         trusted = frame if _is_somewhere(frame) else self.trusted
-        return dataclasses.replace(self._shown(frame), trusted=trusted, doubt=None, why="", steady=0)
+        return dataclasses.replace(
+            self._shown(frame), trusted=trusted, doubt=None, why="", steady=0
+        )
 
-    def _still_in_doubt(self, before: Frame, trusted: Frame, frame: Frame, profile: RobotProfile) -> SensorMonitor:
+    def _still_in_doubt(
+        self, before: Frame, trusted: Frame, frame: Frame, profile: RobotProfile
+    ) -> SensorMonitor:
         """Meanwhile the robot has gone as far as it measured, which is nothing once it stands."""
         gap_s = _gap_s(before, frame)
         speed = min(max(abs(before.twist.v_mps), abs(frame.twist.v_mps)), profile.max_speed_mps)
-        rate = min(max(abs(before.twist.w_radps), abs(frame.twist.w_radps)), profile.max_yaw_rate_radps)
-        reach = Way(m=self.reach.m + SLACK * speed * gap_s, rad=self.reach.rad + SLACK * rate * gap_s)
+        rate = min(
+            max(abs(before.twist.w_radps), abs(frame.twist.w_radps)), profile.max_yaw_rate_radps
+        )
+        reach = Way(
+            m=self.reach.m + SLACK * speed * gap_s, rad=self.reach.rad + SLACK * rate * gap_s
+        )
         jumps = not _is_somewhere(before) or _jumped(before, frame, _reach(before, frame, profile))
         steady = 0 if jumps else self.steady + 1
         if steady >= STEADY and not _jumped(trusted, frame, reach):
@@ -136,12 +160,18 @@ class SensorMonitor:
 def _reach(before: Frame, after: Frame, profile: RobotProfile) -> Way:
     """How far the robot can have gone between two frames.
 
-    At most as fast as it measured at either end, faster by what it can accelerate and brake again meanwhile.
+    At most as fast as it measured at either end, faster by what it can accelerate and brake again
+    meanwhile.
     """
-    gap_s, v, w = _gap_s(before, after), (before.twist.v_mps, after.twist.v_mps), (before.twist.w_radps, after.twist.w_radps)
+    gap_s, v, w = (
+        _gap_s(before, after),
+        (before.twist.v_mps, after.twist.v_mps),
+        (before.twist.w_radps, after.twist.w_radps),
+    )
     return Way(
         m=SLACK_M + _most(v, profile.max_accel_mps2, profile.max_speed_mps, gap_s),
-        rad=SLACK_RAD + _most(w, 2 * profile.max_yaw_accel_radps2, 2 * profile.max_yaw_rate_radps, gap_s),
+        rad=SLACK_RAD
+        + _most(w, 2 * profile.max_yaw_accel_radps2, 2 * profile.max_yaw_rate_radps, gap_s),
     )
 
 

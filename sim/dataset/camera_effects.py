@@ -1,4 +1,5 @@
-"""What a real camera adds to a rendered picture: exposure, tint, uneven light, blur, noise, and a stereo camera's errors."""
+"""What a real camera adds to a rendered picture: exposure, tint, uneven light, blur, noise, and a
+stereo camera's errors."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def _exposed(rgb: Rgb, rng: np.random.Generator) -> Rgb:
     picture = table.astype(np.float32)[rgb, np.arange(3)]
     if rng.random() < 0.6:
         shade = 1.0 + rng.uniform(0.0, 0.08) * clouds(rng, 4, 64)
-        picture *= cv2.resize(shade.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)[:, :, None]
+        picture *= cv2.resize(
+            shade.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR
+        )[:, :, None]
     return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
 
 

@@ -1,8 +1,10 @@
-"""Labelled pictures of random worlds, to train and to measure the segmentation of what a robot must beware of.
+"""Labelled pictures of random worlds, to train and to measure the segmentation of what a robot must
+beware of.
 
-The seed of world `i` of `render_pictures(seed=s)` is `1000 · s + i`, and from it alone come the world, its poses and the
-camera's errors; floor patterns and prints come from `s`. `shard_seed` gives every shard of every split of a data set an `s`
-of its own, so no world of one split can be in another.
+The seed of world `i` of `render_pictures(seed=s)` is `1000 · s + i`, and from it alone come the
+world, its poses and the camera's errors; floor patterns and prints come from `s`. `shard_seed`
+gives every shard of every split of a data set an `s` of its own, so no world of one split can be in
+another.
 """
 
 from __future__ import annotations
@@ -62,7 +64,8 @@ def render_pictures(
     size: tuple[int, int] = (424, 240),
     renderer: Literal["auto", "tiny", "egl"] = "auto",
 ) -> Iterator[Picture]:
-    """Pictures of so many random worlds from so many poses each; the same seed and renderer give the same bits.
+    """Pictures of so many random worlds from so many poses each; the same seed and renderer give
+    the same bits.
 
     "auto" takes EGL for two seeds of three where it works, else TINY. Raises `BadConfiguration`.
     """
@@ -70,7 +73,9 @@ def render_pictures(
         raise BadConfiguration(
             f"seed {seed}, {worlds} worlds, {poses_per_world} poses: expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
         )
-    chosen = renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
+    chosen = (
+        renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
+    )
     with SceneRenderer(seed=seed, size=size, renderer=chosen) as studio:
         for i in range(worlds):
             yield from _of_world(studio, WORLDS_PER_SHARD * seed + i, poses_per_world)
@@ -82,9 +87,17 @@ def _of_world(studio: SceneRenderer, world_seed: int, poses: int) -> Iterator[Pi
     studio.build(scene)
     for k in range(poses):
         rgb, depth_m, labels = studio.render(_viewpoint(scene, rng, k), scene)
-        rgb, depth_m = apply_camera_effects(rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator)
+        rgb, depth_m = apply_camera_effects(
+            rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator
+        )
         depth_mm = np.round(depth_m * 1000).astype(np.uint16)
-        yield Picture(world_seed=world_seed, name=f"{world_seed:09d}_{k:02d}", rgb=rgb, depth_mm=depth_mm, labels=labels)
+        yield Picture(
+            world_seed=world_seed,
+            name=f"{world_seed:09d}_{k:02d}",
+            rgb=rgb,
+            depth_mm=depth_mm,
+            labels=labels,
+        )
 
 
 def _viewpoint(scene: Scene, rng: np.random.Generator, k: int) -> Matrix:
@@ -93,7 +106,10 @@ def _viewpoint(scene: Scene, rng: np.random.Generator, k: int) -> Matrix:
     x_to, y_to = (target.x_m, target.y_m) if target else (0.0, 0.0)
     best = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     for _ in range(40):
-        away, turn = math.exp(rng.uniform(math.log(0.8), math.log(5.5))), float(rng.uniform(-math.pi, math.pi))
+        away, turn = (
+            math.exp(rng.uniform(math.log(0.8), math.log(5.5))),
+            float(rng.uniform(-math.pi, math.pi)),
+        )
         x, y = x_to - away * math.cos(turn), y_to - away * math.sin(turn)
         best = Pose2(x_m=x, y_m=y, yaw_rad=turn + float(rng.normal(0, 0.3)))
         if abs(x) < scene.reach_m[0] and abs(y) < scene.reach_m[1] and _free(scene, x, y):
@@ -101,7 +117,9 @@ def _viewpoint(scene: Scene, rng: np.random.Generator, k: int) -> Matrix:
     else:
         best = Pose2(x_m=0.0, y_m=0.0, yaw_rad=float(rng.uniform(-math.pi, math.pi)))
     pitch, roll = math.radians(12.0 + rng.uniform(-4, 4)), rng.normal(0, math.radians(0.7))
-    mount = camera_mount(x_m=0.0, y_m=0.0, z_m=float(0.65 + rng.uniform(-0.08, 0.08)), pitch_down_rad=pitch)
+    mount = camera_mount(
+        x_m=0.0, y_m=0.0, z_m=float(0.65 + rng.uniform(-0.08, 0.08)), pitch_down_rad=pitch
+    )
     tilt = np.eye(4)
     tilt[:2, :2] = [[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]]
     return best.matrix() @ mount @ tilt

@@ -32,14 +32,22 @@ SHARES = {
 }
 """How often a world holds each kind."""
 RED_SHARE, SPILL_SHARE, PERSON_SHARE = 0.55, 0.6, 0.6
-STRETCH = {"cup": (0.85, 1.25), "book": (0.6, 1.25), "bottle": (0.8, 1.3), "box": (0.5, 1.4), "landmine": (0.75, 1.2)}
+STRETCH = {
+    "cup": (0.85, 1.25),
+    "book": (0.6, 1.25),
+    "bottle": (0.8, 1.3),
+    "box": (0.5, 1.4),
+    "landmine": (0.75, 1.2),
+}
 """How sizes vary by kind; others by a tenth."""
 
 
 class ItemPlacer:
     """Fills a plan around one focus."""
 
-    def __init__(self, plan: Plan, *, focus: tuple[float, float], patterns: tuple[int, int], prints: int) -> None:
+    def __init__(
+        self, plan: Plan, *, focus: tuple[float, float], patterns: tuple[int, int], prints: int
+    ) -> None:
         self._plan, self._rng, self._focus = plan, plan.rng, focus
         self._patterns, self._prints = patterns, prints
 
@@ -58,7 +66,9 @@ class ItemPlacer:
 
     def _near_focus(self, low_m: float = 0.0, high_m: float = 2.4) -> tuple[float, float]:
         distance, turn = self._rng.uniform(low_m, high_m), self._rng.uniform(-math.pi, math.pi)
-        return self._focus[0] + float(distance * math.cos(turn)), self._focus[1] + float(distance * math.sin(turn))
+        return self._focus[0] + float(distance * math.cos(turn)), self._focus[1] + float(
+            distance * math.sin(turn)
+        )
 
     def _spot(self, radius_m: float, *, high_m: float = 2.4) -> tuple[float, float] | None:
         for _ in range(25):
@@ -67,9 +77,19 @@ class ItemPlacer:
                 return x, y
         return None
 
-    def _put(self, label: str, solids: tuple[Solid, ...], at: tuple[float, float], radius_m: float, *, aim: bool) -> None:
+    def _put(
+        self,
+        label: str,
+        solids: tuple[Solid, ...],
+        at: tuple[float, float],
+        radius_m: float,
+        *,
+        aim: bool,
+    ) -> None:
         yaw = float(self._rng.uniform(-math.pi, math.pi))
-        self._plan.pieces.append(SolidObject(label=label, solids=solids, pose=Pose2(x_m=at[0], y_m=at[1], yaw_rad=yaw)))
+        self._plan.pieces.append(
+            SolidObject(label=label, solids=solids, pose=Pose2(x_m=at[0], y_m=at[1], yaw_rad=yaw))
+        )
         spot = Spot(x_m=at[0], y_m=at[1], radius_m=radius_m)
         self._plan.blocked.append(spot)
         if aim:
@@ -79,27 +99,37 @@ class ItemPlacer:
         rng = self._rng
         low, high = STRETCH.get(kind, (0.9, 1.1))
         by, own = rng.uniform(low, high), rng.uniform(0.92, 1.08, 3)
-        x, y, z = (float(side * by * scale) for side, scale in zip(ITEM_SIZES[kind], own, strict=True))
+        x, y, z = (
+            float(side * by * scale) for side, scale in zip(ITEM_SIZES[kind], own, strict=True)
+        )
         if kind in ("cup", "bottle", "landmine"):
             y = x
         if kind == "book":
             z = float(rng.uniform(0.012, 0.06))
         shapes = item_shapes(kind)
         shape = shapes[0] if self._plan.plain and rng.random() < 0.4 else str(rng.choice(shapes))
-        colour = ITEM_COLOURS[kind] if self._plan.plain and rng.random() < 0.4 else palette.item(rng, kind)
+        colour = (
+            ITEM_COLOURS[kind]
+            if self._plan.plain and rng.random() < 0.4
+            else palette.item(rng, kind)
+        )
         extent = item_extent(kind, (x, y, z), shape)
         radius = 0.4 if kind == "cable" else math.hypot(extent[0], extent[1]) / 2
         at = self._spot(radius + 0.04)
         if at is None:
             return
-        solids = self._cable(colour) if kind == "cable" else item_solids(kind, (x, y, z), colour, shape)
+        solids = (
+            self._cable(colour) if kind == "cable" else item_solids(kind, (x, y, z), colour, shape)
+        )
         self._put(kind, solids, at, radius, aim=True)
 
     def _cable(self, colour: tuple[int, int, int]) -> tuple[Solid, ...]:
         """One to two metres that wind as they like."""
         rng = self._rng
         count, length = 28, rng.uniform(1.0, 2.0)
-        bend = np.interp(np.arange(count), np.linspace(0, count - 1, 6), rng.normal(0, 0.24, 6)) + rng.normal(0, 0.08)
+        bend = np.interp(
+            np.arange(count), np.linspace(0, count - 1, 6), rng.normal(0, 0.24, 6)
+        ) + rng.normal(0, 0.08)
         turns = np.cumsum(bend)
         steps = length / count * np.column_stack([np.cos(turns), np.sin(turns)])
         points = np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
@@ -117,7 +147,12 @@ class ItemPlacer:
                 solids = (cylinder(0.25 + size, 0.25 + size, (0.0, 0.0), colour),)
             else:
                 height = size if kind == "ball" else 1.6 * size
-                form = Solid(kind="ball", size_m=(size, size, height), centre_m=(0.0, 0.0, height / 2), colour=colour)
+                form = Solid(
+                    kind="ball",
+                    size_m=(size, size, height),
+                    centre_m=(0.0, 0.0, height / 2),
+                    colour=colour,
+                )
                 solids = (form if kind == "ball" else replace(form, kind="cone"),)
             at = self._spot(0.3, high_m=3.5)
             if at is not None:
@@ -157,7 +192,9 @@ class ItemPlacer:
         if rng.random() < 0.3:
             self._tape("red floor", corners, colour)
         else:
-            self._plan.patches.append(Decal(label="red floor", polygon=as_tuples(corners), colour=colour))
+            self._plan.patches.append(
+                Decal(label="red floor", polygon=as_tuples(corners), colour=colour)
+            )
         self._plan.targets.append(Spot(x_m=x, y_m=y, radius_m=0.2))
 
     def _put_spills(self) -> None:
@@ -170,9 +207,13 @@ class ItemPlacer:
             outline = blob(rng, float(rng.uniform(0.2, 0.75))) + np.array([x, y])
             texture = int(rng.integers(4)) + 4 * ("water", "mud", "chemical").index(surface)
             ground = self._plan.patches[0].colour
-            share = {"water": rng.uniform(0.4, 0.8), "mud": 0.1, "chemical": rng.uniform(0.0, 0.4)}[surface]
+            share = {"water": rng.uniform(0.4, 0.8), "mud": 0.1, "chemical": rng.uniform(0.0, 0.4)}[
+                surface
+            ]
             own = palette.spilt(rng, surface)
-            mixed = tuple(round((1 - share) * a + share * b) for a, b in zip(own, ground, strict=True))
+            mixed = tuple(
+                round((1 - share) * a + share * b) for a, b in zip(own, ground, strict=True)
+            )
             self._plan.patches.append(
                 Decal(
                     label="spill",
@@ -196,16 +237,24 @@ class ItemPlacer:
                 rug = kind > 0.75 and not self._plan.plain
                 texture = int(rng.integers(self._patterns[0])) if rug else None
                 polygon, colour = as_tuples(corners), palette.other_marking(rng)
-                self._plan.patches.append(Decal(label=BACKGROUND, polygon=polygon, colour=colour, texture=texture))
+                self._plan.patches.append(
+                    Decal(label=BACKGROUND, polygon=polygon, colour=colour, texture=texture)
+                )
 
     def _tape(self, label: str, corners: Corners, colour: tuple[int, int, int]) -> None:
         """Strips along the edges of a polygon, or along some of them."""
         width = float(self._rng.uniform(0.04, 0.12))
-        keep = len(corners) if self._rng.random() < 0.6 else int(self._rng.integers(1, len(corners) + 1))
+        keep = (
+            len(corners)
+            if self._rng.random() < 0.6
+            else int(self._rng.integers(1, len(corners) + 1))
+        )
         for a, b in list(zip(corners, np.roll(corners, -1, axis=0), strict=True))[:keep]:
             along = (b - a) / max(float(np.hypot(*(b - a))), 1e-6)
             side, ahead = width / 2 * np.array([-along[1], along[0]]), width / 2 * along
-            strip = np.array([a - ahead - side, b + ahead - side, b + ahead + side, a - ahead + side])
+            strip = np.array(
+                [a - ahead - side, b + ahead - side, b + ahead + side, a - ahead + side]
+            )
             self._plan.patches.append(Decal(label=label, polygon=as_tuples(strip), colour=colour))
 
     def _put_prints(self) -> None:

@@ -17,10 +17,16 @@ def zone(rng: np.random.Generator, reach_m: float) -> Corners:
     if rng.random() < 0.55:
         x, y = reach_m * rng.uniform(0.5, 1.0, 2)
         corners = np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
-        return np.asarray(corners @ np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]))
+        return np.asarray(
+            corners
+            @ np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+        )
     count = int(rng.integers(3, 8))
     angles = turn + 2 * math.pi * (np.arange(count) + rng.uniform(-0.25, 0.25, count)) / count
-    return np.asarray((reach_m * rng.uniform(0.6, 1.0, count))[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return np.asarray(
+        (reach_m * rng.uniform(0.6, 1.0, count))[:, None]
+        * np.column_stack([np.cos(angles), np.sin(angles)])
+    )
 
 
 def blob(rng: np.random.Generator, reach_m: float) -> Corners:

@@ -9,28 +9,76 @@ import numpy as np
 from sim.models.items import ITEM_COLOURS
 from sim.models.solids import Colour
 
-_GREYS: tuple[Colour, ...] = ((30, 30, 32), (70, 72, 76), (120, 120, 122), (180, 180, 178), (228, 228, 224))
+_GREYS: tuple[Colour, ...] = (
+    (30, 30, 32),
+    (70, 72, 76),
+    (120, 120, 122),
+    (180, 180, 178),
+    (228, 228, 224),
+)
 _OF_ITEMS: dict[str, tuple[Colour, ...]] = {
-    "box": ((176, 140, 98), (196, 160, 116), (150, 112, 74), (168, 128, 84), (214, 190, 152), (226, 222, 212)),
+    "box": (
+        (176, 140, 98),
+        (196, 160, 116),
+        (150, 112, 74),
+        (168, 128, 84),
+        (214, 190, 152),
+        (226, 222, 212),
+    ),
     "keyboard": ((30, 30, 34), (62, 64, 68), (96, 98, 102), (208, 206, 198), (236, 236, 234)),
-    "landmine": ((88, 92, 62), (74, 84, 50), (104, 98, 72), (112, 92, 66), (96, 100, 98), (64, 68, 58), (130, 122, 88)),
+    "landmine": (
+        (88, 92, 62),
+        (74, 84, 50),
+        (104, 98, 72),
+        (112, 92, 66),
+        (96, 100, 98),
+        (64, 68, 58),
+        (130, 122, 88),
+    ),
     "wet-floor sign": ((236, 196, 24), (250, 214, 30), (226, 176, 10), (244, 226, 60)),
-    "cable": ((24, 24, 26), (40, 40, 44), (226, 226, 222), (120, 122, 126), (236, 120, 20), (30, 70, 170), (230, 200, 30)),
+    "cable": (
+        (24, 24, 26),
+        (40, 40, 44),
+        (226, 226, 222),
+        (120, 122, 126),
+        (236, 120, 20),
+        (30, 70, 170),
+        (230, 200, 30),
+    ),
 }
-_SKINS: tuple[Colour, ...] = ((240, 208, 184), (198, 164, 138), (224, 172, 132), (160, 112, 80), (116, 78, 54), (72, 48, 36))
-_HAIR: tuple[Colour, ...] = ((24, 20, 18), (70, 48, 32), (124, 88, 52), (200, 172, 110), (150, 150, 150), (120, 52, 30))
+_SKINS: tuple[Colour, ...] = (
+    (240, 208, 184),
+    (198, 164, 138),
+    (224, 172, 132),
+    (160, 112, 80),
+    (116, 78, 54),
+    (72, 48, 36),
+)
+_HAIR: tuple[Colour, ...] = (
+    (24, 20, 18),
+    (70, 48, 32),
+    (124, 88, 52),
+    (200, 172, 110),
+    (150, 150, 150),
+    (120, 52, 30),
+)
 
 
 def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
     """A colour by its hue; saturation and value from 0 to 1."""
-    red, green, blue = (round(255 * level) for level in colorsys.hsv_to_rgb(hue_deg % 360 / 360, saturation, value))
+    red, green, blue = (
+        round(255 * level) for level in colorsys.hsv_to_rgb(hue_deg % 360 / 360, saturation, value)
+    )
     return red, green, blue
 
 
 def pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
     """One of them, a little lighter or darker."""
     by = rng.uniform(0.85, 1.12)
-    red, green, blue = (int(np.clip(level * by + rng.uniform(-8, 8), 0, 255)) for level in colours[rng.integers(len(colours))])
+    red, green, blue = (
+        int(np.clip(level * by + rng.uniform(-8, 8), 0, 255))
+        for level in colours[rng.integers(len(colours))]
+    )
     return red, green, blue
 
 

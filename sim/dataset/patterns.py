@@ -1,4 +1,5 @@
-"""Patterns of floors, in greys about white: the floor's colour is multiplied with them. They repeat at their edges."""
+"""Patterns of floors, in greys about white: the floor's colour is multiplied with them. They repeat
+at their edges."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ def clouds(rng: np.random.Generator, cells: int, side_px: int = SIDE_PX) -> Grey
     """Smooth noise of mean 0 and deviation 1 that repeats at its edges, of so many spots a side."""
     spots = np.pad(rng.standard_normal((cells, cells)), 2, mode="wrap")
     edge = round(2 * side_px / cells)
-    whole = cv2.resize(spots, (side_px + 2 * edge, side_px + 2 * edge), interpolation=cv2.INTER_CUBIC)
+    whole = cv2.resize(
+        spots, (side_px + 2 * edge, side_px + 2 * edge), interpolation=cv2.INTER_CUBIC
+    )
     middle = whole[edge : edge + side_px, edge : edge + side_px]
     return np.asarray((middle - middle.mean()) / max(middle.std(), 1e-9))
 
@@ -42,7 +45,9 @@ def _wood(rng: np.random.Generator) -> Grey:
     step = SIDE_PX // boards
     picture = np.zeros((SIDE_PX, SIDE_PX))
     for i in range(boards):
-        grain = cv2.resize(rng.standard_normal((step, 8)), (SIDE_PX, step), interpolation=cv2.INTER_CUBIC)
+        grain = cv2.resize(
+            rng.standard_normal((step, 8)), (SIDE_PX, step), interpolation=cv2.INTER_CUBIC
+        )
         picture[i * step : (i + 1) * step] = rng.uniform(0.78, 1.0) + 0.04 * grain
         picture[i * step] = 0.55
         picture[i * step : (i + 1) * step, int(rng.integers(SIDE_PX))] = 0.6
@@ -50,16 +55,29 @@ def _wood(rng: np.random.Generator) -> Grey:
 
 
 def _carpet(rng: np.random.Generator) -> Grey:
-    picture = 0.85 + rng.uniform(0.03, 0.1) * rng.standard_normal((SIDE_PX, SIDE_PX)) + 0.04 * clouds(rng, 12)
+    picture = (
+        0.85
+        + rng.uniform(0.03, 0.1) * rng.standard_normal((SIDE_PX, SIDE_PX))
+        + 0.04 * clouds(rng, 12)
+    )
     if rng.random() < 0.3:
-        picture -= 0.15 * (np.sin(np.arange(SIDE_PX) * 2 * np.pi * int(rng.integers(4, 20)) / SIDE_PX) > 0.6)
+        picture -= 0.15 * (
+            np.sin(np.arange(SIDE_PX) * 2 * np.pi * int(rng.integers(4, 20)) / SIDE_PX) > 0.6
+        )
     return np.asarray(picture)
 
 
 def _concrete(rng: np.random.Generator) -> Grey:
-    picture = 0.85 + 0.05 * clouds(rng, 5) + 0.03 * clouds(rng, 21) + 0.02 * rng.standard_normal((SIDE_PX, SIDE_PX))
+    picture = (
+        0.85
+        + 0.05 * clouds(rng, 5)
+        + 0.03 * clouds(rng, 21)
+        + 0.02 * rng.standard_normal((SIDE_PX, SIDE_PX))
+    )
     for _ in range(int(rng.integers(0, 3))):
-        run = np.cumsum(rng.normal(0, 6, (14, 2)) + rng.normal(0, 12, 2), axis=0) + rng.uniform(0, SIDE_PX, 2)
+        run = np.cumsum(rng.normal(0, 6, (14, 2)) + rng.normal(0, 12, 2), axis=0) + rng.uniform(
+            0, SIDE_PX, 2
+        )
         cv2.polylines(picture, [run.astype(np.int32)], False, 0.55, 1)
     return picture
 
@@ -83,7 +101,14 @@ def _plain(rng: np.random.Generator) -> Grey:
     return 0.96 + 0.02 * clouds(rng, 6)
 
 
-INDOOR: tuple[Callable[[np.random.Generator], Grey], ...] = (_tiles, _wood, _carpet, _concrete, _terrazzo, _plain)
+INDOOR: tuple[Callable[[np.random.Generator], Grey], ...] = (
+    _tiles,
+    _wood,
+    _carpet,
+    _concrete,
+    _terrazzo,
+    _plain,
+)
 OUTDOOR: tuple[Callable[[np.random.Generator], Grey], ...] = (_grass, _concrete, _tiles)
 
 

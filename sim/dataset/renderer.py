@@ -20,7 +20,14 @@ from sim.models.items import ITEM_SIZES, item_shapes, item_solids
 from sim.models.person import Appearance, person_solids
 from sim.models.solids import quaternion
 from sim.models.textures import PRINT_PX, Texture, print_texture, spill_texture
-from sim.physics.bodies import NO_SHAPE, load_texture, put_texture, show_patch, show_solids, show_square
+from sim.physics.bodies import (
+    NO_SHAPE,
+    load_texture,
+    put_texture,
+    show_patch,
+    show_solids,
+    show_square,
+)
 from sim.physics.quiet import quiet_stdout
 from sim.sensors.camera import DAYLIGHT, FAR_M, Camera, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, Depth, Rgb
@@ -40,7 +47,9 @@ LABELS = {name: i + 1 for i, name in enumerate(BEWARE_CLASSES)}
 class SceneRenderer:
     """Floor patterns and prints, all made from `seed`, and one world at a time; use it in a `with`."""
 
-    def __init__(self, *, seed: int, size: tuple[int, int], renderer: Literal["auto", "tiny", "egl"]) -> None:
+    def __init__(
+        self, *, seed: int, size: tuple[int, int], renderer: Literal["auto", "tiny", "egl"]
+    ) -> None:
         rng = np.random.default_rng((seed, 1))
         self.intrinsics = d455_intrinsics(size)
         self._size, self._renderer = size, renderer
@@ -48,8 +57,14 @@ class SceneRenderer:
         self._camera: Camera | None = None
         self._labels = np.full(2, LABELS["background"], dtype=np.uint8)
         self._patterns = [pattern(rng, outdoor=i >= PATTERNS[0]) for i in range(sum(PATTERNS))]
-        self._patterns += [_gloss(GLOSSES[i // 4], int(rng.integers(1 << 30))) for i in range(4 * len(GLOSSES))]
-        self._prints = [self._photograph_item(rng, kind) for kind in (*ITEM_SIZES, "person") for _ in range(PRINTS_OF_EACH)]
+        self._patterns += [
+            _gloss(GLOSSES[i // 4], int(rng.integers(1 << 30))) for i in range(4 * len(GLOSSES))
+        ]
+        self._prints = [
+            self._photograph_item(rng, kind)
+            for kind in (*ITEM_SIZES, "person")
+            for _ in range(PRINTS_OF_EACH)
+        ]
         self._prints += [print_texture(kind) for kind in ITEM_SIZES]
 
     @property
@@ -66,12 +81,16 @@ class SceneRenderer:
         for i, sheet in enumerate(scene.sheets):
             x, y, z = sheet.at_m
             lifted = 0.003 + (len(scene.patches) + i) * STEP_M if z == 0.0 else z
-            body = self._put(show_square(self._client, sheet.size_m), (x, y, lifted), list(sheet.turn))
+            body = self._put(
+                show_square(self._client, sheet.size_m), (x, y, lifted), list(sheet.turn)
+            )
             put_texture(self._client, body, load_texture(self._client, self._prints[sheet.texture]))
             labels[body] = "background"
         for piece in scene.pieces:
             shape, pose = show_solids(self._client, piece.solids), piece.pose
-            labels[self._put(shape, (pose.x_m, pose.y_m, 0.0), quaternion(pose.yaw_rad))] = piece.label
+            labels[self._put(shape, (pose.x_m, pose.y_m, 0.0), quaternion(pose.yaw_rad))] = (
+                piece.label
+            )
         self._labels = np.full(max(labels) + 2, LABELS["background"], dtype=np.uint8)
         for body, name in labels.items():
             self._labels[body + 1] = LABELS[name]
@@ -98,26 +117,40 @@ class SceneRenderer:
     def __enter__(self) -> SceneRenderer:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def _start(self, renderer: Literal["auto", "tiny", "egl"]) -> Camera:
-        """An empty client: EGL mixes up textures when a textured body is removed, or the world reset."""
+        """An empty client: EGL mixes up textures when a textured body is removed, or the world
+        reset."""
         self.close()
         with quiet_stdout():
-            self._client = pybullet.connect(pybullet.DIRECT, options="--width={} --height={}".format(*self._size))
+            self._client = pybullet.connect(
+                pybullet.DIRECT, options="--width={} --height={}".format(*self._size)
+            )
             rng = np.random.default_rng(0)  # without errors it is not asked
-            self._camera = Camera(self._client, size=self._size, renderer=renderer, errors=PERFECT, rng=rng)
+            self._camera = Camera(
+                self._client, size=self._size, renderer=renderer, errors=PERFECT, rng=rng
+            )
         return self._camera
 
     def _put(self, shape: int, at: tuple[float, float, float], turn: list[float]) -> int:
-        return int(pybullet.createMultiBody(0, NO_SHAPE, shape, at, turn, physicsClientId=self._client))
+        return int(
+            pybullet.createMultiBody(0, NO_SHAPE, shape, at, turn, physicsClientId=self._client)
+        )
 
     def _put_patch(self, patch: Decal, height_m: float) -> int:
         shape = show_patch(self._client, patch.polygon, patch.colour, side_m=patch.texture_side_m)
         body = self._put(shape, (0.0, 0.0, height_m), [0.0, 0.0, 0.0, 1.0])
         if patch.texture is not None:
-            put_texture(self._client, body, load_texture(self._client, self._patterns[patch.texture]))
+            put_texture(
+                self._client, body, load_texture(self._client, self._patterns[patch.texture])
+            )
         return body
 
     def _photograph_item(self, rng: np.random.Generator, kind: str) -> Texture:
@@ -125,20 +158,35 @@ class SceneRenderer:
         taken = self._start("tiny")
         if kind == "person":
             solids = person_solids(
-                0.1, Appearance(shirt=palette.any_colour(rng), trousers=palette.any_colour(rng), hair=palette.hair(rng))
+                0.1,
+                Appearance(
+                    shirt=palette.any_colour(rng),
+                    trousers=palette.any_colour(rng),
+                    hair=palette.hair(rng),
+                ),
             )
             reach = 1.9
         else:
-            solids = item_solids(kind, ITEM_SIZES[kind], palette.item(rng, kind), str(rng.choice(item_shapes(kind))))
+            solids = item_solids(
+                kind, ITEM_SIZES[kind], palette.item(rng, kind), str(rng.choice(item_shapes(kind)))
+            )
             reach = 1.3 * max(ITEM_SIZES[kind])
         ground = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
-        self._put_patch(Decal(label="background", polygon=ground, colour=palette.any_colour(rng)), 0.0)
-        body = self._put(show_solids(self._client, solids), (0.0, 0.0, 0.0), quaternion(float(rng.uniform(-3, 3))))
+        self._put_patch(
+            Decal(label="background", polygon=ground, colour=palette.any_colour(rng)), 0.0
+        )
+        body = self._put(
+            show_solids(self._client, solids),
+            (0.0, 0.0, 0.0),
+            quaternion(float(rng.uniform(-3, 3))),
+        )
         down = float(rng.uniform(0.45, 1.2)) if kind != "person" else 0.1
         away = 1.6 * reach
         camera = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
         height = away * math.sin(down) + (0.9 if kind == "person" else 0.09 * reach)
-        rgb, _, bodies = taken.render(camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT)
+        rgb, _, bodies = taken.render(
+            camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT
+        )
         rows, columns = np.nonzero(bodies == body)
         return _crop(rgb, rows, columns)
 
@@ -148,11 +196,17 @@ def _crop(rgb: Rgb, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -
     if len(rows) == 0:
         return np.full((PRINT_PX, PRINT_PX, 3), 240, dtype=np.uint8)
     half = round(0.62 * max(np.ptp(rows), np.ptp(columns)) + 3)
-    row, column = (int(rows.min()) + int(rows.max())) // 2, (int(columns.min()) + int(columns.max())) // 2
+    row, column = (
+        (int(rows.min()) + int(rows.max())) // 2,
+        (int(columns.min()) + int(columns.max())) // 2,
+    )
     padded = np.pad(rgb, ((half, half), (half, half), (0, 0)), mode="edge")
     square = padded[row : row + 2 * half, column : column + 2 * half]
     picture = cv2.resize(square, (PRINT_PX, PRINT_PX), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(cv2.rectangle(picture, (0, 0), (PRINT_PX - 1, PRINT_PX - 1), (245, 245, 240), 5), dtype=np.uint8)
+    return np.asarray(
+        cv2.rectangle(picture, (0, 0), (PRINT_PX - 1, PRINT_PX - 1), (245, 245, 240), 5),
+        dtype=np.uint8,
+    )
 
 
 def _gloss(gloss: float, seed: int) -> Texture:

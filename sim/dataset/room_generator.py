@@ -1,4 +1,5 @@
-"""Random worlds: a room, a corridor, a hall or open ground, what stands in it, and what lies on its floor."""
+"""Random worlds: a room, a corridor, a hall or open ground, what stands in it, and what lies on its
+floor."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ FARTHEST_M = 30.0
 
 
 def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:
-    """One world; it may use so many indoor and outdoor patterns, and prints, of the studio by number."""
+    """One world; it may use so many indoor and outdoor patterns, and prints, of the studio by
+    number."""
     plan = _site(rng)
     _lay_ground(plan, patterns)
     if plan.walled:
@@ -59,7 +61,11 @@ def _site(rng: Rng) -> Plan:
 
 def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
     rng = plan.rng
-    x, y = (FARTHEST_M, FARTHEST_M) if not plan.walled else (plan.half_m[0] + 0.2, plan.half_m[1] + 0.2)
+    x, y = (
+        (FARTHEST_M, FARTHEST_M)
+        if not plan.walled
+        else (plan.half_m[0] + 0.2, plan.half_m[1] + 0.2)
+    )
     corners = ((-x, -y), (x, -y), (x, y), (-x, y))
     if plan.plain:
         colour = FLOOR if rng.random() < 0.6 else palette.floor(rng)
@@ -72,7 +78,11 @@ def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
     else:
         colour, texture = palette.floor(rng), int(rng.integers(patterns[0]))
     side_m = float(rng.uniform(1.2, 3.2))
-    plan.patches.append(Decal(label=BACKGROUND, polygon=corners, colour=colour, texture=texture, texture_side_m=side_m))
+    plan.patches.append(
+        Decal(
+            label=BACKGROUND, polygon=corners, colour=colour, texture=texture, texture_side_m=side_m
+        )
+    )
 
 
 def _build_walls(plan: Plan) -> None:
@@ -80,12 +90,23 @@ def _build_walls(plan: Plan) -> None:
     colour = WALL if plan.plain else palette.wall(rng)
     height = WALLS_M if plan.plain else float(rng.uniform(2.2, 3.2))
     skirting = None if rng.random() < 0.5 else (0.08, palette.any_colour(rng))
-    two_tone = None if plan.plain or rng.random() < 0.75 else (float(rng.uniform(0.8, 1.3)), palette.wall(rng))
-    for along, across, turn in ((x, y, 0.0), (x, y, math.pi), (y, x, math.pi / 2), (y, x, -math.pi / 2)):
+    two_tone = (
+        None
+        if plan.plain or rng.random() < 0.75
+        else (float(rng.uniform(0.8, 1.3)), palette.wall(rng))
+    )
+    for along, across, turn in (
+        (x, y, 0.0),
+        (x, y, math.pi),
+        (y, x, math.pi / 2),
+        (y, x, -math.pi / 2),
+    ):
         own = colour if rng.random() < 0.85 else palette.wall(rng)
         solids = [box((2 * along + 0.24, 0.12, height), (0.0, across + 0.06), own)]
         strips = [strip for strip in (skirting, two_tone) if strip is not None]
-        solids += [box((2 * along, 0.02, high), (0.0, across - 0.005), paint) for high, paint in strips]
+        solids += [
+            box((2 * along, 0.02, high), (0.0, across - 0.005), paint) for high, paint in strips
+        ]
         if not plan.plain:
             solids += _openings(rng, along, across, height)
         plan.pieces.append(_piece(tuple(solids), 0.0, 0.0, turn))
@@ -96,7 +117,9 @@ def _openings(rng: Rng, along: float, across: float, height: float) -> list[Soli
     solids = []
     if rng.random() < 0.5:
         x = float(rng.uniform(-1, 1) * max(0.0, along - 0.6))
-        solids.append(box((0.95, 0.03, min(2.1, height)), (x, across - 0.01), palette.any_colour(rng)))
+        solids.append(
+            box((0.95, 0.03, min(2.1, height)), (x, across - 0.01), palette.any_colour(rng))
+        )
     if rng.random() < 0.4:
         x = float(rng.uniform(-1, 1) * max(0.0, along - 0.8))
         pane = palette.hsv(rng.uniform(190, 220), rng.uniform(0.0, 0.4), rng.uniform(0.6, 1.0))
@@ -115,7 +138,11 @@ def _furnish(plan: Plan) -> None:
             colour = palette.any_colour(rng) if rng.random() < 0.7 else colour
         radius = math.hypot(size[0], size[1]) / 2
         for _ in range(6):
-            x, y, yaw = _against_wall(plan, size) if plan.walled and rng.random() < 0.75 else _in_the_open(plan)
+            x, y, yaw = (
+                _against_wall(plan, size)
+                if plan.walled and rng.random() < 0.75
+                else _in_the_open(plan)
+            )
             if _clear(plan, x, y, radius):
                 plan.pieces.append(_piece(furniture_solids(kind, size, colour), x, y, yaw))
                 plan.blocked.append(Spot(x_m=x, y_m=y, radius_m=radius))
@@ -123,7 +150,10 @@ def _furnish(plan: Plan) -> None:
 
 
 def _size(rng: Rng, kind: str) -> tuple[float, float, float]:
-    x, y, z = (float(side * scale) for side, scale in zip(FURNITURE_SIZES[kind], rng.uniform(0.85, 1.2, 3), strict=True))
+    x, y, z = (
+        float(side * scale)
+        for side, scale in zip(FURNITURE_SIZES[kind], rng.uniform(0.85, 1.2, 3), strict=True)
+    )
     if kind == "box":  # larger than any parcel
         x, y, z = (float(side) for side in rng.uniform(0.5, 1.0, 3))
     if kind in ("bin", "cylinder", "plant"):
@@ -137,7 +167,10 @@ def _against_wall(plan: Plan, size: tuple[float, float, float]) -> tuple[float, 
     side = int(rng.integers(4))
     turn = side * math.pi / 2
     away, along = (x, y) if side % 2 == 0 else (y, x)
-    back, shift = away - size[0] / 2 - 0.04, float(rng.uniform(-1, 1) * max(0.0, along - size[1] / 2))
+    back, shift = (
+        away - size[0] / 2 - 0.04,
+        float(rng.uniform(-1, 1) * max(0.0, along - size[1] / 2)),
+    )
     cos, sin = math.cos(turn), math.sin(turn)
     return cos * back - sin * shift, sin * back + cos * shift, turn + math.pi
 
@@ -160,9 +193,15 @@ def _piece(solids: tuple[Solid, ...], x: float, y: float, yaw: float) -> SolidOb
 def _light(rng: Rng) -> Light:
     turn, height = rng.uniform(-math.pi, math.pi), rng.uniform(0.5, 1.45)
     away = 1000.0 * math.cos(height)
-    from_m = (float(away * math.cos(turn)), float(away * math.sin(turn)), float(1000.0 * math.sin(height)))
+    from_m = (
+        float(away * math.cos(turn)),
+        float(away * math.sin(turn)),
+        float(1000.0 * math.sin(height)),
+    )
     ambient = float(rng.uniform(0.45, 0.85))
-    return Light(from_m=from_m, ambient=ambient, diffuse=float(rng.uniform(0.15, 1.05 - ambient + 0.1)))
+    return Light(
+        from_m=from_m, ambient=ambient, diffuse=float(rng.uniform(0.15, 1.05 - ambient + 0.1))
+    )
 
 
 def _sky(rng: Rng) -> Colour:

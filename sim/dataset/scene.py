@@ -107,7 +107,9 @@ class Plan:
     def free(self, x_m: float, y_m: float, radius_m: float) -> bool:
         """Whether a round thing fits in there, inside the room and off all others."""
         inside = abs(x_m) + radius_m < self.half_m[0] and abs(y_m) + radius_m < self.half_m[1]
-        return inside and all(math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked)
+        return inside and all(
+            math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked
+        )
 
 
 Rng = np.random.Generator

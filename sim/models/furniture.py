@@ -1,6 +1,7 @@
 """What furniture looks like: each kind is a few solids in its own frame, front towards +x.
 
-Nothing here leaves a space that looks drivable and is not: the room below a desk or a table is closed by panels.
+Nothing here leaves a space that looks drivable and is not: the room below a desk or a table is
+closed by panels.
 """
 
 from __future__ import annotations
@@ -110,12 +111,26 @@ def _seat(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 def _shelf(size: Size, colour: Colour) -> tuple[Solid, ...]:
     depth, width, height = size
-    boards = [box((depth, width, 0.03), (0.0, 0.0), colour, bottom_m=z) for z in (0.0, height * 0.35, height * 0.68)]
-    sides = [box((depth, 0.03, height), (0.0, side * (width / 2 - 0.015)), colour) for side in (1, -1)]
+    boards = [
+        box((depth, width, 0.03), (0.0, 0.0), colour, bottom_m=z)
+        for z in (0.0, height * 0.35, height * 0.68)
+    ]
+    sides = [
+        box((depth, 0.03, height), (0.0, side * (width / 2 - 0.015)), colour) for side in (1, -1)
+    ]
     back = box((0.02, width, height), (-depth / 2 + 0.01, 0.0), colour)
     files = [
-        box((depth * 0.75, width * share, height * 0.22), (-0.02, (share - 0.9) * width / 2), tone, bottom_m=z + 0.03)
-        for z, share, tone in ((0.0, 0.8, (120, 116, 112)), (height * 0.35, 0.6, (146, 140, 130)), (height * 0.68, 0.7, _DARK))
+        box(
+            (depth * 0.75, width * share, height * 0.22),
+            (-0.02, (share - 0.9) * width / 2),
+            tone,
+            bottom_m=z + 0.03,
+        )
+        for z, share, tone in (
+            (0.0, 0.8, (120, 116, 112)),
+            (height * 0.35, 0.6, (146, 140, 130)),
+            (height * 0.68, 0.7, _DARK),
+        )
     ]
     return (*boards, *sides, back, *files)
 

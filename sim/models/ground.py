@@ -1,7 +1,9 @@
-"""The ground: flat, or rolling in long gentle waves. Its shape is a sum of plane waves, so height and slope are known anywhere.
+"""The ground: flat, or rolling in long gentle waves. Its shape is a sum of plane waves, so height
+and slope are known anywhere.
 
-Navigation takes the ground around the robot for a plane (the paper's 10 cm above ground). So what must stay small is not the
-slope but how much it changes: within the camera's reach the ground may leave the robot's plane by some centimetres only.
+Navigation takes the ground around the robot for a plane (the paper's 10 cm above ground). So what
+must stay small is not the slope but how much it changes: within the camera's reach the ground may
+leave the robot's plane by some centimetres only.
 """
 
 from __future__ import annotations
@@ -42,7 +44,10 @@ class Ground:
         slope, wave_m = (0.0, 1.0) if relief is None else (relief.slope, relief.wave_m)
         self.is_flat = slope < FLAT_SHARE
         """Whether its height is 0 everywhere."""
-        turn, length_m = rng.uniform(0, 2 * math.pi, WAVES), wave_m * rng.uniform(1.0, LONGEST, WAVES)
+        turn, length_m = (
+            rng.uniform(0, 2 * math.pi, WAVES),
+            wave_m * rng.uniform(1.0, LONGEST, WAVES),
+        )
         shares = rng.uniform(0.6, 1.4, WAVES)
         # The slopes of all waves add up to the largest at most, wherever they meet.
         slopes, per_m = slope * shares / shares.sum(), 2 * math.pi / length_m
@@ -55,7 +60,9 @@ class Ground:
 
     def slopes(self, points: Floats) -> Floats:
         """(N, 2) rise per metre along x and along y at (N, 2) points."""
-        return np.asarray((np.cos(points @ self._waves.T + self._phases) * self._heights_m) @ self._waves)
+        return np.asarray(
+            (np.cos(points @ self._waves.T + self._phases) * self._heights_m) @ self._waves
+        )
 
     def height_m(self, x_m: float, y_m: float) -> float:
         """At one point."""
@@ -80,9 +87,15 @@ class Ground:
         if self.is_flat:
             return flat
         roll, pitch, _ = self.attitude(pose)
-        (sin_r, cos_r), (sin_p, cos_p) = ((math.sin(angle), math.cos(angle)) for angle in (roll, pitch))
+        (sin_r, cos_r), (sin_p, cos_p) = (
+            (math.sin(angle), math.cos(angle)) for angle in (roll, pitch)
+        )
         tilt = np.eye(4)
-        tilt[:3, :3] = [[cos_p, sin_p * sin_r, sin_p * cos_r], [0.0, cos_r, -sin_r], [-sin_p, cos_p * sin_r, cos_p * cos_r]]
+        tilt[:3, :3] = [
+            [cos_p, sin_p * sin_r, sin_p * cos_r],
+            [0.0, cos_r, -sin_r],
+            [-sin_p, cos_p * sin_r, cos_p * cos_r],
+        ]
         lifted: Matrix = flat @ tilt
         lifted[2, 3] = self.height_m(pose.x_m, pose.y_m)
         return lifted

@@ -1,4 +1,5 @@
-"""The shapes that items come in: each is a few solids about the item's own middle, made from its size and colour."""
+"""The shapes that items come in: each is a few solids about the item's own middle, made from its
+size and colour."""
 
 from __future__ import annotations
 
@@ -26,9 +27,19 @@ def cable_solids(points: Curve, thickness_m: float, colour: Colour) -> tuple[Sol
     solids = []
     for (x0, y0), (x1, y1) in pairwise(points.tolist()):
         size_m = (thickness_m, thickness_m, math.hypot(x1 - x0, y1 - y0) + 0.5 * thickness_m)
-        middle, yaw_rad = ((x0 + x1) / 2, (y0 + y1) / 2, thickness_m / 2), math.atan2(y1 - y0, x1 - x0)
+        middle, yaw_rad = (
+            ((x0 + x1) / 2, (y0 + y1) / 2, thickness_m / 2),
+            math.atan2(y1 - y0, x1 - x0),
+        )
         solids.append(
-            Solid(kind="cylinder", size_m=size_m, centre_m=middle, colour=colour, yaw_rad=yaw_rad, pitch_rad=math.pi / 2)
+            Solid(
+                kind="cylinder",
+                size_m=size_m,
+                centre_m=middle,
+                colour=colour,
+                yaw_rad=yaw_rad,
+                pitch_rad=math.pi / 2,
+            )
         )
     return tuple(solids)
 
@@ -45,12 +56,17 @@ def _plain(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 def _mug(size: Size, colour: Colour) -> tuple[Solid, ...]:
     width, _, height = size
-    handle = box((0.03, 0.012, 0.6 * height), (width / 2 + 0.012, 0.0), colour, bottom_m=0.2 * height)
+    handle = box(
+        (0.03, 0.012, 0.6 * height), (width / 2 + 0.012, 0.0), colour, bottom_m=0.2 * height
+    )
     return (cylinder(width, height, (0.0, 0.0), colour), handle)
 
 
 def _coffee(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    return (*_mug(size, colour), cylinder(0.86 * size[0], 0.002, (0.0, 0.0), (58, 38, 26), bottom_m=size[2]))
+    return (
+        *_mug(size, colour),
+        cylinder(0.86 * size[0], 0.002, (0.0, 0.0), (58, 38, 26), bottom_m=size[2]),
+    )
 
 
 def _paper_cup(size: Size, colour: Colour) -> tuple[Solid, ...]:
@@ -58,7 +74,9 @@ def _paper_cup(size: Size, colour: Colour) -> tuple[Solid, ...]:
     width, _, height = size
     return (
         cylinder(0.74 * width, 0.36 * height, (0.0, 0.0), colour),
-        cylinder(0.86 * width, 0.36 * height, (0.0, 0.0), shade(colour, 0.8), bottom_m=0.36 * height),
+        cylinder(
+            0.86 * width, 0.36 * height, (0.0, 0.0), shade(colour, 0.8), bottom_m=0.36 * height
+        ),
         cylinder(0.96 * width, 0.2 * height, (0.0, 0.0), colour, bottom_m=0.72 * height),
         cylinder(width, 0.08 * height, (0.0, 0.0), _PAPER, bottom_m=0.92 * height),
     )
@@ -94,11 +112,23 @@ def _open_book(size: Size, colour: Colour) -> tuple[Solid, ...]:
     cover = box((length, 2 * width, 0.004), (0.0, 0.0), colour)
     solids = [cover]
     for side in (1, -1):
-        solids.append(box((length - 0.012, width - 0.012, 0.5 * height), (0.0, side * width / 2), _PAPER, bottom_m=0.004))
+        solids.append(
+            box(
+                (length - 0.012, width - 0.012, 0.5 * height),
+                (0.0, side * width / 2),
+                _PAPER,
+                bottom_m=0.004,
+            )
+        )
         lines = np.linspace(-0.38, 0.38, 6) * length
         top = 0.004 + 0.5 * height
         solids += [
-            box((0.02 * length, 0.72 * width, 0.0006), (x, side * width / 2), (150, 148, 146), bottom_m=top)
+            box(
+                (0.02 * length, 0.72 * width, 0.0006),
+                (x, side * width / 2),
+                (150, 148, 146),
+                bottom_m=top,
+            )
             for x in lines.tolist()
         ]
     return tuple(solids)
@@ -109,10 +139,14 @@ def _bottle(size: Size, colour: Colour) -> tuple[Solid, ...]:
     shoulder = (width, width, 0.2 * height)
     return (
         cylinder(width, 0.58 * height, (0.0, 0.0), colour),
-        cylinder(1.01 * width, 0.22 * height, (0.0, 0.0), shade(colour, 1.5), bottom_m=0.2 * height),
+        cylinder(
+            1.01 * width, 0.22 * height, (0.0, 0.0), shade(colour, 1.5), bottom_m=0.2 * height
+        ),
         Solid(kind="cone", size_m=shoulder, centre_m=(0.0, 0.0, 0.68 * height), colour=colour),
         cylinder(0.4 * width, 0.15 * height, (0.0, 0.0), colour, bottom_m=0.78 * height),
-        cylinder(0.46 * width, 0.07 * height, (0.0, 0.0), shade(colour, 0.55), bottom_m=0.93 * height),
+        cylinder(
+            0.46 * width, 0.07 * height, (0.0, 0.0), shade(colour, 0.55), bottom_m=0.93 * height
+        ),
     )
 
 
@@ -121,17 +155,23 @@ def _flask(size: Size, colour: Colour) -> tuple[Solid, ...]:
     width, _, height = size
     return (
         cylinder(width, 0.8 * height, (0.0, 0.0), colour),
-        cylinder(0.86 * width, 0.04 * height, (0.0, 0.0), shade(colour, 0.7), bottom_m=0.8 * height),
+        cylinder(
+            0.86 * width, 0.04 * height, (0.0, 0.0), shade(colour, 0.7), bottom_m=0.8 * height
+        ),
         cylinder(0.8 * width, 0.16 * height, (0.0, 0.0), _DARK, bottom_m=0.84 * height),
     )
 
 
-def _cable(curve: Callable[[Curve], tuple[Curve, Curve]]) -> Callable[[Size, Colour], tuple[Solid, ...]]:
+def _cable(
+    curve: Callable[[Curve], tuple[Curve, Curve]],
+) -> Callable[[Size, Colour], tuple[Solid, ...]]:
     def solids(size: Size, colour: Colour) -> tuple[Solid, ...]:
         points = np.column_stack(curve(np.linspace(0.0, 1.0, _SEGMENTS + 1)))
         low, high = points.min(axis=0), points.max(axis=0)
         span = np.maximum(high - low, 1e-9)
-        return cable_solids(((points - (low + high) / 2) / span) * (size[0], size[1]), size[2], colour)
+        return cable_solids(
+            ((points - (low + high) / 2) / span) * (size[0], size[1]), size[2], colour
+        )
 
     return solids
 
@@ -142,9 +182,24 @@ def _parcel(size: Size, colour: Colour) -> tuple[Solid, ...]:
     tape = shade(colour, 1.22)
     return (
         box(size, (0.0, 0.0), colour),
-        box((length + 0.002, 0.16 * width, 0.45 * height), (0.0, 0.0), tape, bottom_m=0.55 * height + 0.001),
-        box((0.3 * length, 0.24 * width, 0.001), (0.2 * length, 0.28 * width), _PAPER, bottom_m=height),
-        box((0.001, 0.4 * width, 0.3 * height), (length / 2, -0.25 * width), _PAPER, bottom_m=0.3 * height),
+        box(
+            (length + 0.002, 0.16 * width, 0.45 * height),
+            (0.0, 0.0),
+            tape,
+            bottom_m=0.55 * height + 0.001,
+        ),
+        box(
+            (0.3 * length, 0.24 * width, 0.001),
+            (0.2 * length, 0.28 * width),
+            _PAPER,
+            bottom_m=height,
+        ),
+        box(
+            (0.001, 0.4 * width, 0.3 * height),
+            (length / 2, -0.25 * width),
+            _PAPER,
+            bottom_m=0.3 * height,
+        ),
     )
 
 
@@ -168,7 +223,9 @@ def _open_box(size: Size, colour: Colour) -> tuple[Solid, ...]:
             (-math.pi / 2, length, width / 2 + 0.42 * flap),
         )
     ]
-    inside = box((0.94 * length, 0.94 * width, 0.001), (0.0, 0.0), shade(colour, 0.4), bottom_m=height)
+    inside = box(
+        (0.94 * length, 0.94 * width, 0.001), (0.0, 0.0), shade(colour, 0.4), bottom_m=height
+    )
     return (box(size, (0.0, 0.0), colour), inside, *flaps)
 
 
@@ -179,12 +236,19 @@ def _keys(columns: Sequence[int]) -> Callable[[Size, Colour], tuple[Solid, ...]]
         depth, width, height = size
         body = box((depth, width, 0.7 * height), (0.0, 0.0), colour)
         key_colour = shade(colour, 1.6) if sum(colour) < 330 else shade(colour, 0.72)
-        pitch_y, pitch_x = 0.97 * width / (sum(columns) + 0.4 * (len(columns) - 1)), 0.92 * depth / 5
+        pitch_y, pitch_x = (
+            0.97 * width / (sum(columns) + 0.4 * (len(columns) - 1)),
+            0.92 * depth / 5,
+        )
         keys, left = [], 0.485 * width
         for block, count in enumerate(columns):
             for row in range(5):
                 x = (row - 2) * pitch_x
-                cells = [(0, 3), (3, count - 6), (count - 3, 3)] if row == 0 and block == 0 else [(i, 1) for i in range(count)]
+                cells = (
+                    [(0, 3), (3, count - 6), (count - 3, 3)]
+                    if row == 0 and block == 0
+                    else [(i, 1) for i in range(count)]
+                )
                 for first, many in cells:
                     y = left - (first + many / 2) * pitch_y
                     key = (0.8 * pitch_x, (many - 0.2) * pitch_y, 0.3 * height)
@@ -200,8 +264,15 @@ def _disc_mine(size: Size, colour: Colour) -> tuple[Solid, ...]:
     return (
         cylinder(width, 0.75 * height, (0.0, 0.0), colour),
         cylinder(0.5 * width, 0.2 * height, (0.0, 0.0), shade(colour, 0.7), bottom_m=0.75 * height),
-        cylinder(0.16 * width, 0.05 * height, (0.0, 0.0), shade(colour, 1.3), bottom_m=0.95 * height),
-        box((0.1 * width, 0.08 * width, 0.3 * height), (0.5 * width, 0.0), shade(colour, 0.6), bottom_m=0.2 * height),
+        cylinder(
+            0.16 * width, 0.05 * height, (0.0, 0.0), shade(colour, 1.3), bottom_m=0.95 * height
+        ),
+        box(
+            (0.1 * width, 0.08 * width, 0.3 * height),
+            (0.5 * width, 0.0),
+            shade(colour, 0.6),
+            bottom_m=0.2 * height,
+        ),
     )
 
 
@@ -209,7 +280,9 @@ def _stepped_mine(size: Size, colour: Colour) -> tuple[Solid, ...]:
     width, _, height = size
     return (
         cylinder(width, 0.45 * height, (0.0, 0.0), colour),
-        cylinder(0.8 * width, 0.25 * height, (0.0, 0.0), shade(colour, 0.85), bottom_m=0.45 * height),
+        cylinder(
+            0.8 * width, 0.25 * height, (0.0, 0.0), shade(colour, 0.85), bottom_m=0.45 * height
+        ),
         cylinder(0.62 * width, 0.3 * height, (0.0, 0.0), shade(colour, 1.2), bottom_m=0.7 * height),
     )
 
@@ -226,7 +299,9 @@ def _ribbed_mine(size: Size, colour: Colour) -> tuple[Solid, ...]:
         )
         for turn in (np.arange(8) * math.pi / 4).tolist()
     )
-    plate = cylinder(0.34 * width, 0.2 * height, (0.0, 0.0), shade(colour, 1.15), bottom_m=0.8 * height)
+    plate = cylinder(
+        0.34 * width, 0.2 * height, (0.0, 0.0), shade(colour, 1.15), bottom_m=0.8 * height
+    )
     return (cylinder(width, 0.8 * height, (0.0, 0.0), colour), *ribs, plate)
 
 
@@ -258,7 +333,9 @@ def _sign(size: Size, colour: Colour) -> tuple[Solid, ...]:
     return tuple(solids)
 
 
-def _lying(upright: Callable[[Size, Colour], tuple[Solid, ...]]) -> Callable[[Size, Colour], tuple[Solid, ...]]:
+def _lying(
+    upright: Callable[[Size, Colour], tuple[Solid, ...]],
+) -> Callable[[Size, Colour], tuple[Solid, ...]]:
     return lambda size, colour: laid(upright(size, colour), size[2], size[0])
 
 
@@ -273,7 +350,10 @@ FORMS: Mapping[str, Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]]] =
         "arc": _cable(lambda s: (np.cos(1.3 * math.pi * s), np.sin(1.3 * math.pi * s))),
         "loop": _cable(lambda s: (s + 0.3 * np.sin(2 * math.pi * s), -np.cos(2 * math.pi * s))),
         "spiral": _cable(
-            lambda s: ((0.35 + s) * np.cos(4.5 * math.pi * s), (0.35 + s) * np.sin(4.5 * math.pi * s)),
+            lambda s: (
+                (0.35 + s) * np.cos(4.5 * math.pi * s),
+                (0.35 + s) * np.sin(4.5 * math.pi * s),
+            ),
         ),
     },
     "box": {"parcel": _parcel, "open": _open_box},

@@ -1,4 +1,5 @@
-"""The small things on the floor: how large, heavy and of what colour each kind usually is, and what it is made of."""
+"""The small things on the floor: how large, heavy and of what colour each kind usually is, and what
+it is made of."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Meshes as text in Wavefront's OBJ format: many solids as one, and the ground. One mesh is drawn far faster than its parts."""
+"""Meshes as text in Wavefront's OBJ format: many solids as one, and the ground. One mesh is drawn
+far faster than its parts."""
 
 from __future__ import annotations
 
@@ -17,7 +18,12 @@ from sim.models.solids import Solid, quaternion
 Floats = npt.NDArray[np.float64]
 MESHES = {
     kind: Path(__file__).parent / "meshes" / f"{mesh}.obj"
-    for kind, mesh in (("box", "cube"), ("cylinder", "cylinder"), ("cone", "cone"), ("ball", "ball"))
+    for kind, mesh in (
+        ("box", "cube"),
+        ("cylinder", "cylinder"),
+        ("cone", "cone"),
+        ("ball", "ball"),
+    )
 }
 """Of side 1, about the origin."""
 
@@ -32,8 +38,12 @@ class Mesh:
     """(3 N, 3) of length 1."""
 
     def text(self, repeats_m: float = 0.0) -> str:
-        """In OBJ format; a texture on it repeats after `repeats_m`, 0 for none, seen from the nearest axis."""
-        count, lines = len(self.corners), [_rows("v %.4f %.4f %.4f", self.corners), _rows("vn %.4f %.4f %.4f", self.normals)]
+        """In OBJ format; a texture on it repeats after `repeats_m`, 0 for none, seen from the
+        nearest axis."""
+        count, lines = (
+            len(self.corners),
+            [_rows("v %.4f %.4f %.4f", self.corners), _rows("vn %.4f %.4f %.4f", self.normals)],
+        )
         if repeats_m:
             lines.append(_rows("vt %.4f %.4f", self._spots(repeats_m)))
         corner = "{0}/{0}/{0}" if repeats_m else "{0}//{0}"
@@ -49,11 +59,14 @@ class Mesh:
 
 
 def merged(solids: Sequence[Solid], *, coarse: bool = False) -> Mesh:
-    """Solids as one mesh, in the frame of their thing; `coarse` ones have fewer faces where they are round."""
+    """Solids as one mesh, in the frame of their thing; `coarse` ones have fewer faces where they
+    are round."""
     corners, normals = [], []
     for solid in solids:
         points, bent = _coarse_mesh(solid.kind) if coarse else _unit_mesh(solid.kind)
-        turn = np.array(pybullet.getMatrixFromQuaternion(quaternion(solid.yaw_rad, solid.pitch_rad))).reshape(3, 3)
+        turn = np.array(
+            pybullet.getMatrixFromQuaternion(quaternion(solid.yaw_rad, solid.pitch_rad))
+        ).reshape(3, 3)
         corners.append((points * solid.size_m) @ turn.T + solid.centre_m)
         bent = bent / np.maximum(solid.size_m, 1e-9)
         normals.append((bent / np.linalg.norm(bent, axis=1, keepdims=True)) @ turn.T)
@@ -69,7 +82,8 @@ def _unit_mesh(kind: str) -> tuple[Floats, Floats]:
     faces = [[corner.split("/") for corner in line[1:]] for line in lines if line[:1] == ["f"]]
     fans = [(face[0], face[i], face[i + 1]) for face in faces for i in range(1, len(face) - 1)]
     return tuple(  # type: ignore[return-value]
-        array[[int(corner[part]) - 1 for fan in fans for corner in fan]] for array, part in ((vertices, 0), (normals, -1))
+        array[[int(corner[part]) - 1 for fan in fans for corner in fan]]
+        for array, part in ((vertices, 0), (normals, -1))
     )
 
 
@@ -98,7 +112,9 @@ def _turned(profile: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
         low, high = r0 * round_ + (0, 0, z0), r1 * round_ + (0, 0, z1)
         for i in range(SIDES):
             triangles = [(low[i], low[i + 1], high[i + 1]), (low[i], high[i + 1], high[i])]
-            corners += [t for t in triangles if np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) > 1e-9]
+            corners += [
+                t for t in triangles if np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) > 1e-9
+            ]
     points = np.array(corners)
     flat = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     flat = np.repeat(flat / np.linalg.norm(flat, axis=1, keepdims=True), 3, axis=0)

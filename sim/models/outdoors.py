@@ -1,4 +1,5 @@
-"""What stands outside: trees, bushes, rocks and houses, each a few solids. Crowns hang higher than any robot is tall.
+"""What stands outside: trees, bushes, rocks and houses, each a few solids. Crowns hang higher than
+any robot is tall.
 
 Their greens and browns are dull, as only what the robot must beware of is saturated.
 """
@@ -25,7 +26,8 @@ def _ball(size: Size, at_m: tuple[float, float, float], colour: Colour) -> Solid
 
 
 def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """A trunk, thicker at its foot, below a crown of two balls; the girth of the file is that of the foot."""
+    """A trunk, thicker at its foot, below a crown of two balls; the girth of the file is that of
+    the foot."""
     girth, _, height = size
     stem, spread = max(height - 2.2, CROWN_M + 0.5), max(0.36 * height, 1.6)
     low = max(stem, CROWN_M + 0.35 * spread)
@@ -33,7 +35,11 @@ def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
         replace(cylinder(girth, 0.5, (0.0, 0.0), colour), kind="cone", pattern="bark"),
         _trunk(0.8 * girth, stem, colour),
         _ball((spread, spread, 0.7 * spread), (0.0, 0.0, low), _LEAVES),
-        _ball((0.75 * spread, 0.75 * spread, 0.7 * spread), (0.2 * spread, 0.1 * spread, low + 0.35 * spread), _LEAVES),
+        _ball(
+            (0.75 * spread, 0.75 * spread, 0.7 * spread),
+            (0.2 * spread, 0.1 * spread, low + 0.35 * spread),
+            _LEAVES,
+        ),
     )
 
 
@@ -62,15 +68,29 @@ def _bush(size: Size, colour: Colour) -> tuple[Solid, ...]:
     width, _, height = size
     return (
         _ball((width, width, 1.3 * height), (0.0, 0.0, 0.35 * height), colour),
-        _ball((0.6 * width, 0.6 * width, 0.8 * height), (0.16 * width, 0.1 * width, 0.55 * height), colour),
+        _ball(
+            (0.6 * width, 0.6 * width, 0.8 * height),
+            (0.16 * width, 0.1 * width, 0.55 * height),
+            colour,
+        ),
     )
 
 
 def _rock(size: Size, colour: Colour) -> tuple[Solid, ...]:
     depth, width, height = size
     side = (depth + width) / 2
-    lower = Solid(kind="cone", size_m=(side, side, 0.7 * height), centre_m=(0.0, 0.0, 0.35 * height), colour=colour)
-    upper = Solid(kind="ball", size_m=(0.7 * side, 0.7 * side, 0.7 * height), centre_m=(0.0, 0.0, 0.65 * height), colour=colour)
+    lower = Solid(
+        kind="cone",
+        size_m=(side, side, 0.7 * height),
+        centre_m=(0.0, 0.0, 0.35 * height),
+        colour=colour,
+    )
+    upper = Solid(
+        kind="ball",
+        size_m=(0.7 * side, 0.7 * side, 0.7 * height),
+        centre_m=(0.0, 0.0, 0.65 * height),
+        colour=colour,
+    )
     return (lower, upper)
 
 
@@ -92,7 +112,10 @@ def _house(size: Size, colour: Colour) -> tuple[Solid, ...]:
     )
     gable = box((0.55 * depth, width - 0.02, 0.22 * height), (0.0, 0.0), colour, bottom_m=eaves)
     door = box((0.04, 1.0, 2.0), (depth / 2, 0.0), _DARK)
-    windows = (box((0.04, 0.9, 0.8), (depth / 2, side * width / 4), _DARK, bottom_m=1.0) for side in (1, -1))
+    windows = (
+        box((0.04, 0.9, 0.8), (depth / 2, side * width / 4), _DARK, bottom_m=1.0)
+        for side in (1, -1)
+    )
     return (body, gable, *roofs, door, *windows)
 
 

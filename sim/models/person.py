@@ -36,10 +36,22 @@ USUAL = Appearance()
 def person_solids(stride: float = 0.0, look: Appearance = USUAL) -> tuple[Solid, ...]:
     """A person who faces +x; `stride` is how far the left foot is ahead of the hip, in metres."""
     up, out = look.height_m / USUAL.height_m, look.girth
-    legs = [cylinder(0.16 * out, 0.84 * up, (side * stride, side * 0.10 * out), look.trousers) for side in (1, -1)]
-    shoes = [box((0.26, 0.10, 0.07), (side * stride + 0.04, side * 0.10 * out), look.shoes) for side in (1, -1)]
+    legs = [
+        cylinder(0.16 * out, 0.84 * up, (side * stride, side * 0.10 * out), look.trousers)
+        for side in (1, -1)
+    ]
+    shoes = [
+        box((0.26, 0.10, 0.07), (side * stride + 0.04, side * 0.10 * out), look.shoes)
+        for side in (1, -1)
+    ]
     arms = [
-        cylinder(0.09 * out, 0.60 * up, (-side * stride * 0.7, side * 0.24 * out), look.shirt, bottom_m=0.82 * up)
+        cylinder(
+            0.09 * out,
+            0.60 * up,
+            (-side * stride * 0.7, side * 0.24 * out),
+            look.shirt,
+            bottom_m=0.82 * up,
+        )
         for side in (1, -1)
     ]
     torso = box((0.24 * out, 0.40 * out, 0.62 * up), (0.0, 0.0), look.shirt, bottom_m=0.84 * up)
@@ -52,10 +64,24 @@ def _more(look: Appearance, stride: float, up: float) -> tuple[Solid, ...]:
     more: list[Solid] = []
     if look.hair is not None:
         size = (0.23, 0.23, 0.16 * up)
-        more.append(Solid(kind="ball", size_m=size, centre_m=(-0.02, 0.0, look.height_m - 0.05 * up), colour=look.hair))
+        more.append(
+            Solid(
+                kind="ball",
+                size_m=size,
+                centre_m=(-0.02, 0.0, look.height_m - 0.05 * up),
+                colour=look.hair,
+            )
+        )
         hands = ((-side * stride * 0.7, side * 0.24 * look.girth, 0.80 * up) for side in (1, -1))
-        more += [Solid(kind="ball", size_m=(0.09, 0.09, 0.12), centre_m=hand, colour=look.skin) for hand in hands]
+        more += [
+            Solid(kind="ball", size_m=(0.09, 0.09, 0.12), centre_m=hand, colour=look.skin)
+            for hand in hands
+        ]
     if look.skirt:
         size = (0.44 * look.girth + stride, 0.44 * look.girth + stride, 0.5 * up)
-        more.append(Solid(kind="cylinder", size_m=size, centre_m=(0.0, 0.0, 0.65 * up), colour=look.trousers))
+        more.append(
+            Solid(
+                kind="cylinder", size_m=size, centre_m=(0.0, 0.0, 0.65 * up), colour=look.trousers
+            )
+        )
     return tuple(more)

@@ -1,4 +1,5 @@
-"""Solids that things are made of: boxes, cylinders, cones and balls with a colour, placed in the frame of their thing."""
+"""Solids that things are made of: boxes, cylinders, cones and balls with a colour, placed in the
+frame of their thing."""
 
 from __future__ import annotations
 
@@ -44,7 +45,11 @@ class Solid:
     @property
     def extent_m(self) -> tuple[float, float, float]:
         """Sides of the upright box around it, along x, y and z before its yaw."""
-        (x, y, z), cos, sin = self.size_m, abs(math.cos(self.pitch_rad)), abs(math.sin(self.pitch_rad))
+        (x, y, z), cos, sin = (
+            self.size_m,
+            abs(math.cos(self.pitch_rad)),
+            abs(math.sin(self.pitch_rad)),
+        )
         return x * cos + z * sin, y, x * sin + z * cos
 
     @property
@@ -55,27 +60,55 @@ class Solid:
     def outline(self) -> Polygon:
         """(N, 2) convex outline on the floor, in the frame of its thing."""
         upright_and_round = self.kind != "box" and self.pitch_rad == 0.0
-        corners = _round_outline(self.size_m[0] / 2) if upright_and_round else rectangle(*self.extent_m[:2])
-        return placed(corners, Pose2(x_m=self.centre_m[0], y_m=self.centre_m[1], yaw_rad=self.yaw_rad))
+        corners = (
+            _round_outline(self.size_m[0] / 2)
+            if upright_and_round
+            else rectangle(*self.extent_m[:2])
+        )
+        return placed(
+            corners, Pose2(x_m=self.centre_m[0], y_m=self.centre_m[1], yaw_rad=self.yaw_rad)
+        )
 
 
-def box(size_m: tuple[float, float, float], at_m: tuple[float, float], colour: Colour, *, bottom_m: float = 0.0) -> Solid:
+def box(
+    size_m: tuple[float, float, float],
+    at_m: tuple[float, float],
+    colour: Colour,
+    *,
+    bottom_m: float = 0.0,
+) -> Solid:
     """A box that stands on `bottom_m`."""
-    return Solid(kind="box", size_m=size_m, centre_m=(*at_m, bottom_m + size_m[2] / 2), colour=colour)
+    return Solid(
+        kind="box", size_m=size_m, centre_m=(*at_m, bottom_m + size_m[2] / 2), colour=colour
+    )
 
 
-def cylinder(diameter_m: float, height_m: float, at_m: tuple[float, float], colour: Colour, *, bottom_m: float = 0.0) -> Solid:
+def cylinder(
+    diameter_m: float,
+    height_m: float,
+    at_m: tuple[float, float],
+    colour: Colour,
+    *,
+    bottom_m: float = 0.0,
+) -> Solid:
     """An upright cylinder that stands on `bottom_m`."""
     size_m = (diameter_m, diameter_m, height_m)
-    return Solid(kind="cylinder", size_m=size_m, centre_m=(*at_m, bottom_m + height_m / 2), colour=colour)
+    return Solid(
+        kind="cylinder", size_m=size_m, centre_m=(*at_m, bottom_m + height_m / 2), colour=colour
+    )
 
 
 def laid(solids: tuple[Solid, ...], height_m: float, diameter_m: float) -> tuple[Solid, ...]:
-    """An upright thing of this height and diameter, laid down along x; its solids must be without turns."""
+    """An upright thing of this height and diameter, laid down along x; its solids must be without
+    turns."""
     return tuple(
         replace(
             solid,
-            centre_m=(solid.centre_m[2] - height_m / 2, solid.centre_m[1], diameter_m / 2 - solid.centre_m[0]),
+            centre_m=(
+                solid.centre_m[2] - height_m / 2,
+                solid.centre_m[1],
+                diameter_m / 2 - solid.centre_m[0],
+            ),
             pitch_rad=math.pi / 2,
         )
         for solid in solids
@@ -90,12 +123,15 @@ def rectangle(length_m: float, width_m: float) -> Polygon:
 
 def quaternion(yaw_rad: float, pitch_rad: float = 0.0) -> list[float]:
     """x, y, z, w of a turn about y and then about z."""
-    (sin, cos), (sin_pitch, cos_pitch) = ((math.sin(angle / 2), math.cos(angle / 2)) for angle in (yaw_rad, pitch_rad))
+    (sin, cos), (sin_pitch, cos_pitch) = (
+        (math.sin(angle / 2), math.cos(angle / 2)) for angle in (yaw_rad, pitch_rad)
+    )
     return [-sin * sin_pitch, cos * sin_pitch, sin * cos_pitch, cos * cos_pitch]
 
 
 def facing(yaw_rad: float) -> list[float]:
-    """x, y, z, w of a picture that hangs upright and faces `yaw_rad`: its x to the right, y upwards, z towards who looks."""
+    """x, y, z, w of a picture that hangs upright and faces `yaw_rad`: its x to the right, y
+    upwards, z towards who looks."""
     sin, cos = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
     return [(cos - sin) / 2, (cos + sin) / 2, (cos + sin) / 2, (cos - sin) / 2]
 

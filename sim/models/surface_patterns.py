@@ -1,4 +1,5 @@
-"""Patterns that the colours of floors, walls and trees are multiplied with: greys about white, so that no hue changes."""
+"""Patterns that the colours of floors, walls and trees are multiplied with: greys about white, so
+that no hue changes."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def _noise(rng: np.random.Generator) -> Grey:
 
 
 def _joints(grey: Grey, rows: int, cols: int, shifted: bool, tone: float) -> Grey:
-    """The same with dark joints between so many rows and columns of stones, every second row shifted by half a stone."""
+    """The same with dark joints between so many rows and columns of stones, every second row
+    shifted by half a stone."""
     y, x = np.indices(grey.shape)
     row = y * rows // SIDE_PX
     along = (x + (row % 2) * shifted * SIDE_PX // (2 * cols)) % (SIDE_PX // cols)

@@ -1,4 +1,5 @@
-"""Pictures that lie on the world's surfaces, drawn here: what a print shows, and how a spill shines."""
+"""Pictures that lie on the world's surfaces, drawn here: what a print shows, and how a spill
+shines."""
 
 from __future__ import annotations
 
@@ -65,12 +66,22 @@ def _draw_bag(sheet: Texture, colour: Colour) -> None:
 
 
 def _draw_shoe(sheet: Texture, colour: Colour) -> None:
-    cv2.fillPoly(sheet, [np.array([(22, 50), (50, 50), (72, 72), (104, 80), (108, 94), (22, 94)])], colour)
+    cv2.fillPoly(
+        sheet, [np.array([(22, 50), (50, 50), (72, 72), (104, 80), (108, 94), (22, 94)])], colour
+    )
     cv2.rectangle(sheet, (20, 92), (110, 100), shade(colour, 0.5), -1)
 
 
 def _draw_bottle(sheet: Texture, colour: Colour) -> None:
-    cv2.fillPoly(sheet, [np.array([(56, 14), (72, 14), (72, 38), (84, 54), (84, 112), (44, 112), (44, 54), (56, 38)])], colour)
+    cv2.fillPoly(
+        sheet,
+        [
+            np.array(
+                [(56, 14), (72, 14), (72, 38), (84, 54), (84, 112), (44, 112), (44, 54), (56, 38)]
+            )
+        ],
+        colour,
+    )
     cv2.rectangle(sheet, (44, 68), (84, 94), shade(colour, 1.6), -1)
     cv2.rectangle(sheet, (55, 12), (73, 20), shade(colour, 0.5), -1)
 

@@ -14,7 +14,16 @@ from sim.models.person import person_solids
 from sim.models.solids import Colour, box, cylinder, quaternion
 from sim.models.surface_patterns import repeats_m, surface_texture
 from sim.models.textures import SPILL_SIDE_M, print_texture, spill_texture
-from sim.physics.bodies import NO_SHAPE, load_texture, put_texture, show_mesh, show_patch, show_solids, show_square, solid_mesh
+from sim.physics.bodies import (
+    NO_SHAPE,
+    load_texture,
+    put_texture,
+    show_mesh,
+    show_patch,
+    show_solids,
+    show_square,
+    solid_mesh,
+)
 from sim.physics.movers import Moving
 from sim.physics.pedestrians import BODY_DIAMETER_M, Walker
 from sim.physics.static_scene import build_static
@@ -49,7 +58,12 @@ class Crowd:
     """All people of a world, all that moves by a timetable, and their bodies."""
 
     def __init__(
-        self, client: int, scenario: Scenario, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY
+        self,
+        client: int,
+        scenario: Scenario,
+        rng: np.random.Generator,
+        period_s: float,
+        robot: RobotProfile = HUSKY,
     ) -> None:
         self._client, self._ground = client, Ground(scenario.relief)
         self.walkers = [Walker(person, rng, period_s, robot) for person in scenario.people]
@@ -78,11 +92,16 @@ def _build_floor(client: int, scenario: Scenario, ground: Ground) -> None:
     if ground.is_flat:
         shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
         slab = box((x_m, y_m, 0.1), (0.0, 0.0), colour, bottom_m=-0.1)
-        seen = show_mesh(client, merged([slab]), colour, repeats_m=side_m) if side_m else show_solids(client, [slab])
+        seen = (
+            show_mesh(client, merged([slab]), colour, repeats_m=side_m)
+            if side_m
+            else show_solids(client, [slab])
+        )
     else:
         mesh = terrain_mesh(ground, (x_m, y_m))
         shape, seen = solid_mesh(client, mesh), show_mesh(client, mesh, colour, repeats_m=side_m)
-    # The plane needs something to be seen: without, the EGL renderer draws it by itself and falls over.
+    # The plane needs something to be seen: without, the EGL renderer draws it by itself and falls
+    # over.
     floor = pybullet.createMultiBody(0, shape, seen, physicsClientId=client)
     pybullet.changeDynamics(floor, -1, lateralFriction=1.0, physicsClientId=client)
     if side_m:
@@ -96,10 +115,19 @@ def _paint(client: int, marking: Marking, floor: Colour, seed: int, ground: Grou
     if ground.is_flat:
         patch, up_m = show_patch(client, marking.polygon, colour, side_m=side_m), PAINT_M
     else:
-        patch, up_m = show_mesh(client, draped(ground, marking.polygon, PAINT_M), colour, repeats_m=side_m), 0.0
+        patch, up_m = (
+            show_mesh(client, draped(ground, marking.polygon, PAINT_M), colour, repeats_m=side_m),
+            0.0,
+        )
     body = pybullet.createMultiBody(0, NO_SHAPE, patch, [0, 0, up_m], physicsClientId=client)
     if spilt:
-        put_texture(client, body, load_texture(client, spill_texture(marking.seen_on(floor), GLOSS[marking.surface], seed)))
+        put_texture(
+            client,
+            body,
+            load_texture(
+                client, spill_texture(marking.seen_on(floor), GLOSS[marking.surface], seed)
+            ),
+        )
 
 
 def _hang(client: int, sheet: Print, ground: Ground) -> None:
@@ -117,7 +145,8 @@ def _hang(client: int, sheet: Print, ground: Ground) -> None:
 
 
 def _build_item(client: int, thing: Thing, item: Item, ground: Ground) -> None:
-    """A loose body: the robot can push it; but on hills nothing would stay, so there it is fixed. One box is for collisions."""
+    """A loose body: the robot can push it; but on hills nothing would stay, so there it is fixed.
+    One box is for collisions."""
     size = item.extent_m()
     middle = size[2] / 2
     collision = pybullet.createCollisionShape(
@@ -126,7 +155,9 @@ def _build_item(client: int, thing: Thing, item: Item, ground: Ground) -> None:
     visual = show_solids(client, thing.solids, lower_m=middle)
     mass_kg = ITEM_MASSES_KG[item.kind] if ground.is_flat else 0.0
     body = _place(client, mass_kg, collision, visual, thing.pose, ground, middle, tilted=True)
-    pybullet.changeDynamics(body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=client)
+    pybullet.changeDynamics(
+        body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=client
+    )
 
 
 def _build_person(client: int, walker: Walker, ground: Ground) -> int:
@@ -166,15 +197,20 @@ def _place(
     tilted: bool = False,
 ) -> int:
     place, turn = _stand(pose, ground, above_m, tilted=tilted)
-    return int(pybullet.createMultiBody(mass_kg, collision, visual, place, turn, physicsClientId=client))
+    return int(
+        pybullet.createMultiBody(mass_kg, collision, visual, place, turn, physicsClientId=client)
+    )
 
 
 def _move(client: int, body: int, pose: Pose2, ground: Ground) -> None:
     pybullet.resetBasePositionAndOrientation(body, *_stand(pose, ground), physicsClientId=client)
 
 
-def _stand(pose: Pose2, ground: Ground, above_m: float = 0.0, *, tilted: bool = False) -> tuple[list[float], list[float]]:
-    """Place and turn of what stands `above_m` above the ground: upright, or tilted as the ground is."""
+def _stand(
+    pose: Pose2, ground: Ground, above_m: float = 0.0, *, tilted: bool = False
+) -> tuple[list[float], list[float]]:
+    """Place and turn of what stands `above_m` above the ground: upright, or tilted as the ground
+    is."""
     place = [pose.x_m, pose.y_m, ground.height_m(pose.x_m, pose.y_m) + above_m]
     if tilted and not ground.is_flat:
         return place, list(pybullet.getQuaternionFromEuler(ground.attitude(pose)))

@@ -17,7 +17,11 @@ class Moving:
     def __init__(self, mover: Mover, period_s: float) -> None:
         self._times, self._x, self._y = np.array(mover.keys, dtype=np.float64).T
         self._lasts_s, self._period_s, self._steps = mover.period_s, period_s, 0
-        self.diameter_m, self.height_m, self.colour = 2 * mover.radius_m, mover.height_m, mover.colour
+        self.diameter_m, self.height_m, self.colour = (
+            2 * mover.radius_m,
+            mover.height_m,
+            mover.colour,
+        )
         self.pose = self._at(0.0)
         """T_map_mover; it does not turn."""
 

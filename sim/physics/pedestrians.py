@@ -1,4 +1,5 @@
-"""People: some stand, some walk to and fro. They are moved, not pushed, and go by the same clock as the physics."""
+"""People: some stand, some walk to and fro. They are moved, not pushed, and go by the same clock as
+the physics."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ TURN_RADPS = math.radians(240)
 class Walker:
     """One person; `step` moves him."""
 
-    def __init__(self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY) -> None:
+    def __init__(
+        self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY
+    ) -> None:
         self._robot = robot
         self._points = np.array(person.points)
         self._speed_mps = person.speed_mps if len(self._points) > 1 else 0.0
@@ -67,7 +70,9 @@ class Walker:
         before_m = self._along_m
         self._along_m += self._sense * self._speed_mps * self._period_s
         low, high = min(before_m, self._along_m), max(before_m, self._along_m)
-        self._pause_left_s = float(self._pauses_s[(low < self._ends_m) & (self._ends_m < high)].max(initial=0.0))
+        self._pause_left_s = float(
+            self._pauses_s[(low < self._ends_m) & (self._ends_m < high)].max(initial=0.0)
+        )
         if not 0 <= self._along_m <= self._ends_m[-1]:
             self._along_m = min(max(self._along_m, 0.0), float(self._ends_m[-1]))
             self._sense = -self._sense
@@ -97,7 +102,10 @@ class Walker:
         return wrap_angle(self.pose.yaw_rad + max(-most, min(most, missing)))
 
     def _leg(self) -> int:
-        return min(int(np.searchsorted(self._ends_m, self._along_m, side="right")) - 1, len(self._legs_m) - 1)
+        return min(
+            int(np.searchsorted(self._ends_m, self._along_m, side="right")) - 1,
+            len(self._legs_m) - 1,
+        )
 
     def _place(self, yaw_rad: float) -> Pose2:
         if not self.walks:
@@ -109,7 +117,9 @@ class Walker:
         return Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw_rad)
 
 
-def _nearest_of_footprint(profile: RobotProfile, robot: Pose2, x_m: float, y_m: float) -> tuple[float, float]:
+def _nearest_of_footprint(
+    profile: RobotProfile, robot: Pose2, x_m: float, y_m: float
+) -> tuple[float, float]:
     """The footprint's point nearest to a point, in the map frame."""
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     dx, dy = x_m - robot.x_m, y_m - robot.y_m

@@ -1,4 +1,5 @@
-"""PyBullet and its EGL plugin chat on standard output from C; that would end up amid what a program prints there itself."""
+"""PyBullet and its EGL plugin chat on standard output from C; that would end up amid what a program
+prints there itself."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ STDOUT = 1
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Send what is written to standard output's descriptor, by anybody in this process, to nowhere meanwhile."""
+    """Send what is written to standard output's descriptor, by anybody in this process, to nowhere
+    meanwhile."""
     flush = ctypes.CDLL(None).fflush
     flush(None)
     kept, nowhere = os.dup(STDOUT), os.open(os.devnull, os.O_WRONLY)

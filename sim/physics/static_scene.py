@@ -1,6 +1,8 @@
-"""Walls, furniture and trees as the engine takes them best: one mesh to run into, and one per material to be seen.
+"""Walls, furniture and trees as the engine takes them best: one mesh to run into, and one per
+material to be seen.
 
-A body of its own for each would cost as much in every physics step and every picture as if it could move.
+A body of its own for each would cost as much in every physics step and every picture as if it could
+move.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from sim.physics.bodies import NO_SHAPE, load_texture, put_texture, show_mesh, s
 from sim.scenario.layout import OVERHEAD_M, Thing
 
 FOUNDATION_M = 0.8
-"""On uneven ground what stands on it reaches so far into it, or one would see below its lower side."""
+"""On uneven ground what stands on it reaches so far into it, or one would see below its lower side.
+"""
 NATURAL = ("bark", "leaves")
 """What is never quite round needs few faces."""
 
@@ -34,7 +37,8 @@ def build_static(client: int, things: Iterable[Thing], ground: Ground) -> None:
     shape = solid_mesh(client, merged(touchable)) if touchable else NO_SHAPE
     textures: dict[Pattern, int] = {}
     for seen, pattern in _show(client, [solid for solid, _ in solids]):
-        # The first body is the one that is run into; without a look of its own it would be drawn as the mesh it is.
+        # The first body is the one that is run into; without a look of its own it would be drawn as
+        # the mesh it is.
         body = pybullet.createMultiBody(0, shape, seen, physicsClientId=client)
         shape = NO_SHAPE
         if repeats_m(pattern):
@@ -47,9 +51,14 @@ def _in_map(thing: Thing, ground: Ground) -> Iterable[tuple[Solid, float]]:
     """Its solids in the map frame, and how high above its own ground each begins."""
     for solid in thing.solids:
         (x, y), z = _moved(solid.centre_m[:2], thing.pose), solid.centre_m[2]
-        # A thing keeps its parts together on the ground of its middle; a wall, which has none, follows the ground.
+        # A thing keeps its parts together on the ground of its middle; a wall, which has none,
+        # follows the ground.
         foot = (x, y) if thing.name == "wall" else (thing.pose.x_m, thing.pose.y_m)
-        deeper_m = FOUNDATION_M if not ground.is_flat and solid.bottom_m < 1e-6 and solid.pitch_rad == 0 else 0.0
+        deeper_m = (
+            FOUNDATION_M
+            if not ground.is_flat and solid.bottom_m < 1e-6 and solid.pitch_rad == 0
+            else 0.0
+        )
         yield (
             replace(
                 solid,
@@ -73,6 +82,14 @@ def _show(client: int, solids: Sequence[Solid]) -> list[tuple[int, Pattern]]:
     for solid in solids:
         materials[solid.colour, solid.pattern].append(solid)
     return [
-        (show_mesh(client, merged(parts, coarse=pattern in NATURAL), colour, repeats_m=repeats_m(pattern)), pattern)
+        (
+            show_mesh(
+                client,
+                merged(parts, coarse=pattern in NATURAL),
+                colour,
+                repeats_m=repeats_m(pattern),
+            ),
+            pattern,
+        )
         for (colour, pattern), parts in materials.items()
     ]

@@ -12,7 +12,8 @@ from sim.models.ground import Ground
 from sim.models.mesh import Mesh
 
 CELL_M = 2.0
-"""The ground's mesh has a node at every such step; between them it is off by millimetres, as its waves are long."""
+"""The ground's mesh has a node at every such step; between them it is off by millimetres, as its
+waves are long."""
 Floats = npt.NDArray[np.float64]
 
 
@@ -39,18 +40,29 @@ def draped(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) -
                 corners.append(piece)
                 heights.append(np.column_stack([piece, np.ones(3)]) @ plane + above_m)
     flat = np.concatenate(corners)
-    return Mesh(corners=np.column_stack([flat, np.concatenate(heights)]), normals=_normals(flat, ground))
+    return Mesh(
+        corners=np.column_stack([flat, np.concatenate(heights)]), normals=_normals(flat, ground)
+    )
 
 
 def _triangles(area: shapely.Geometry) -> list[Floats]:
     """(3, 2) each, counter-clockwise, of whatever has an area."""
-    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-9]
-    pieces = [piece for part in parts for piece in shapely.constrained_delaunay_triangles(part).geoms]
-    return [shapely.get_coordinates(shapely.orient_polygons(piece)).astype(np.float64)[:3] for piece in pieces]
+    parts = [
+        part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-9
+    ]
+    pieces = [
+        piece for part in parts for piece in shapely.constrained_delaunay_triangles(part).geoms
+    ]
+    return [
+        shapely.get_coordinates(shapely.orient_polygons(piece)).astype(np.float64)[:3]
+        for piece in pieces
+    ]
 
 
 def _on_ground(points: Floats, ground: Ground) -> Mesh:
-    return Mesh(corners=np.column_stack([points, ground.heights(points)]), normals=_normals(points, ground))
+    return Mesh(
+        corners=np.column_stack([points, ground.heights(points)]), normals=_normals(points, ground)
+    )
 
 
 def _normals(points: Floats, ground: Ground) -> Floats:

@@ -1,4 +1,5 @@
-"""How far the robot's footprint is from many polygons, at every physics step: compiled, with bounding circles first."""
+"""How far the robot's footprint is from many polygons, at every physics step: compiled, with
+bounding circles first."""
 
 from __future__ import annotations
 
@@ -42,13 +43,18 @@ class Outlines:
             count=len(things),
         )
 
-    def near(self, body: Polygon, touch_m: float, known_m: float) -> tuple[npt.NDArray[np.bool_], float]:
-        """(count,) which things the polygon `body` is within `touch_m` of, and the least distance to any, in metres.
+    def near(
+        self, body: Polygon, touch_m: float, known_m: float
+    ) -> tuple[npt.NDArray[np.bool_], float]:
+        """(count,) which things the polygon `body` is within `touch_m` of, and the least distance
+        to any, in metres.
 
         The distance is exact where it is below `known_m`, else `known_m`; overlap is 0.
         """
         touched = np.zeros(self.count, dtype=np.bool_)
-        least_m = _near(body, self.corners, self.ends, self.circles, self.things, touch_m, known_m, touched)
+        least_m = _near(
+            body, self.corners, self.ends, self.circles, self.things, touch_m, known_m, touched
+        )
         return touched, float(least_m)
 
 
@@ -133,5 +139,9 @@ def _side(p: Floats, q: Floats, r: Floats) -> float:
 def _to_edge(p: Floats, r: Floats, s: Floats) -> float:
     dx, dy = s[0] - r[0], s[1] - r[1]
     length = dx * dx + dy * dy
-    share = 0.0 if length == 0 else min(1.0, max(0.0, ((p[0] - r[0]) * dx + (p[1] - r[1]) * dy) / length))
+    share = (
+        0.0
+        if length == 0
+        else min(1.0, max(0.0, ((p[0] - r[0]) * dx + (p[1] - r[1]) * dy) / length))
+    )
     return math.hypot(p[0] - r[0] - share * dx, p[1] - r[1] - share * dy)

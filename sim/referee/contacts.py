@@ -1,4 +1,5 @@
-"""Counts contacts, once each, and tells whether the robot drove into something or somebody walked into it."""
+"""Counts contacts, once each, and tells whether the robot drove into something or somebody walked
+into it."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 CARRIED_ON_M = 0.1
-"""A robot that was struck while standing and then moves so far without coming free collides after all."""
+"""A robot that was struck while standing and then moves so far without coming free collides after
+all."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -41,11 +43,14 @@ class Contacts:
         return sum(contact.collided for contact in self._all)
 
     def judge(self, touched: set[int], *, drives: bool, t_s: float, driven_m: float) -> None:
-        """Look at one step: the numbers of the things in contact, and whether the robot's wheels drive it."""
+        """Look at one step: the numbers of the things in contact, and whether the robot's wheels
+        drive it."""
         for thing in touched:
             contact = self._open.get(thing)
             if contact is None:
-                contact = Contact(t_s=t_s, what=self._name_of(thing), driven_m=driven_m, collided=drives)
+                contact = Contact(
+                    t_s=t_s, what=self._name_of(thing), driven_m=driven_m, collided=drives
+                )
                 self._open[thing] = contact
                 self._all.append(contact)
                 self.struck_while_standing += not drives and self._walks(thing)

@@ -1,4 +1,5 @@
-"""Which things to beware of came into the camera's view, and which of them a map holds, or holds wrongly."""
+"""Which things to beware of came into the camera's view, and which of them a map holds, or holds
+wrongly."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ HIDDEN_M = 0.3
 LOOKS = 3
 """A thing was in view when so many pictures show it."""
 NEAR_M = 0.4
-"""What the map holds within this of a thing is that thing: odometry drifts. What is as near to none of them is false."""
+"""What the map holds within this of a thing is that thing: odometry drifts. What is as near to none
+of them is false."""
 TOGETHER_M = 0.15
 """Cells no further apart than twice this are one thing of the map."""
 
@@ -41,22 +43,37 @@ class DetectionScore:
         """Note what a picture shows, taken from this true pose of the camera."""
         if not len(self._things):
             return
-        floor = np.column_stack([self._spots, np.full(len(self._spots), 0.02), np.ones(len(self._spots))])
+        floor = np.column_stack(
+            [self._spots, np.full(len(self._spots), 0.02), np.ones(len(self._spots))]
+        )
         x, y, z, _ = np.linalg.inv(T_map_camera) @ floor.T
         lens, ahead = frame.intrinsics, np.maximum(z, 1e-6)
         col, row = np.rint(lens.fx * x / ahead + lens.cx), np.rint(lens.fy * y / ahead + lens.cy)
-        shown = (z > 0) & (z < IN_VIEW_M) & (col >= 0) & (col < lens.width) & (row >= 0) & (row < lens.height)
+        shown = (
+            (z > 0)
+            & (z < IN_VIEW_M)
+            & (col >= 0)
+            & (col < lens.width)
+            & (row >= 0)
+            & (row < lens.height)
+        )
         for number in np.flatnonzero(shown):
             depth_m = frame.depth_m[int(row[number]), int(col[number])]
             self._looks[number] += depth_m == 0 or depth_m > z[number] - HIDDEN_M
 
     def verdict(self, held: Mapping[str, BoolGrid], spec: GridSpec) -> dict[str, dict[str, int]]:
-        """Class → `there` in the world, `seen` within 4 m, of these `missed` on the map under any class, and `false` ones.
+        """Class → `there` in the world, `seen` within 4 m, of these `missed` on the map under any
+        class, and `false` ones.
 
         `held`: class → (rows, cols) cells of the map. People walk about and are not counted.
         """
-        counts: defaultdict[str, dict[str, int]] = defaultdict(lambda: {"there": 0, "seen": 0, "missed": 0, "false": 0})
-        real, anything = np.zeros((spec.rows, spec.cols), dtype=np.bool_), np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        counts: defaultdict[str, dict[str, int]] = defaultdict(
+            lambda: {"there": 0, "seen": 0, "missed": 0, "false": 0}
+        )
+        real, anything = (
+            np.zeros((spec.rows, spec.cols), dtype=np.bool_),
+            np.zeros((spec.rows, spec.cols), dtype=np.bool_),
+        )
         for cells in held.values():
             anything |= cells
         for thing, looks in zip(self._things, self._looks, strict=True):
@@ -81,4 +98,6 @@ def _middle(thing: TrueThing) -> npt.NDArray[np.float64]:
 
 def _grown(cells: BoolGrid, by_m: float, spec: GridSpec) -> BoolGrid:
     side = 2 * round(by_m / spec.resolution_m) + 1
-    return cv2.dilate(cells.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))).view(np.bool_)
+    return cv2.dilate(
+        cells.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    ).view(np.bool_)

@@ -31,7 +31,8 @@ class Intrusion:
     duration_s: float = 0.0
     """How long it lasted."""
     gap_by_odometry_m: float = math.inf
-    """How near the footprint was meanwhile for who believes the odometry; 0 = over it by that, too."""
+    """How near the footprint was meanwhile for who believes the odometry; 0 = over it by that, too.
+    """
 
 
 class IntrusionMonitor:
@@ -57,10 +58,13 @@ class IntrusionMonitor:
         return [polygon for parts in self._parts for polygon in parts]
 
     def replace(self, named: Sequence[tuple[str, Parts]], *, body: Polygon | None) -> None:
-        """Judge by these from now on. One that comes over the `body` is excused until it has been left once."""
+        """Judge by these from now on. One that comes over the `body` is excused until it has been
+        left once."""
         before = {
             _key(parts): (now, excused)
-            for parts, now, excused in zip(self._parts, self._now, self._excused.tolist(), strict=True)
+            for parts, now, excused in zip(
+                self._parts, self._now, self._excused.tolist(), strict=True
+            )
         }
         self._names = tuple(name for name, _ in named)
         self._parts = tuple(parts for _, parts in named)
@@ -68,14 +72,26 @@ class IntrusionMonitor:
         inside = np.zeros(len(named), dtype=np.bool_)
         if body is not None:
             inside, _ = self._outlines.near(body, 0.0, 0.0)
-        states = [before.get(_key(parts), (None, bool(over))) for parts, over in zip(self._parts, inside, strict=True)]
+        states = [
+            before.get(_key(parts), (None, bool(over)))
+            for parts, over in zip(self._parts, inside, strict=True)
+        ]
         self._now = [now for now, _ in states]
         self._excused = np.array([excused for _, excused in states], dtype=np.bool_)
 
-    def judge(self, body: Polygon, believed: Polygon, *, t_s: float, period_s: float, displaced: Mapping[int, Parts]) -> None:
+    def judge(
+        self,
+        body: Polygon,
+        believed: Polygon,
+        *,
+        t_s: float,
+        period_s: float,
+        displaced: Mapping[int, Parts],
+    ) -> None:
         """Look at one step: the footprint where it is, and where odometry has it.
 
-        `displaced`: number of a thing that has moved → where it is now; judged there and where it was.
+        `displaced`: number of a thing that has moved → where it is now; judged there and where it
+        was.
         """
         if not self._names:
             return
@@ -84,7 +100,9 @@ class IntrusionMonitor:
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
         self._excused &= inside
         on: npt.NDArray[np.bool_] = inside & ~self._excused
-        self._now = [now if over else None for now, over in zip(self._now, on.tolist(), strict=True)]
+        self._now = [
+            now if over else None for now, over in zip(self._now, on.tolist(), strict=True)
+        ]
         if on.any():
             self.seconds += period_s
             self.m2s += period_s * self._covered_m2(body, np.flatnonzero(on), displaced)
@@ -112,9 +130,19 @@ class IntrusionMonitor:
         gap_m = min(distance_m(believed, part) for part in self._parts[number])
         intrusion.gap_by_odometry_m = min(intrusion.gap_by_odometry_m, gap_m)
 
-    def _covered_m2(self, body: Polygon, numbers: npt.NDArray[np.intp], displaced: Mapping[int, Parts]) -> float:
-        parts = [part for number in numbers for part in (*self._parts[number], *displaced.get(int(number), ()))]
-        return float(shapely.area(shapely.intersection(shapely.Polygon(body), shapely.union_all(_polygons(parts)))))
+    def _covered_m2(
+        self, body: Polygon, numbers: npt.NDArray[np.intp], displaced: Mapping[int, Parts]
+    ) -> float:
+        parts = [
+            part
+            for number in numbers
+            for part in (*self._parts[number], *displaced.get(int(number), ()))
+        ]
+        return float(
+            shapely.area(
+                shapely.intersection(shapely.Polygon(body), shapely.union_all(_polygons(parts)))
+            )
+        )
 
 
 def _polygons(parts: Parts) -> list[shapely.Polygon]:

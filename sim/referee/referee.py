@@ -1,4 +1,5 @@
-"""Judges a run from the ground truth, with the oriented footprint, at every physics step. Knows nothing of the navigator."""
+"""Judges a run from the ground truth, with the oriented footprint, at every physics step. Knows
+nothing of the navigator."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from sim.truth.shortest_path import length_m, shortest_way
 from sim.truth.true_map import blocked_grid, rasterise
 
 CONTACT_M = 0.005
-"""The model's body is 4 mm longer than the footprint, and the engine keeps a margin: nearer than this is contact."""
+"""The model's body is 4 mm longer than the footprint, and the engine keeps a margin: nearer than
+this is contact."""
 STANDING_MPS = 0.02
 """The wheels of a standing robot move no corner of it faster than this."""
 SHOVED_M = 0.01
@@ -43,8 +45,14 @@ class Referee:
         self._fixed_polygons = [outline for thing in fixed for outline in thing.outlines()]
         self._fixed_names = [thing.name for thing in fixed]
         self._items = items(scenario)
-        markings = [(marking.name, (np.array(marking.polygon),)) for marking in scenario.markings if marking.beware]
-        self._beware = IntrusionMonitor([*((item.name, item.outlines()) for item in self._items), *markings])
+        markings = [
+            (marking.name, (np.array(marking.polygon),))
+            for marking in scenario.markings
+            if marking.beware
+        ]
+        self._beware = IntrusionMonitor(
+            [*((item.name, item.outlines()) for item in self._items), *markings]
+        )
         self._zones = IntrusionMonitor([])
         person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
         self._person = (person, float(np.hypot(*person.T).max()))
@@ -73,11 +81,13 @@ class Referee:
         items: Sequence[Pose2] = (),
         odometry: Pose2 | None = None,
     ) -> None:
-        """Judge one physics step from the true pose, what its wheels do, and all that moves; `t_s` on the simulator's clock.
+        """Judge one physics step from the true pose, what its wheels do, and all that moves; `t_s`
+        on the simulator's clock.
 
-        By its wheels, because a standing robot that somebody pushes does not drive. `items`: where the scenario's items are
-        now, in its order; where they were at the start when left out. `odometry`: where the robot takes itself to be, which
-        changes no verdict; where it is when left out.
+        By its wheels, because a standing robot that somebody pushes does not drive. `items`: where
+        the scenario's items are now, in its order; where they were at the start when left out.
+        `odometry`: where the robot takes itself to be, which changes no verdict; where it is when
+        left out.
         """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
@@ -85,17 +95,26 @@ class Referee:
             self.distance_m += self._here.distance_to(pose.x_m, pose.y_m)
         self._here = pose
         body = placed(self._footprint, pose)
-        drives = abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m > STANDING_MPS
+        drives = (
+            abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m
+            > STANDING_MPS
+        )
         self._judge_contacts(body, people, drives)
         believed = body if odometry is None else placed(self._footprint, odometry)
-        self._beware.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced=self._shoved(items))
+        self._beware.judge(
+            body, believed, t_s=self._t_s, period_s=period_s, displaced=self._shoved(items)
+        )
         self._zones.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
         self._sample()
 
     def set_zones(self, polygons: Sequence[Polygon]) -> None:
-        """Judge by these zones, (N, 2) each, from now on. A zone drawn over the robot counts once it has left it."""
+        """Judge by these zones, (N, 2) each, from now on. A zone drawn over the robot counts once
+        it has left it."""
         body = None if self._here is None else placed(self._footprint, self._here)
-        named = [(f"zone {i}", (np.array(polygon, dtype=np.float64),)) for i, polygon in enumerate(polygons, start=1)]
+        named = [
+            (f"zone {i}", (np.array(polygon, dtype=np.float64),))
+            for i, polygon in enumerate(polygons, start=1)
+        ]
         self._zones.replace(named, body=body)
 
     @property
@@ -115,7 +134,8 @@ class Referee:
 
     @property
     def beware_intrusions(self) -> int:
-        """Times that the footprint came over a beware marking, the place where an item lay at the start, or an item."""
+        """Times that the footprint came over a beware marking, the place where an item lay at the
+        start, or an item."""
         return len(self._beware.intrusions)
 
     @property
@@ -149,7 +169,11 @@ class Referee:
 
     def distance_at(self, t_s: float) -> float:
         """Way driven until `t_s`, from the series."""
-        return float(np.interp(t_s, [0.0, *self._series[0], self._t_s], [0.0, *self._series[1], self.distance_m]))
+        return float(
+            np.interp(
+                t_s, [0.0, *self._series[0], self._t_s], [0.0, *self._series[1], self.distance_m]
+            )
+        )
 
     def summary(self) -> dict[str, Any]:
         """All verdicts under the names of the episode report, without the series."""
@@ -166,7 +190,9 @@ class Referee:
             "zone_intrusions": self.zone_intrusions,
             "zone_intrusion_s": round(self.zone_intrusion_s, 3),
             "zone_intrusion_m2s": round(self._zones.m2s, 5),
-            "intrusions": sorted([*self._beware.log(), *self._zones.log()], key=lambda intrusion: intrusion["t_s"]),
+            "intrusions": sorted(
+                [*self._beware.log(), *self._zones.log()], key=lambda intrusion: intrusion["t_s"]
+            ),
             "stops": self.stops,
         }
 
@@ -175,18 +201,24 @@ class Referee:
         return self.collisions + self.beware_intrusions + self.zone_intrusions
 
     def true_blocked(self, spec: GridSpec, inflation_m: float) -> BoolGrid:
-        """(rows, cols) where the robot's centre may not be: walls, furniture, items, beware markings and zones, inflated."""
+        """(rows, cols) where the robot's centre may not be: walls, furniture, items, beware
+        markings and zones, inflated."""
         return blocked_grid(self._polygons(), spec, inflation_m)
 
     def true_cells(self, spec: GridSpec) -> tuple[BoolGrid, BoolGrid, BoolGrid]:
-        """(rows, cols) each: walls and furniture; items and beware markings; zones. Where they were at the start."""
+        """(rows, cols) each: walls and furniture; items and beware markings; zones. Where they were
+        at the start."""
         fixed, beware, zones = self._fixed_polygons, self._beware.polygons, self._zones.polygons
         return rasterise(fixed, spec), rasterise(beware, spec), rasterise(zones, spec)
 
-    def shortest_m(self, spec: GridSpec, inflation_m: float, goals: Sequence[tuple[float, float]]) -> float | None:
-        """Shortest way from the start through all goals for who knows the true map, in the plane; None when there is none.
+    def shortest_m(
+        self, spec: GridSpec, inflation_m: float, goals: Sequence[tuple[float, float]]
+    ) -> float | None:
+        """Shortest way from the start through all goals for who knows the true map, in the plane;
+        None when there is none.
 
-        No part of it is nearer than `inflation_m` to anything; a start that is nearer is left straight away.
+        No part of it is nearer than `inflation_m` to anything; a start that is nearer is left
+        straight away.
         """
         x_m, y_m, _ = self._scenario.start
         way = shortest_way(self._polygons(), inflation_m, spec, [(x_m, y_m), *goals])
@@ -220,9 +252,14 @@ class Referee:
         self._contacts.judge(now, drives=drives, t_s=self._t_s, driven_m=self.distance_m)
 
     def _gap_to(self, person: Pose2, outline: Polygon, reach_m: float, body: Polygon) -> float:
-        """Exact where it matters: infinite for somebody who is neither in contact nor nearer than anything before."""
+        """Exact where it matters: infinite for somebody who is neither in contact nor nearer than
+        anything before."""
         assert self._here is not None
-        apart_m = self._here.distance_to(person.x_m, person.y_m) - self._robot.circumscribed_radius_m - reach_m
+        apart_m = (
+            self._here.distance_to(person.x_m, person.y_m)
+            - self._robot.circumscribed_radius_m
+            - reach_m
+        )
         if apart_m > CONTACT_M and apart_m >= self.min_clearance_m:
             return math.inf
         return distance_m(body, placed(outline, person))

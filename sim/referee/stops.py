@@ -24,5 +24,9 @@ class StopLog:
         """t_s, duration_s and reason of each, in order, as of `t_s`."""
         if self._reason is None:
             return list(self._ended)
-        present = {"t_s": round(self._since_s, 3), "duration_s": round(t_s - self._since_s, 3), "reason": str(self._reason)}
+        present = {
+            "t_s": round(self._since_s, 3),
+            "duration_s": round(t_s - self._since_s, 3),
+            "reason": str(self._reason),
+        }
         return [*self._ended, present]

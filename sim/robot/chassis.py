@@ -16,5 +16,7 @@ def chassis_for(robot: RobotProfile) -> Chassis:
     """The model of a platform; raises `BadConfiguration` for one that has none."""
     if robot.name not in CHASSIS:
         known = ", ".join(CHASSIS)
-        raise BadConfiguration(f"the simulator has no model of the robot {robot.name!r}, only of: {known}")
+        raise BadConfiguration(
+            f"the simulator has no model of the robot {robot.name!r}, only of: {known}"
+        )
     return CHASSIS[robot.name]

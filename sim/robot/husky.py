@@ -18,8 +18,8 @@ WHEELS = (2, 3, 4, 5)
 
 @cache
 def husky_urdf() -> Path:
-    """A copy of PyBullet's husky.urdf that any URDF reader loads: no ROS substitutions, absolute mesh paths, and a
-    mass for every link.
+    """A copy of PyBullet's husky.urdf that any URDF reader loads: no ROS substitutions, absolute
+    mesh paths, and a mass for every link.
     """
     source = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
     text = _readable(source.read_text(encoding="utf-8"), source.parent)
@@ -31,10 +31,13 @@ def _readable(urdf: str, folder: Path) -> str:
     urdf = urdf.replace('filename="meshes/', f'filename="{folder.as_posix()}/meshes/')
     urdf = re.sub(r"<gazebo.*?</gazebo>", "", urdf, flags=re.DOTALL)
     urdf = re.sub(r'<link name="(\w+)"\s*/>', r'<link name="\1"></link>', urdf)
-    # Bare, it is heavier behind and turns about its rear axle; the load it carries here balances it.
+    # Bare, it is heavier behind and turns about its rear axle; the load it carries here balances
+    # it.
     urdf = urdf.replace('xyz="-0.08748 -0.00085 0.09947"', 'xyz="0 0 0.09947"')
     light = '<inertial><mass value="0.5"/><inertia ixx="0.005" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.005"/></inertial>'
-    return re.sub(r"<link\b.*?</link>", lambda link: _with_mass(link[0], light), urdf, flags=re.DOTALL)
+    return re.sub(
+        r"<link\b.*?</link>", lambda link: _with_mass(link[0], light), urdf, flags=re.DOTALL
+    )
 
 
 def _with_mass(link: str, inertial: str) -> str:

@@ -1,4 +1,5 @@
-"""The Clearpath Jackal: a model of its own, of a box and four cylinders, with the platform's measures and mass."""
+"""The Clearpath Jackal: a model of its own, of a box and four cylinders, with the platform's
+measures and mass."""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ def _urdf() -> str:
     length, width, height = BODY_M
     middle = BODY_BOTTOM_M + height / 2
     body = _inertial(BODY_KG, (length**2, width**2, height**2), f"0 0 {middle}")
-    box = f'<origin xyz="0 0 {middle}"/><geometry><box size="{length} {width} {height}"/></geometry>'
+    box = (
+        f'<origin xyz="0 0 {middle}"/><geometry><box size="{length} {width} {height}"/></geometry>'
+    )
     wheels = "".join(
         _wheel(f"{end}_{side}", along * WHEELBASE_M / 2, across * TRACK_M / 2)
         for end, along in (("front", 1), ("rear", -1))
@@ -48,7 +51,9 @@ def _wheel(name: str, x_m: float, y_m: float) -> str:
     shape = f'<geometry><cylinder radius="{WHEEL_RADIUS_M}" length="{WHEEL_WIDTH_M}"/></geometry>'
     turned = f'<origin rpy="1.5707963267948966 0 0"/>{shape}'
     black = '<material name="black"><color rgba="0.1 0.1 0.1 1"/></material>'
-    inertial = _inertial(WHEEL_KG, (WHEEL_RADIUS_M**2 * 3, WHEEL_RADIUS_M**2 * 3, WHEEL_RADIUS_M**2 * 3), "0 0 0")
+    inertial = _inertial(
+        WHEEL_KG, (WHEEL_RADIUS_M**2 * 3, WHEEL_RADIUS_M**2 * 3, WHEEL_RADIUS_M**2 * 3), "0 0 0"
+    )
     return (
         f'<link name="{name}_wheel_link">{inertial}<visual>{turned}{black}</visual><collision>{turned}</collision></link>'
         f'<joint name="{name}_wheel" type="continuous"><parent link="base_link"/><child link="{name}_wheel_link"/>'

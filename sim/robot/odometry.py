@@ -1,4 +1,5 @@
-"""Odometry: how far from the wheel encoders, which way from the gyro. Both err as the real ones do, each run in its own way."""
+"""Odometry: how far from the wheel encoders, which way from the gyro. Both err as the real ones do,
+each run in its own way."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ class Odometry:
         self._ticks: tuple[int, int] | None = None
 
     def update(self, left_m: float, right_m: float, yaw_rate_radps: float) -> None:
-        """Take the way that each side's wheels have rolled since ever, and the gyro's rate, over one physics step."""
+        """Take the way that each side's wheels have rolled since ever, and the gyro's rate, over
+        one physics step."""
         ticks = (self._count(left_m), self._count(right_m))
         before, self._ticks = self._ticks or ticks, ticks
         step_m = (ticks[0] - before[0] + ticks[1] - before[1]) / 2 / TICKS_PER_M

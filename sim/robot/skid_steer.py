@@ -1,5 +1,5 @@
-"""A robot of four wheels steered by their speeds: its body in the physics engine, and the driver that makes wheel speeds of
-a velocity.
+"""A robot of four wheels steered by their speeds: its body in the physics engine, and the driver
+that makes wheel speeds of a velocity.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ YAW_GAIN = 1.0
 YAW_GAIN_INTEGRAL_PER_S = 8.0
 """The same per missing angle; it takes up the slip that remains."""
 LARGEST_CORRECTION_RADPS = 1.5
-"""The integral part is held within this, so that a blocked robot does not spin when it comes free."""
+"""The integral part is held within this, so that a blocked robot does not spin when it comes free.
+"""
 COMMAND_TIMEOUT_NS = 250_000_000
 """The driver forgets a velocity after this, as the real one does."""
 
@@ -49,7 +50,8 @@ class Chassis:
 
 
 class Driver:
-    """The motor controller: forgets commands, ramps, and holds the commanded yaw rate with the gyro."""
+    """The motor controller: forgets commands, ramps, and holds the commanded yaw rate with the
+    gyro."""
 
     def __init__(self, period_s: float, profile: RobotProfile, chassis: Chassis) -> None:
         self._period_s, self._profile, self._chassis = period_s, profile, chassis
@@ -59,22 +61,35 @@ class Driver:
     def ask(self, twist: Twist, now_ns: int) -> None:
         """Take a velocity, clipped to what the platform can do; one that is no number means zero."""
         most = self._profile
-        self._asked = Twist(v_mps=_clip(twist.v_mps, most.max_speed_mps), w_radps=_clip(twist.w_radps, most.max_yaw_rate_radps))
+        self._asked = Twist(
+            v_mps=_clip(twist.v_mps, most.max_speed_mps),
+            w_radps=_clip(twist.w_radps, most.max_yaw_rate_radps),
+        )
         self._asked_ns = now_ns
 
     def wheel_speeds(self, now_ns: int, gyro_radps: float) -> tuple[float, float]:
         """(left, right) in rad/s for the next physics step."""
-        asked, most = self._asked if now_ns - self._asked_ns < COMMAND_TIMEOUT_NS else STANDSTILL, self._profile
+        asked, most = (
+            self._asked if now_ns - self._asked_ns < COMMAND_TIMEOUT_NS else STANDSTILL,
+            self._profile,
+        )
         self._v_mps += _clip(asked.v_mps - self._v_mps, most.max_accel_mps2 * self._period_s)
-        self._w_radps += _clip(asked.w_radps - self._w_radps, most.max_yaw_accel_radps2 * self._period_s)
+        self._w_radps += _clip(
+            asked.w_radps - self._w_radps, most.max_yaw_accel_radps2 * self._period_s
+        )
         if self._v_mps == 0 and self._w_radps == 0:
             self._integral_radps = 0.0
             return (0.0, 0.0)
         missing = self._w_radps - gyro_radps
         grown = self._integral_radps + YAW_GAIN_INTEGRAL_PER_S * missing * self._period_s
         self._integral_radps = _clip(grown, LARGEST_CORRECTION_RADPS)
-        turn = (self._w_radps + YAW_GAIN * missing + self._integral_radps) * self._chassis.track_m / 2
-        return ((self._v_mps - turn) / self._chassis.wheel_radius_m, (self._v_mps + turn) / self._chassis.wheel_radius_m)
+        turn = (
+            (self._w_radps + YAW_GAIN * missing + self._integral_radps) * self._chassis.track_m / 2
+        )
+        return (
+            (self._v_mps - turn) / self._chassis.wheel_radius_m,
+            (self._v_mps + turn) / self._chassis.wheel_radius_m,
+        )
 
 
 class SkidSteer:
@@ -86,7 +101,9 @@ class SkidSteer:
         place = [start.x_m, start.y_m, ground.height_m(start.x_m, start.y_m)]
         self.body: int = pybullet.loadURDF(str(chassis.urdf()), place, turn, physicsClientId=client)
         parts = range(-1, pybullet.getNumJoints(self.body, physicsClientId=client))
-        self._weight_n = GRAVITY_MPS2 * sum(pybullet.getDynamicsInfo(self.body, i, physicsClientId=client)[0] for i in parts)
+        self._weight_n = GRAVITY_MPS2 * sum(
+            pybullet.getDynamicsInfo(self.body, i, physicsClientId=client)[0] for i in parts
+        )
         for wheel in chassis.wheels:
             # The tyre model is what holds the wheels to the floor, see `sim.tyres`.
             pybullet.changeDynamics(self.body, wheel, lateralFriction=0.0, physicsClientId=client)
@@ -105,7 +122,9 @@ class SkidSteer:
         motion = self._motion(pose)
         ahead, left = self._ground.rise(pose)
         uphill = (self._weight_n / 2 * ahead, self._weight_n / 2 * left)
-        for side, force in zip((1, -1), grip(motion, *speeds, track_m, self._chassis.tyres, uphill), strict=True):
+        for side, force in zip(
+            (1, -1), grip(motion, *speeds, track_m, self._chassis.tyres, uphill), strict=True
+        ):
             self._push(pose, force, side * track_m / 2)
 
     def rolled_m(self) -> tuple[float, float]:
@@ -114,8 +133,12 @@ class SkidSteer:
 
     def pose(self) -> Pose2:
         """T_map_base, true."""
-        (x, y, _), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)
-        return Pose2(x_m=x, y_m=y, yaw_rad=math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz)))
+        (x, y, _), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(
+            self.body, physicsClientId=self._client
+        )
+        return Pose2(
+            x_m=x, y_m=y, yaw_rad=math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+        )
 
     def velocity(self, pose: Pose2) -> Twist:
         """True velocity along the robot's heading, and about z."""
@@ -123,19 +146,25 @@ class SkidSteer:
         return Twist(v_mps=along, w_radps=yaw_rate)
 
     def rolling(self) -> Twist:
-        """Velocity that the wheels roll with: none while they are held, even if somebody pushes the robot."""
+        """Velocity that the wheels roll with: none while they are held, even if somebody pushes the
+        robot."""
         left, right = self._wheels(1)
         return Twist(v_mps=(left + right) / 2, w_radps=(right - left) / self._chassis.track_m)
 
     def _motion(self, pose: Pose2) -> tuple[float, float, float]:
         """Speed forward, speed to the left, yaw rate."""
-        (vx, vy, _), (_, _, yaw_rate) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
+        (vx, vy, _), (_, _, yaw_rate) = pybullet.getBaseVelocity(
+            self.body, physicsClientId=self._client
+        )
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         return (vx * cos + vy * sin, vy * cos - vx * sin, yaw_rate)
 
     def _wheels(self, which: int) -> tuple[float, float]:
-        """(left, right) mean angle (`which` 0) or rate (1) of the wheels of each side, as way along their rim."""
-        states = pybullet.getJointStates(self.body, self._chassis.wheels, physicsClientId=self._client)
+        """(left, right) mean angle (`which` 0) or rate (1) of the wheels of each side, as way along
+        their rim."""
+        states = pybullet.getJointStates(
+            self.body, self._chassis.wheels, physicsClientId=self._client
+        )
         values, radius_m = [state[which] for state in states], self._chassis.wheel_radius_m
         return ((values[0] + values[2]) / 2 * radius_m, (values[1] + values[3]) / 2 * radius_m)
 

@@ -1,8 +1,9 @@
 """How the tyres of a skid-steered robot hold the floor.
 
-The engine's own friction is dry: a wheel that slips at all pulls with its full force, in a direction that the solver picks
-among contacts that come and go, and the robot creeps and jerks in every turn. Rubber grips in proportion to how it slips, up
-to a limit. So the wheels are frictionless to the engine, and these forces hold the robot instead.
+The engine's own friction is dry: a wheel that slips at all pulls with its full force, in a
+direction that the solver picks among contacts that come and go, and the robot creeps and jerks in
+every turn. Rubber grips in proportion to how it slips, up to a limit. So the wheels are
+frictionless to the engine, and these forces hold the robot instead.
 """
 
 from __future__ import annotations
@@ -38,16 +39,25 @@ def grip(
 ) -> tuple[Force, Force]:
     """What the floor does to the (left, right) tyres.
 
-    `motion` is the body's speed forward and to the left and its yaw rate; the wheels' rims move at `left_mps`, `right_mps`.
-    `uphill` is what each side bears of the weight on a slope: rubber holds that without slipping.
+    `motion` is the body's speed forward and to the left and its yaw rate; the wheels' rims move at
+    `left_mps`, `right_mps`. `uphill` is what each side bears of the weight on a slope: rubber holds
+    that without slipping.
     """
     along, across, yaw_rate = motion
     ahead, beside = uphill
     scrub = max(-tyres.scrub_nm, min(tyres.scrub_nm, tyres.scrub_nms * yaw_rate)) / track_m
     sideways, stiffness = beside - tyres.stiffness_nspm * across / 2, tyres.stiffness_nspm
     return (
-        _limited(stiffness * (left_mps - along + yaw_rate * track_m / 2) + scrub + ahead, sideways, tyres.side_grip_n),
-        _limited(stiffness * (right_mps - along - yaw_rate * track_m / 2) - scrub + ahead, sideways, tyres.side_grip_n),
+        _limited(
+            stiffness * (left_mps - along + yaw_rate * track_m / 2) + scrub + ahead,
+            sideways,
+            tyres.side_grip_n,
+        ),
+        _limited(
+            stiffness * (right_mps - along - yaw_rate * track_m / 2) - scrub + ahead,
+            sideways,
+            tyres.side_grip_n,
+        ),
     )
 
 

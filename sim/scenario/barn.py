@@ -1,7 +1,8 @@
-"""The worlds of the BARN challenge and of DynaBARN as scenarios: cylinders to drive between, or moving ones to dodge.
+"""The worlds of the BARN challenge and of DynaBARN as scenarios: cylinders to drive between, or
+moving ones to dodge.
 
-Of the published cylinders 0.5 m is seen above the floor; here they are taller, which changes nothing for a body on the floor.
-Start and goal come to lie symmetrically about the origin.
+Of the published cylinders 0.5 m is seen above the floor; here they are taller, which changes
+nothing for a body on the floor. Start and goal come to lie symmetrically about the origin.
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ class BarnWorld:
 
 
 def load_worlds(path: Path, *, scale: float) -> tuple[BarnWorld, ...]:
-    """All worlds of a file, in its order, every length `scale` times as large; raises `BadConfiguration`.
+    """All worlds of a file, in its order, every length `scale` times as large; raises
+    `BadConfiguration`.
 
     Where things move their times are stretched as well, so that they are as fast as published.
     """
@@ -67,11 +69,15 @@ def load_worlds(path: Path, *, scale: float) -> tuple[BarnWorld, ...]:
         document = json.loads(path.read_text(encoding="utf-8"))
         worlds = tuple(_world(world, document["meta"], scale) for world in document["worlds"])
     except FileNotFoundError:
-        raise BadConfiguration(f"{path}: no such file; --worlds names the JSON file of the BARN or DynaBARN worlds") from None
+        raise BadConfiguration(
+            f"{path}: no such file; --worlds names the JSON file of the BARN or DynaBARN worlds"
+        ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BadConfiguration(f"{path}: not readable as JSON: {error}") from None
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise BadConfiguration(f"{path}: not a file of BARN or DynaBARN worlds: {type(error).__name__} {error}") from None
+        raise BadConfiguration(
+            f"{path}: not a file of BARN or DynaBARN worlds: {type(error).__name__} {error}"
+        ) from None
     if not worlds:
         raise BadConfiguration(f"{path}: holds no worlds")
     return worlds
@@ -109,7 +115,12 @@ def _static(world: dict[str, Any], meta: dict[str, Any], at: Any, scale: float) 
     diameter = 2 * scale * float(meta["cylinder_radius"])
     size_m = (diameter, diameter, HEIGHT_M)
     cylinders = [*world["walls"], *world["cylinders"]]
-    return {"furniture": tuple(Furniture(kind="cylinder", at=at(spot), size_m=size_m, colour=GREY) for spot in cylinders)}
+    return {
+        "furniture": tuple(
+            Furniture(kind="cylinder", at=at(spot), size_m=size_m, colour=GREY)
+            for spot in cylinders
+        )
+    }
 
 
 def _dynamic(world: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
@@ -128,5 +139,11 @@ def _dynamic(world: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
 def _wall(wall: dict[str, Any], at: Any, scale: float) -> Wall:
     """A box as a straight of wall along its longer side."""
     (x, y), (long, wide) = wall["centre"], wall["size"]
-    ends = [(x - long / 2, y), (x + long / 2, y)] if long > wide else [(x, y - wide / 2), (x, y + wide / 2)]
-    return Wall(points=(at(ends[0]), at(ends[1])), thickness_m=scale * min(long, wide), height_m=HEIGHT_M)
+    ends = (
+        [(x - long / 2, y), (x + long / 2, y)]
+        if long > wide
+        else [(x, y - wide / 2), (x, y + wide / 2)]
+    )
+    return Wall(
+        points=(at(ends[0]), at(ends[1])), thickness_m=scale * min(long, wide), height_m=HEIGHT_M
+    )

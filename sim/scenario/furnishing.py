@@ -1,7 +1,9 @@
-"""Furnishes rooms, each seed in its own way: along the walls, and on islands, with room for a robot to pass between them.
+"""Furnishes rooms, each seed in its own way: along the walls, and on islands, with room for a robot
+to pass between them.
 
-A group is what belongs together, as a desk and its chair. Whatever the seed, doors stay clear and no two groups are so near to
-each other that they could close a way: what stands at the same wall apart, which leaves none.
+A group is what belongs together, as a desk and its chair. Whatever the seed, doors stay clear and
+no two groups are so near to each other that they could close a way: what stands at the same wall
+apart, which leaves none.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ BESIDE_M = 0.15
 TRIES = 30
 
 Part = tuple[FurnitureKind, float, float, float]
-"""Kind, x and y in the group's frame in metres, yaw in degrees. A group at a wall has it behind it: x points into the room."""
+"""Kind, x and y in the group's frame in metres, yaw in degrees. A group at a wall has it behind it:
+x points into the room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,12 +74,35 @@ _LOW_TABLE = Group(
     island=True,
     sizes_m={"table": (0.7, 1.1, 0.45)},
 )
-_RACK = Group(parts=(("shelf", 0.0, 0.0, 0.0),), floor_m=(0.7, 3.0), island=True, sizes_m={"shelf": (0.7, 3.0, 1.9)})
-_COLUMN = Group(parts=(("cylinder", 0.0, 0.0, 0.0),), floor_m=(0.7, 0.7), island=True, sizes_m={"cylinder": (0.7, 0.7, 2.6)})
+_RACK = Group(
+    parts=(("shelf", 0.0, 0.0, 0.0),),
+    floor_m=(0.7, 3.0),
+    island=True,
+    sizes_m={"shelf": (0.7, 3.0, 1.9)},
+)
+_COLUMN = Group(
+    parts=(("cylinder", 0.0, 0.0, 0.0),),
+    floor_m=(0.7, 0.7),
+    island=True,
+    sizes_m={"cylinder": (0.7, 0.7, 2.6)},
+)
 _KINDS: Mapping[RoomKind, Sequence[tuple[Group, int, int]]] = {
-    "office": ((_DESK, 2, 4), (_SHELF, 1, 2), (_CABINET, 0, 1), (_PLANT, 0, 2), (_BIN, 0, 1), (_ARMCHAIR, 0, 1)),
+    "office": (
+        (_DESK, 2, 4),
+        (_SHELF, 1, 2),
+        (_CABINET, 0, 1),
+        (_PLANT, 0, 2),
+        (_BIN, 0, 1),
+        (_ARMCHAIR, 0, 1),
+    ),
     "meeting": ((_MEETING, 1, 1), (_CABINET, 1, 2), (_PLANT, 1, 2), (_SHELF, 0, 1)),
-    "lounge": ((_LOW_TABLE, 1, 2), (_SOFA, 1, 3), (_ARMCHAIR, 1, 2), (_PLANT, 1, 3), (_SHELF, 0, 2)),
+    "lounge": (
+        (_LOW_TABLE, 1, 2),
+        (_SOFA, 1, 3),
+        (_ARMCHAIR, 1, 2),
+        (_PLANT, 1, 3),
+        (_SHELF, 0, 2),
+    ),
     "store": ((_RACK, 2, 5), (_SHELF, 2, 4), (_BOX, 3, 7), (_CABINET, 0, 1)),
     "hall": (
         (_COLUMN, 2, 6),
@@ -107,7 +133,9 @@ def _furnished(room: Room, keep_out: shapely.Geometry, rng: np.random.Generator)
         for _ in range(int(rng.integers(least, most + 1))):
             for _ in range(TRIES):
                 x, y, yaw_deg, wall = _somewhere(room, group, rng)
-                place = affinity.translate(affinity.rotate(_floor(group), yaw_deg, origin=(0, 0)), x, y)
+                place = affinity.translate(
+                    affinity.rotate(_floor(group), yaw_deg, origin=(0, 0)), x, y
+                )
                 if _fits(place, wall, floor, closed, standing):
                     standing.append((place, wall))
                     pieces += _placed(group, x, y, yaw_deg)
@@ -115,7 +143,9 @@ def _furnished(room: Room, keep_out: shapely.Geometry, rng: np.random.Generator)
     return pieces
 
 
-def _somewhere(room: Room, group: Group, rng: np.random.Generator) -> tuple[float, float, float, int]:
+def _somewhere(
+    room: Room, group: Group, rng: np.random.Generator
+) -> tuple[float, float, float, int]:
     """x, y, yaw and number of the wall, -1 for an island, of a random place in a room."""
     (x0, y0), (x1, y1) = room.corners
     depth, width = group.floor_m
@@ -127,7 +157,12 @@ def _somewhere(room: Room, group: Group, rng: np.random.Generator) -> tuple[floa
     low, high = (x0, x1) if along_x else (y0, y1)
     along = float(rng.uniform(low + width / 2 + WALL_M, high - width / 2 - WALL_M))
     # The walls in the west, south, east and north; x of the group points away from each.
-    spots = ((x0 + off, along, 0.0), (along, y0 + off, 90.0), (x1 - off, along, 180.0), (along, y1 - off, 270.0))
+    spots = (
+        (x0 + off, along, 0.0),
+        (along, y0 + off, 90.0),
+        (x1 - off, along, 180.0),
+        (along, y1 - off, 270.0),
+    )
     return (*spots[wall], wall)
 
 
@@ -142,7 +177,10 @@ def _fits(
         return False
     if wall < 0 and shapely.distance(floor.exterior, place) < WAY_M:
         return False
-    return all(shapely.distance(other, place) > (BESIDE_M if wall == beside >= 0 else WAY_M) for other, beside in standing)
+    return all(
+        shapely.distance(other, place) > (BESIDE_M if wall == beside >= 0 else WAY_M)
+        for other, beside in standing
+    )
 
 
 def _placed(group: Group, x: float, y: float, yaw_deg: float) -> list[Furniture]:
@@ -166,11 +204,18 @@ def _floor(group: Group) -> shapely.Geometry:
 def _keep_out(scenario: Scenario) -> shapely.Geometry:
     """Where no furniture may stand: before doors, and around all that the file places but walls."""
     spots = [(spot, DOOR_M) for spot in doors(scenario)]
-    spots += [(spot, KEEP_OFF_M) for spot in (scenario.start[:2], *scenario.goals, *(sheet.at for sheet in scenario.prints))]
+    spots += [
+        (spot, KEEP_OFF_M)
+        for spot in (scenario.start[:2], *scenario.goals, *(sheet.at for sheet in scenario.prints))
+    ]
     shapes = [shapely.Point(spot).buffer(room_m) for spot, room_m in spots]
-    ways = [person.points if len(person.points) > 1 else person.points * 2 for person in scenario.people]
+    ways = [
+        person.points if len(person.points) > 1 else person.points * 2 for person in scenario.people
+    ]
     shapes += [shapely.LineString(way).buffer(KEEP_OFF_M) for way in ways]
     things = (*items(scenario), *(thing for thing in obstacles(scenario) if thing.name != "wall"))
-    shapes += [shapely.Polygon(outline).buffer(WAY_M) for thing in things for outline in thing.outlines()]
+    shapes += [
+        shapely.Polygon(outline).buffer(WAY_M) for thing in things for outline in thing.outlines()
+    ]
     shapes += [shapely.Polygon(marking.polygon).buffer(WAY_M) for marking in scenario.markings]
     return shapely.union_all(shapes)

@@ -1,4 +1,5 @@
-"""Where everything in a scenario stands: each thing with its key in the file, its pose and its solids."""
+"""Where everything in a scenario stands: each thing with its key in the file, its pose and its
+solids."""
 
 from __future__ import annotations
 
@@ -35,14 +36,26 @@ class Thing:
 
     def outlines(self) -> tuple[Polygon, ...]:
         """Convex outlines in the map frame of all its parts that the robot could touch."""
-        return tuple(placed(solid.outline(), self.pose) for solid in self.solids if solid.bottom_m < OVERHEAD_M)
+        return tuple(
+            placed(solid.outline(), self.pose)
+            for solid in self.solids
+            if solid.bottom_m < OVERHEAD_M
+        )
 
 
 def obstacles(scenario: Scenario) -> tuple[Thing, ...]:
     """Walls and furniture."""
-    walls = (Thing(key=f"walls[{i}]", name="wall", pose=ORIGIN, solids=_wall(wall)) for i, wall in enumerate(scenario.walls))
+    walls = (
+        Thing(key=f"walls[{i}]", name="wall", pose=ORIGIN, solids=_wall(wall))
+        for i, wall in enumerate(scenario.walls)
+    )
     furniture = (
-        Thing(key=f"furniture[{i}]", name=piece.kind, pose=_pose(piece.at, piece.yaw_deg), solids=piece.solids())
+        Thing(
+            key=f"furniture[{i}]",
+            name=piece.kind,
+            pose=_pose(piece.at, piece.yaw_deg),
+            solids=piece.solids(),
+        )
         for i, piece in enumerate(scenario.furniture)
     )
     return (*walls, *furniture)
@@ -51,7 +64,12 @@ def obstacles(scenario: Scenario) -> tuple[Thing, ...]:
 def items(scenario: Scenario) -> tuple[Thing, ...]:
     """The small things on the floor."""
     return tuple(
-        Thing(key=f"items[{i}]", name=item.kind, pose=_pose(item.at, item.yaw_deg), solids=item.solids())
+        Thing(
+            key=f"items[{i}]",
+            name=item.kind,
+            pose=_pose(item.at, item.yaw_deg),
+            solids=item.solids(),
+        )
         for i, item in enumerate(scenario.items)
     )
 
@@ -66,7 +84,8 @@ def _pose(at: tuple[float, float], yaw_deg: float) -> Pose2:
 
 
 def _wall(wall: Wall) -> tuple[Solid, ...]:
-    """A box for each straight between doors; it reaches round a corner by half its thickness, but not into a door."""
+    """A box for each straight between doors; it reaches round a corner by half its thickness, but
+    not into a door."""
     last, closed = len(wall.points) - 2, wall.points[0] == wall.points[-1]
     boxes, from_m = [], 0.0
     for i, ((x0, y0), (x1, y1)) in enumerate(pairwise(wall.points)):
@@ -88,7 +107,9 @@ def _wall(wall: Wall) -> tuple[Solid, ...]:
     return tuple(boxes)
 
 
-def _between_doors(wall: Wall, first: float, end: float, from_m: float) -> list[tuple[float, float]]:
+def _between_doors(
+    wall: Wall, first: float, end: float, from_m: float
+) -> list[tuple[float, float]]:
     """What is left of the straight from `first` to `end`, which begins `from_m` along the run."""
     ends = [first]
     for door in sorted(door - from_m for door in wall.doors_m):
@@ -106,4 +127,7 @@ def doors(scenario: Scenario) -> tuple[tuple[float, float], ...]:
 def _doors_of(wall: Wall) -> list[tuple[float, float]]:
     points = np.array(wall.points)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    return [(float(np.interp(d, along, points[:, 0])), float(np.interp(d, along, points[:, 1]))) for d in wall.doors_m]
+    return [
+        (float(np.interp(d, along, points[:, 0])), float(np.interp(d, along, points[:, 1])))
+        for d in wall.doors_m
+    ]

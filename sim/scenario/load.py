@@ -19,7 +19,8 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A built-in world by name, or a file that ends in .toml; raises `BadConfiguration`, which names the key."""
+    """A built-in world by name, or a file that ends in .toml; raises `BadConfiguration`, which
+    names the key."""
     path = _path_of(name_or_path)
     scenario = from_table(Scenario, read_toml(path), path.name)
     check_scenario(scenario, path.name)
@@ -31,5 +32,7 @@ def _path_of(name_or_path: str | Path) -> Path:
         return Path(name_or_path)
     if name_or_path not in scenario_names():
         known = ", ".join(scenario_names())
-        raise BadConfiguration(f"no world is called {name_or_path!r}; give a .toml file or one of: {known}")
+        raise BadConfiguration(
+            f"no world is called {name_or_path!r}; give a .toml file or one of: {known}"
+        )
     return WORLDS / f"{name_or_path}.toml"

@@ -1,4 +1,5 @@
-"""Strews trees, rocks and mines at random, but never so that a robot no longer gets through: around each there is room."""
+"""Strews trees, rocks and mines at random, but never so that a robot no longer gets through: around
+each there is room."""
 
 from __future__ import annotations
 
@@ -36,7 +37,9 @@ def strew(scenario: Scenario, rng: np.random.Generator) -> Scenario:
         if strewn.kind in ROUND:
             sizes[:, 1] = sizes[:, 0]
         turns = rng.uniform(-180, 180, tries)
-        circles = np.column_stack([at, np.hypot(sizes[:, 0], sizes[:, 1]) / 2, np.full(tries, strewn.gap_m)])
+        circles = np.column_stack(
+            [at, np.hypot(sizes[:, 0], sizes[:, 1]) / 2, np.full(tries, strewn.gap_m)]
+        )
         spots = shapely.points(at)
         circles[:, 2] /= np.sqrt(2) if strewn.kind in ROUND else 1.0
         free = shapely.distance(spots, taken) > circles[:, 2] + strewn.gap_m
@@ -44,7 +47,9 @@ def strew(scenario: Scenario, rng: np.random.Generator) -> Scenario:
         free &= (np.abs(at) + circles[:, 2, None] < np.array(scenario.size_m) / 2).all(axis=1)
         chosen, there = _apart(np.flatnonzero(free), circles, there, strewn.count)
         for i in chosen:
-            x, y, depth, width, height, turn = (round(float(v), 4) for v in (*at[i], *sizes[i], turns[i]))
+            x, y, depth, width, height, turn = (
+                round(float(v), 4) for v in (*at[i], *sizes[i], turns[i])
+            )
             size = (depth, width, height)
             if strewn.kind == "landmine":
                 mines.append(Item(kind="landmine", at=(x, y), yaw_deg=turn, size_m=size))
@@ -53,10 +58,14 @@ def strew(scenario: Scenario, rng: np.random.Generator) -> Scenario:
     return replace(scenario, furniture=tuple(furniture), items=tuple(mines))
 
 
-def _apart(candidates: npt.NDArray[np.int64], circles: Floats, there: Floats, count: int) -> tuple[list[int], Floats]:
-    """The first `count` of the candidates that keep off all that is there, and all that is there then.
+def _apart(
+    candidates: npt.NDArray[np.int64], circles: Floats, there: Floats, count: int
+) -> tuple[list[int], Floats]:
+    """The first `count` of the candidates that keep off all that is there, and all that is there
+    then.
 
-    Circles are (N, 4): x, y, radius and the room around; of two neighbours the one that wants more room gets it.
+    Circles are (N, 4): x, y, radius and the room around; of two neighbours the one that wants more
+    room gets it.
     """
     found = np.concatenate([there, np.empty((count, 4))])
     chosen: list[int] = []
@@ -83,7 +92,9 @@ def _taken(scenario: Scenario) -> shapely.Geometry:
 
 def _kept_free(scenario: Scenario) -> shapely.Geometry:
     """Start, goals and everybody's way."""
-    ways = [shapely.LineString(person.points) for person in scenario.people if len(person.points) > 1]
+    ways = [
+        shapely.LineString(person.points) for person in scenario.people if len(person.points) > 1
+    ]
     spots = [scenario.start[:2], *scenario.goals, *(person.points[0] for person in scenario.people)]
     return shapely.union_all([*ways, *(shapely.Point(spot) for spot in spots)])
 

@@ -1,4 +1,5 @@
-"""What a scenario file says of many things at once: rooms to furnish and areas to strew; each seed does it its own way."""
+"""What a scenario file says of many things at once: rooms to furnish and areas to strew; each seed
+does it its own way."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ Strewn = Literal["house", "tree", "conifer", "bush", "rock", "landmine"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Room:
-    """A rectangle between walls that is furnished as its kind is; doors and all that the file places stay clear."""
+    """A rectangle between walls that is furnished as its kind is; doors and all that the file
+    places stay clear."""
 
     kind: RoomKind
     """What it is used for."""
@@ -25,7 +27,8 @@ class Room:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """Many things of one kind, strewn at random with room between them, and between them and all that was there before."""
+    """Many things of one kind, strewn at random with room between them, and between them and all
+    that was there before."""
 
     kind: Strewn
     """What they are."""
@@ -37,5 +40,7 @@ class Scatter:
     """The same of the largest."""
     gap_m: float = ranged(0.0, 20.0)
     """Room around each."""
-    corners: tuple[tuple[float, float], tuple[float, float]] | None = ranged(-FARTHEST_M, FARTHEST_M, default=None)
+    corners: tuple[tuple[float, float], tuple[float, float]] | None = ranged(
+        -FARTHEST_M, FARTHEST_M, default=None
+    )
     """Lowest and highest x, y of where they may be; anywhere when left out."""

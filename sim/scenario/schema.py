@@ -1,6 +1,8 @@
-"""A world and the mission in it, read from a TOML file. The world is centred on the origin of the map frame, z up.
+"""A world and the mission in it, read from a TOML file. The world is centred on the origin of the
+map frame, z up.
 
-Files are refused by key: unknown or missing keys and numbers out of range here, impossible places in `sim.scenario_checks`.
+Files are refused by key: unknown or missing keys and numbers out of range here, impossible places
+in `sim.scenario_checks`.
 """
 
 from __future__ import annotations
@@ -19,10 +21,24 @@ from sim.models.solids import Colour, Pattern, Solid, facing, quaternion
 from sim.scenario.scenery import FARTHEST_M, Room, Scatter
 from sim.sensors.faults import Fault
 
-Indoors = Literal["desk", "table", "chair", "armchair", "sofa", "shelf", "cabinet", "plant", "bin", "box", "cylinder"]
+Indoors = Literal[
+    "desk",
+    "table",
+    "chair",
+    "armchair",
+    "sofa",
+    "shelf",
+    "cabinet",
+    "plant",
+    "bin",
+    "box",
+    "cylinder",
+]
 Outdoors = Literal["house", "tree", "conifer", "bush", "rock"]
 FurnitureKind = Literal[Indoors, Outdoors]
-ItemKind = Literal["cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"]
+ItemKind = Literal[
+    "cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"
+]
 Surface = Literal["paint", "water", "mud", "chemical"]
 SURFACE_COLOURS: dict[str, Colour] = {
     "paint": (200, 20, 20),
@@ -80,7 +96,10 @@ class Furniture:
 
     def solids(self) -> tuple[Solid, ...]:
         """What it is made of, in its own frame."""
-        size, colour = self.size_m or FURNITURE_SIZES[self.kind], self.colour or FURNITURE_COLOURS[self.kind]
+        size, colour = (
+            self.size_m or FURNITURE_SIZES[self.kind],
+            self.colour or FURNITURE_COLOURS[self.kind],
+        )
         return furniture_solids(self.kind, size, colour)
 
 
@@ -106,7 +125,10 @@ class Marking:
     def seen_on(self, floor: Colour) -> Colour:
         """Its colour on a floor."""
         share = SHEEN_SHARE[self.surface]
-        red, green, blue = (round((1 - share) * own + share * below) for own, below in zip(self.paint(), floor, strict=True))
+        red, green, blue = (
+            round((1 - share) * own + share * below)
+            for own, below in zip(self.paint(), floor, strict=True)
+        )
         return red, green, blue
 
 
@@ -142,12 +164,14 @@ class Item:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Print:
-    """A picture of an item, flat on the floor or on a wall: nothing to run into and nothing to beware of."""
+    """A picture of an item, flat on the floor or on a wall: nothing to run into and nothing to
+    beware of."""
 
     shows: ItemKind
     """What is drawn on it."""
     at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its middle, x and y in metres; on a wall half the wall's thickness and a centimetre off its line."""
+    """Its middle, x and y in metres; on a wall half the wall's thickness and a centimetre off its
+    line."""
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """On the floor its turn, counter-clockwise; on a wall where it faces."""
     size_m: tuple[float, float] = ranged(0.05, 5.0, default=(0.3, 0.3))
@@ -158,7 +182,8 @@ class Print:
     """Of its middle, on a wall."""
 
     def turn(self) -> list[float]:
-        """Quaternion x, y, z, w in the map frame of its own x to the right, y upwards, z towards who looks."""
+        """Quaternion x, y, z, w in the map frame of its own x to the right, y upwards, z towards
+        who looks."""
         yaw_rad = math.radians(self.yaw_deg)
         return quaternion(yaw_rad) if self.on == "floor" else facing(yaw_rad)
 
@@ -176,7 +201,8 @@ class Person:
     yields: bool = True
     """Whether a walker waits, or turns back, when the robot is right before him."""
     begins_at: float | None = ranged(0.0, 1.0, default=None)
-    """Share of his line at which a walker begins, towards its end; anywhere and either way, by the seed, when left out."""
+    """Share of his line at which a walker begins, towards its end; anywhere and either way, by the
+    seed, when left out."""
     pauses_s: tuple[float, ...] = ranged(0.0, 3600.0, default=())
     """How long a walker stands at each of his points before he walks on; nowhere when left out."""
 
@@ -186,7 +212,8 @@ class Mover:
     """A cylinder that moves by a timetable and yields to nobody."""
 
     keys: tuple[tuple[float, float, float], ...] = ranged(-86_400.0, 86_400.0)
-    """Seconds, x and y in metres: where it is when; in between it goes straight. In order of time, one or more."""
+    """Seconds, x and y in metres: where it is when; in between it goes straight. In order of time,
+    one or more."""
     period_s: float = ranged(0.1, 86_400.0)
     """After so long it is where it began, and does the same again."""
     radius_m: float = ranged(0.02, 5.0, default=0.5)
@@ -236,7 +263,8 @@ class Scenario:
     rooms: tuple[Room, ...] = field(default=())
     """Where each seed furnishes: its furniture comes to that of the file."""
     scatter: tuple[Scatter, ...] = field(default=())
-    """What each seed strews, one after the other: it comes to the furniture and the items of the file."""
+    """What each seed strews, one after the other: it comes to the furniture and the items of the
+    file."""
 
     @property
     def start_pose(self) -> Pose2:

@@ -1,4 +1,5 @@
-"""What a scenario file can get wrong beyond types and ranges: impossible places. Each refusal names the key."""
+"""What a scenario file can get wrong beyond types and ranges: impossible places. Each refusal names
+the key."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ Spot = tuple[float, float]
 
 
 def check_scenario(scenario: Scenario, where: str) -> None:
-    """Raise `BadConfiguration` when the world cannot exist or the robot cannot stand where it should."""
+    """Raise `BadConfiguration` when the world cannot exist or the robot cannot stand where it
+    should."""
     _check_lists(scenario, where)
     _check_inside(scenario, where)
     _check_markings(scenario, where)
@@ -39,10 +41,14 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         raise BadConfiguration(f"{where}.name: is empty, expected a name for reports")
     for i, wall in enumerate(scenario.walls):
         if len(wall.points) < 2:
-            raise BadConfiguration(f"{where}.walls[{i}].points: {len(wall.points)} points, expected 2 or more")
+            raise BadConfiguration(
+                f"{where}.walls[{i}].points: {len(wall.points)} points, expected 2 or more"
+            )
         for j, (a, b) in enumerate(pairwise(wall.points)):
             if a == b:
-                raise BadConfiguration(f"{where}.walls[{i}].points[{j + 1}]: repeats the point before, {a}; leave it out")
+                raise BadConfiguration(
+                    f"{where}.walls[{i}].points[{j + 1}]: repeats the point before, {a}; leave it out"
+                )
         length_m = sum(math.dist(a, b) for a, b in pairwise(wall.points))
         for j, along_m in enumerate(wall.doors_m):
             if not wall.door_m / 2 < along_m < length_m - wall.door_m / 2:
@@ -52,33 +58,49 @@ def _check_lists(scenario: Scenario, where: str) -> None:
                 )
     for i, item in enumerate(scenario.items):
         if item.shape and item.shape not in (known := item_shapes(item.kind)):
-            raise BadConfiguration(f"{where}.items[{i}].shape: {item.shape!r}, a {item.kind} is one of {', '.join(known)}")
+            raise BadConfiguration(
+                f"{where}.items[{i}].shape: {item.shape!r}, a {item.kind} is one of {', '.join(known)}"
+            )
     for i, person in enumerate(scenario.people):
         if not person.points:
-            raise BadConfiguration(f"{where}.people[{i}].points: is empty, expected one point to stand on, or more to walk")
+            raise BadConfiguration(
+                f"{where}.people[{i}].points: is empty, expected one point to stand on, or more to walk"
+            )
         if person.pauses_s and len(person.pauses_s) != len(person.points):
             raise BadConfiguration(
                 f"{where}.people[{i}].pauses_s: has {len(person.pauses_s)}, expected {len(person.points)}, one for each point"
             )
         if len(person.points) > 1 and person.speed_mps == 0:
-            raise BadConfiguration(f"{where}.people[{i}].speed_mps: is 0 for a walker, expected more, or a single point")
+            raise BadConfiguration(
+                f"{where}.people[{i}].speed_mps: is 0 for a walker, expected more, or a single point"
+            )
 
     for key, corners in _areas(scenario):
         (x0, y0), (x1, y1) = corners
         if not (x0 < x1 and y0 < y1):
-            raise BadConfiguration(f"{where}.{key}.corners: expected the lowest x, y and then the highest, got {corners}")
+            raise BadConfiguration(
+                f"{where}.{key}.corners: expected the lowest x, y and then the highest, got {corners}"
+            )
     for i, strewn in enumerate(scenario.scatter):
         if any(low > high for low, high in zip(strewn.least_m, strewn.most_m, strict=True)):
-            raise BadConfiguration(f"{where}.scatter[{i}].most_m: {strewn.most_m} is less than least_m, {strewn.least_m}")
+            raise BadConfiguration(
+                f"{where}.scatter[{i}].most_m: {strewn.most_m} is less than least_m, {strewn.least_m}"
+            )
     for i, mover in enumerate(scenario.movers):
         times = [t_s for t_s, _, _ in mover.keys]
         if not times or times != sorted(times) or times[0] < 0:
-            raise BadConfiguration(f"{where}.movers[{i}].keys: expected one or more, from 0 s on, in order of time")
+            raise BadConfiguration(
+                f"{where}.movers[{i}].keys: expected one or more, from 0 s on, in order of time"
+            )
 
 
 def _areas(scenario: Scenario) -> Iterator[tuple[str, tuple[Spot, Spot]]]:
     yield from ((f"rooms[{i}]", room.corners) for i, room in enumerate(scenario.rooms))
-    yield from ((f"scatter[{i}]", strewn.corners) for i, strewn in enumerate(scenario.scatter) if strewn.corners)
+    yield from (
+        (f"scatter[{i}]", strewn.corners)
+        for i, strewn in enumerate(scenario.scatter)
+        if strewn.corners
+    )
 
 
 def _check_inside(scenario: Scenario, where: str) -> None:
@@ -99,7 +121,9 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
     for i, piece in enumerate(scenario.furniture):
         yield f"furniture[{i}].at", piece.at
     for i, marking in enumerate(scenario.markings):
-        yield from ((f"markings[{i}].polygon[{j}]", point) for j, point in enumerate(marking.polygon))
+        yield from (
+            (f"markings[{i}].polygon[{j}]", point) for j, point in enumerate(marking.polygon)
+        )
     for i, item in enumerate(scenario.items):
         yield f"items[{i}].at", item.at
     for i, sheet in enumerate(scenario.prints):
@@ -107,7 +131,9 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
     for i, room in enumerate(scenario.rooms):
         yield from ((f"rooms[{i}].corners[{j}]", corner) for j, corner in enumerate(room.corners))
     for i, strewn in enumerate(scenario.scatter):
-        yield from ((f"scatter[{i}].corners[{j}]", corner) for j, corner in enumerate(strewn.corners or ()))
+        yield from (
+            (f"scatter[{i}].corners[{j}]", corner) for j, corner in enumerate(strewn.corners or ())
+        )
     for i, person in enumerate(scenario.people):
         yield from ((f"people[{i}].points[{j}]", point) for j, point in enumerate(person.points))
 
@@ -119,7 +145,9 @@ def _check_markings(scenario: Scenario, where: str) -> None:
             raise BadConfiguration(f"{key}: {len(marking.polygon)} corners, expected 3 or more")
         polygon = Polygon(marking.polygon)
         if not polygon.is_valid:
-            raise BadConfiguration(f"{key}: {explain_validity(polygon)}; expected corners in order, without crossing edges")
+            raise BadConfiguration(
+                f"{key}: {explain_validity(polygon)}; expected corners in order, without crossing edges"
+            )
         if polygon.area < 1e-4:
             raise BadConfiguration(f"{key}: has no area, expected more than 1 cm²")
 
@@ -128,13 +156,20 @@ def _check_room(scenario: Scenario, where: str) -> None:
     """The footprint fits at the start, and the robot's width in every direction at each goal."""
     standing = Polygon(placed(HUSKY.footprint(), scenario.start_pose))
     places: list[tuple[str, BaseGeometry]] = [("start", standing)]
-    places += [(f"goals[{i}]", Point(goal).buffer(HUSKY.width_m / 2)) for i, goal in enumerate(scenario.goals)]
+    places += [
+        (f"goals[{i}]", Point(goal).buffer(HUSKY.width_m / 2))
+        for i, goal in enumerate(scenario.goals)
+    ]
     taken = [(thing.key, _shape(thing)) for thing in (*obstacles(scenario), *items(scenario))]
-    taken += [(f"markings[{i}]", Polygon(m.polygon)) for i, m in enumerate(scenario.markings) if m.beware]
+    taken += [
+        (f"markings[{i}]", Polygon(m.polygon)) for i, m in enumerate(scenario.markings) if m.beware
+    ]
     for key, place in places:
         for other, shape in taken:
             if place.intersects(shape):
-                raise BadConfiguration(f"{where}.{key}: the robot would stand in {other}; move one of them")
+                raise BadConfiguration(
+                    f"{where}.{key}: the robot would stand in {other}; move one of them"
+                )
 
 
 def _shape(thing: Thing) -> BaseGeometry:

@@ -1,4 +1,5 @@
-"""What a seed changes: where chairs and items stand exactly, what rooms and woods hold, where hills are, how each sensor errs.
+"""What a seed changes: where chairs and items stand exactly, what rooms and woods hold, where hills
+are, how each sensor errs.
 
 Same seed, same world, bit for bit.
 """
@@ -24,11 +25,13 @@ SHIFT_M = 0.03
 TURN_DEG = 5.0
 """Standard deviation of its turn."""
 LARGEST = 2.0
-"""No piece moves by more standard deviations than this, so a way that is free in the file stays free."""
+"""No piece moves by more standard deviations than this, so a way that is free in the file stays
+free."""
 
 
 class Source(IntEnum):
-    """Everything random draws from a generator of its own, so that one more draw in one changes none of the others."""
+    """Everything random draws from a generator of its own, so that one more draw in one changes
+    none of the others."""
 
     WORLD = 0
     PEOPLE = 1
@@ -47,7 +50,9 @@ def generator(seed: int, source: Source) -> np.random.Generator:
 def randomise(scenario: Scenario, seed: int) -> Scenario:
     """The scenario as it is found in this run."""
     rng = generator(seed, Source.WORLD)
-    furniture = tuple(_nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture)
+    furniture = tuple(
+        _nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture
+    )
     relief = scenario.relief and dataclasses.replace(scenario.relief, seed=seed)
     items = tuple(_nudge(item, rng) for item in scenario.items)
     found = dataclasses.replace(scenario, furniture=furniture, items=items, relief=relief)

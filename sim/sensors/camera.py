@@ -1,4 +1,5 @@
-"""The RealSense D455: one registered RGB-D picture, colour aligned to depth, from where the robot's profile mounts it."""
+"""The RealSense D455: one registered RGB-D picture, colour aligned to depth, from where the robot's
+profile mounts it."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ T_BASE_CAMERA: Matrix = HUSKY.camera.T_base_camera
 NEAR_M, FAR_M = 0.1, 30.0
 """The renderer's clipping planes."""
 TINY_SHIFT_PX = 0.5
-"""TINY samples at a corner of each pixel, EGL in its middle; measured on the edges of a known box."""
+"""TINY samples at a corner of each pixel, EGL in its middle; measured on the edges of a known box.
+"""
 NOTHING = -1
 """Where no body is seen."""
 
@@ -64,7 +66,8 @@ def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
 
 
 def _start_renderer(client: int, wanted: Literal["auto", "tiny", "egl"]) -> int:
-    """The EGL plugin's handle, negative for PyBullet's own TINY; "auto" is EGL where it works and is free."""
+    """The EGL plugin's handle, negative for PyBullet's own TINY; "auto" is EGL where it works and
+    is free."""
     if wanted == "tiny" or (wanted == "auto" and not egl_works()):
         return -1
     if not egl_works():
@@ -73,7 +76,9 @@ def _start_renderer(client: int, wanted: Literal["auto", "tiny", "egl"]) -> int:
         )
     plugin = load_egl(client)
     if plugin < 0 and wanted == "egl":
-        raise BadConfiguration("renderer is 'egl', which another simulator of this process has; take 'auto', or close that one")
+        raise BadConfiguration(
+            "renderer is 'egl', which another simulator of this process has; take 'auto', or close that one"
+        )
     return plugin
 
 
@@ -99,28 +104,37 @@ class Camera:
         self._plugin = _start_renderer(client, renderer)
         self.renderer: Renderer = "tiny" if self._plugin < 0 else "egl"
         """What draws the pictures."""
-        self._lens = _projection(self.intrinsics, shift_px=TINY_SHIFT_PX if self.renderer == "tiny" else 0.0)
+        self._lens = _projection(
+            self.intrinsics, shift_px=TINY_SHIFT_PX if self.renderer == "tiny" else 0.0
+        )
 
     def picture(self, pose: Pose2) -> tuple[Rgb, Depth]:
-        """(H, W, 3) colours and (H, W) depth in metres, 0 where nothing was measured, from a true pose of the base."""
-        rgb, depth = self.render(pose)
-        return spoil_colour(rgb, self._errors, self._rng), spoil_depth(depth, self.intrinsics.fx, self._errors, self._rng)
+        """(H, W, 3) colours and (H, W) depth in metres, 0 where nothing was measured, from a true
+        pose of the base."""
+        rgb, depth = self.render_ideal(pose)
+        return spoil_colour(rgb, self._errors, self._rng), spoil_depth(
+            depth, self.intrinsics.fx, self._errors, self._rng
+        )
 
-    def render(self, pose: Pose2) -> tuple[Rgb, Depth]:
+    def render_ideal(self, pose: Pose2) -> tuple[Rgb, Depth]:
         """The same without the camera's errors; depth is that of the far plane where nothing is."""
         rgb, depth, _ = self.render(self._placed(pose), flags=pybullet.ER_NO_SEGMENTATION_MASK)
         return rgb, depth
 
     def bodies(self, pose: Pose2) -> Bodies:
-        """(H, W) the number of the body in each pixel from a true pose of the base, `NOTHING` where none is."""
+        """(H, W) the number of the body in each pixel from a true pose of the base, `NOTHING` where
+        none is."""
         return self.render(self._placed(pose))[2]
 
     def _placed(self, pose: Pose2) -> Matrix:
         """T_map_camera."""
         return self._ground.lifted(pose) @ self.mount
 
-    def render(self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0) -> tuple[Rgb, Depth, Bodies]:
-        """Colours, depth and the (H, W) number of the body in each pixel, `NOTHING` where none is, without errors."""
+    def render(
+        self, T_map_camera: Matrix, light: Light = DAYLIGHT, *, flags: int = 0
+    ) -> tuple[Rgb, Depth, Bodies]:
+        """Colours, depth and the (H, W) number of the body in each pixel, `NOTHING` where none is,
+        without errors."""
         width, height = self.intrinsics.width, self.intrinsics.height
         *_, rgba, buffer, bodies = pybullet.getCameraImage(
             width,
@@ -133,7 +147,9 @@ class Camera:
             lightSpecularCoeff=0.0,
             shadow=0,
             flags=flags,
-            renderer=pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL,
+            renderer=pybullet.ER_TINY_RENDERER
+            if self.renderer == "tiny"
+            else pybullet.ER_BULLET_HARDWARE_OPENGL,
             physicsClientId=self._client,
         )
         rgb = np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
@@ -150,7 +166,8 @@ class Camera:
 
 
 def _projection(lens: Intrinsics, *, shift_px: float) -> list[float]:
-    """OpenGL's projection matrix, column by column; the picture is moved by `shift_px` to the left and downwards."""
+    """OpenGL's projection matrix, column by column; the picture is moved by `shift_px` to the left
+    and downwards."""
     depth = FAR_M - NEAR_M
     columns = (
         (2 * lens.fx / lens.width, 0.0, 0.0, 0.0),

@@ -1,9 +1,10 @@
 """PyBullet's EGL renderer: where its plugin lies, and whether it works on this machine.
 
-Its pictures come from whichever GL context was made last in the process, so only one simulator at a time may have it.
+Its pictures come from whichever GL context was made last in the process, so only one simulator at a
+time may have it.
 
-The plugin ends the whole process where EGL is missing, so it is tried out in a process of its own first: this file, run as
-a script, renders one picture.
+The plugin ends the whole process where EGL is missing, so it is tried out in a process of its own
+first: this file, run as a script, renders one picture.
 """
 
 from __future__ import annotations
@@ -21,25 +22,30 @@ SYMBOL = "_eglRendererPlugin"
 PROBE_S = 30.0
 """A renderer that needs longer than this for its first picture is of no use."""
 _taken = threading.Lock()
-"""Held by the one client in this process that renders with EGL: a fact about the process, not about a simulator."""
+"""Held by the one client in this process that renders with EGL: a fact about the process, not about
+a simulator."""
 _SIDE = 32
 _RED = [1.0, 0.0, 0.0, 1.0]
 
 
 @cache
 def egl_works() -> bool:
-    """Whether the EGL renderer loads here and shows a red box as red. Asked once a process, as it takes a second."""
+    """Whether the EGL renderer loads here and shows a red box as red. Asked once a process, as it
+    takes a second."""
     if _plugin() is None:
         return False
     probe = [sys.executable, "-P", str(Path(__file__).resolve())]
     try:
-        return subprocess.run(probe, capture_output=True, timeout=PROBE_S, check=False).returncode == 0
+        return (
+            subprocess.run(probe, capture_output=True, timeout=PROBE_S, check=False).returncode == 0
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
 
 
 def load_egl(client: int) -> int:
-    """The plugin's handle within a client; negative when another client has it. Only where `egl_works`."""
+    """The plugin's handle within a client; negative when another client has it. Only where
+    `egl_works`."""
     plugin = _plugin()
     if plugin is None or not _taken.acquire(blocking=False):
         return -1
@@ -64,12 +70,19 @@ def _shows_red() -> bool:
     client = pybullet.connect(pybullet.DIRECT, options=f"--width={_SIDE} --height={_SIDE}")
     if load_egl(client) < 0:
         return False
-    shape = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=[1, 1, 1], rgbaColor=_RED, physicsClientId=client)
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_BOX, halfExtents=[1, 1, 1], rgbaColor=_RED, physicsClientId=client
+    )
     pybullet.createMultiBody(0, -1, shape, [3, 0, 0], physicsClientId=client)
     view = pybullet.computeViewMatrix([0, 0, 0], [1, 0, 0], [0, 0, 1])
     lens = pybullet.computeProjectionMatrixFOV(40, 1, 0.1, 10)
     *_, rgba, depth, _ = pybullet.getCameraImage(
-        _SIDE, _SIDE, view, lens, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client
+        _SIDE,
+        _SIDE,
+        view,
+        lens,
+        renderer=pybullet.ER_BULLET_HARDWARE_OPENGL,
+        physicsClientId=client,
     )
     red, green, blue = (int(rgba[_SIDE // 2][_SIDE // 2][channel]) for channel in range(3))
     metres = 0.1 * 10 / (10 - (10 - 0.1) * float(depth[_SIDE // 2][_SIDE // 2]))

@@ -1,7 +1,9 @@
-"""Faults to order: what a sensor, the wheels or the software above them do wrong, and from when to when.
+"""Faults to order: what a sensor, the wheels or the software above them do wrong, and from when to
+when.
 
-A schedule comes from a world's `[[faults]]` or from `Simulator.inject`. Sensors and wheels are spoilt here, where their values
-are made; the planner and the segmentation live above the robot, and `app` spoils them by the same schedule.
+A schedule comes from a world's `[[faults]]` or from `Simulator.inject`. Sensors and wheels are
+spoilt here, where their values are made; the planner and the segmentation live above the robot, and
+`app` spoils them by the same schedule.
 """
 
 from __future__ import annotations
@@ -20,9 +22,19 @@ from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.robot.frame import Frame
 from navcore.toml_config import ranged
 
-Sensor = Literal["camera", "depth", "rgb", "odometry", "gyro", "wheels", "stamps", "planner", "segmentation"]
+Sensor = Literal[
+    "camera", "depth", "rgb", "odometry", "gyro", "wheels", "stamps", "planner", "segmentation"
+]
 Kind = Literal["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "hang"]
-EVERY_KIND: tuple[Kind, ...] = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+EVERY_KIND: tuple[Kind, ...] = (
+    "off",
+    "stuck",
+    "garbage",
+    "wrong",
+    "slow",
+    "delayed",
+    "intermittent",
+)
 KINDS: dict[Sensor, tuple[Kind, ...]] = {
     **dict.fromkeys(("camera", "depth", "rgb", "odometry", "gyro", "wheels"), EVERY_KIND),
     "stamps": ("stuck", "wrong"),
@@ -39,15 +51,18 @@ class Fault:
     """Something that goes wrong for a while."""
 
     sensor: Sensor
-    """What; `wheels` are the motors, `stamps` the capture times, `camera` colours and depth together."""
+    """What; `wheels` are the motors, `stamps` the capture times, `camera` colours and depth
+    together."""
     kind: Kind
-    """How: no value, the same value again and again, nonsense, plausible but false, seldom, late, or now and then none."""
+    """How: no value, the same value again and again, nonsense, plausible but false, seldom, late,
+    or now and then none."""
     from_s: float = ranged(0.0, FOR_EVER_S)
     """Simulated time at which it begins."""
     until_s: float = ranged(0.0, FOR_EVER_S, default=FOR_EVER_S)
     """And ends."""
     delay_s: float = ranged(0.0, 10.0, default=0.3)
-    """`delayed`: how late. `slow` planner and segmentation: how long they take. `wrong` stamps: how far back."""
+    """`delayed`: how late. `slow` planner and segmentation: how long they take. `wrong` stamps: how
+    far back."""
     period_s: float = ranged(0.01, 60.0, default=1.0)
     """`slow`: a new value only so often."""
     share: float = ranged(0.0, 1.0, default=0.5)
@@ -69,7 +84,9 @@ def check_faults(faults: Sequence[Fault], where: str) -> None:
     for i, fault in enumerate(faults):
         if fault.kind not in KINDS[fault.sensor]:
             known = ", ".join(KINDS[fault.sensor])
-            raise BadConfiguration(f"{where}.faults[{i}].kind: {fault.kind!r} does not happen to {fault.sensor}, only {known}")
+            raise BadConfiguration(
+                f"{where}.faults[{i}].kind: {fault.kind!r} does not happen to {fault.sensor}, only {known}"
+            )
         if fault.until_s <= fault.from_s:
             raise BadConfiguration(
                 f"{where}.faults[{i}].until_s: {fault.until_s:g} is not after from_s, {fault.from_s:g}; it would never be"
@@ -77,7 +94,8 @@ def check_faults(faults: Sequence[Fault], where: str) -> None:
 
 
 class FaultSchedule:
-    """Passes values on, or what the faults make of them. Without faults it changes nothing and draws no random number."""
+    """Passes values on, or what the faults make of them. Without faults it changes nothing and
+    draws no random number."""
 
     def __init__(self, faults: Sequence[Fault], seed: Sequence[int]) -> None:
         self._seed = tuple(seed)
@@ -163,13 +181,15 @@ class _Spoilt:
         if t_s - self._kept_s >= self._fault.period_s - 1e-9:
             self._kept, self._kept_s = value, t_s
             return value
-        return self._how.between(self._kept)
+        return self._how.meanwhile(self._kept)
 
     def _late(self, t_s: float) -> Any:
         due_s = t_s - self._fault.delay_s + 1e-9
         while len(self._past) > 1 and self._past[1][0] <= due_s:
             self._past.popleft()
-        return self._past[0][1] if self._past[0][0] <= due_s else self._how.between(self._past[0][1])
+        return (
+            self._past[0][1] if self._past[0][0] <= due_s else self._how.meanwhile(self._past[0][1])
+        )
 
 
 def _unchanged(value: Any, *_: Any) -> Any:
@@ -188,7 +208,7 @@ class _How:
     """Plausible, but false."""
     again: Callable[[Any, Any], Any] = _unchanged
     """The kept value where the second should be."""
-    ranged: Callable[[Any], Any] = _unchanged
+    meanwhile: Callable[[Any], Any] = _unchanged
     """What is there while no new value comes."""
 
 
@@ -221,7 +241,9 @@ def _bad_wheels(_: Wheels, rng: np.random.Generator) -> Wheels:
 def _elsewhere(belief: tuple[Pose2, Twist], fault: Fault) -> tuple[Pose2, Twist]:
     pose, twist = belief
     return dataclasses.replace(
-        pose, x_m=pose.x_m + fault.shift_m, yaw_rad=wrap_angle(pose.yaw_rad + math.radians(fault.turn_deg))
+        pose,
+        x_m=pose.x_m + fault.shift_m,
+        yaw_rad=wrap_angle(pose.yaw_rad + math.radians(fault.turn_deg)),
     ), twist
 
 
@@ -231,7 +253,9 @@ def _anywhere(_: tuple[Pose2, Twist], rng: np.random.Generator) -> tuple[Pose2, 
 
 
 def _nowhere(_: tuple[Pose2, Twist]) -> tuple[Pose2, Twist]:
-    return Pose2(x_m=math.nan, y_m=math.nan, yaw_rad=math.nan), Twist(v_mps=math.nan, w_radps=math.nan)
+    return Pose2(x_m=math.nan, y_m=math.nan, yaw_rad=math.nan), Twist(
+        v_mps=math.nan, w_radps=math.nan
+    )
 
 
 def _wrong_picture(frame: Frame, fault: Fault) -> Frame:
@@ -245,9 +269,13 @@ _SPOIL: dict[str, _How] = {
         garbage=_bad_picture,
         wrong=_wrong_picture,
         again=lambda old, new: dataclasses.replace(new, rgb=old.rgb, depth_m=old.depth_m),
-        ranged=lambda frame: None,
+        meanwhile=lambda frame: None,
     ),
-    "depth": _How(off=np.zeros_like, garbage=_bad_depth, wrong=lambda depth_m, fault: depth_m * np.float32(fault.scale)),
+    "depth": _How(
+        off=np.zeros_like,
+        garbage=_bad_depth,
+        wrong=lambda depth_m, fault: depth_m * np.float32(fault.scale),
+    ),
     "rgb": _How(
         off=np.zeros_like,
         garbage=lambda rgb, rng: rng.integers(0, 256, rgb.shape, dtype=np.uint8),

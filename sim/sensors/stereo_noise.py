@@ -1,4 +1,5 @@
-"""How a stereo depth camera errs: noise that grows with the square of the distance, shadows behind edges, speckle."""
+"""How a stereo depth camera errs: noise that grows with the square of the distance, shadows behind
+edges, speckle."""
 
 from __future__ import annotations
 
@@ -30,16 +31,26 @@ class StereoErrors:
     colour_noise: int = 3
     """Largest error of a colour level, of a sum of two equal draws."""
     largest_disparity_px: float = 126.0
-    """The matcher looks no further, so nothing nearer than f·b/126 is measured: 0.17 m at 424 columns, 0.5 m at 1280."""
+    """The matcher looks no further, so nothing nearer than f·b/126 is measured: 0.17 m at 424
+    columns, 0.5 m at 1280."""
     max_range_m: float = 6.0
     """Nothing farther is measured."""
 
 
-PERFECT = StereoErrors(disparity_noise_px=0.0, disparity_step_px=0.0, speckle=0.0, edge_px=0, shadows=False, colour_noise=0)
+PERFECT = StereoErrors(
+    disparity_noise_px=0.0,
+    disparity_step_px=0.0,
+    speckle=0.0,
+    edge_px=0,
+    shadows=False,
+    colour_noise=0,
+)
 """Only the range is limited."""
 
 
-def spoil_depth(true_m: Depth, focal_px: float, errors: StereoErrors, rng: np.random.Generator) -> Depth:
+def spoil_depth(
+    true_m: Depth, focal_px: float, errors: StereoErrors, rng: np.random.Generator
+) -> Depth:
     """(H, W) depth as the camera reports it, 0 where it measures nothing.
 
     With disparity d = f·b/z the noise of z is z²·σ_d/(f·b).
@@ -54,9 +65,13 @@ def spoil_depth(true_m: Depth, focal_px: float, errors: StereoErrors, rng: np.ra
     if errors.speckle:
         missing |= rng.random(true_m.shape, dtype=np.float32) < errors.speckle
     if errors.disparity_noise_px:
-        disparity += np.float32(errors.disparity_noise_px) * rng.standard_normal(true_m.shape, dtype=np.float32)
+        disparity += np.float32(errors.disparity_noise_px) * rng.standard_normal(
+            true_m.shape, dtype=np.float32
+        )
     if errors.disparity_step_px:
-        disparity = np.round(disparity / np.float32(errors.disparity_step_px)) * np.float32(errors.disparity_step_px)
+        disparity = np.round(disparity / np.float32(errors.disparity_step_px)) * np.float32(
+            errors.disparity_step_px
+        )
     depth: Depth = (strength / np.maximum(disparity, np.float32(0.1))).astype(np.float32)
     depth[missing | (depth > errors.max_range_m)] = 0.0
     return depth
@@ -75,8 +90,8 @@ def spoil_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator) 
 def _shadowed(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
     """What something nearer, to its right in the left picture, hides from the right imager.
 
-    Column j lands in column j − d of the right picture. Whatever lies further right on the left and lands further left hides
-    it.
+    Column j lands in column j − d of the right picture. Whatever lies further right on the left and
+    lands further left hides it.
     """
     landing = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     rest = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]

@@ -39,13 +39,20 @@ ZONE_GAP_M = 1.2
 
 
 def draw_places(
-    scenario: Scenario, seed: int, *, robot: RobotProfile, margin_m: float, start_clear_m: float, margins_m: Mapping[str, float]
+    scenario: Scenario,
+    seed: int,
+    *,
+    robot: RobotProfile,
+    margin_m: float,
+    start_clear_m: float,
+    margins_m: Mapping[str, float],
 ) -> Scenario:
     """The scenario, as a seed has made it, with a start and one goal drawn at random.
 
-    The robot has `start_clear_m` of room at its start, and between start and goal the true map leaves it a way that keeps half
-    its width and `margin_m` from everything, and the `margins_m` of its class from everything to beware of, and a little more.
-    Raises `BadConfiguration` where there is no such place.
+    The robot has `start_clear_m` of room at its start, and between start and goal the true map
+    leaves it a way that keeps half its width and `margin_m` from everything, and the `margins_m` of
+    its class from everything to beware of, and a little more. Raises `BadConfiguration` where there
+    is no such place.
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=0.1)
@@ -53,7 +60,9 @@ def draw_places(
     reach_m = robot.circumscribed_radius_m + ROOM_M
     starts = np.argwhere((away_m >= max(start_clear_m, reach_m)) & ~_walked(scenario, spec))
     areas = _areas(away_m >= robot.width_m / 2 + margin_m + ROOM_M)
-    goals = (away_m >= max(reach_m, robot.width_m / 2 + margin_m + ROOM_M)) & ~_walked(scenario, spec)
+    goals = (away_m >= max(reach_m, robot.width_m / 2 + margin_m + ROOM_M)) & ~_walked(
+        scenario, spec
+    )
     side_m = min(scenario.size_m)
     least_m = max(FAR_SHARE * side_m, min(LEAST_WAY_M, 0.4 * side_m))
     for _ in range(TRIES if len(starts) else 0):
@@ -75,10 +84,11 @@ def draw_places(
 def draw_zones(
     scenario: Scenario, seed: int, count: int, *, inflation_m: float, margins_m: Mapping[str, float]
 ) -> tuple[tuple[Spot, ...], ...]:
-    """Up to `count` rectangles of the floor across the robot's shortest way, each so that there is another way.
+    """Up to `count` rectangles of the floor across the robot's shortest way, each so that there is
+    another way.
 
-    Fewer where none of the tries leaves another. The robot's middle keeps `inflation_m` from everything, and from what is to
-    beware of the `margins_m` of its class beside.
+    Fewer where none of the tries leaves another. The robot's middle keeps `inflation_m` from
+    everything, and from what is to beware of the `margins_m` of its class beside.
     """
     if not count:
         return ()
@@ -101,10 +111,15 @@ def draw_zones(
     return tuple(tuple((round(float(x), 3), round(float(y), 3)) for x, y in zone) for zone in zones)
 
 
-def room_m(scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float]) -> npt.NDArray[np.float32]:
-    """(rows, cols) how far each cell is from everything that stands or lies, less the margin of its class; 0 off the floor."""
+def room_m(
+    scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float]
+) -> npt.NDArray[np.float32]:
+    """(rows, cols) how far each cell is from everything that stands or lies, less the margin of its
+    class; 0 off the floor."""
     standing = [np.array(person.points[0]) for person in scenario.people if len(person.points) == 1]
-    groups: dict[float, list[Polygon]] = {0.0: [outline for thing in obstacles(scenario) for outline in thing.outlines()]}
+    groups: dict[float, list[Polygon]] = {
+        0.0: [outline for thing in obstacles(scenario) for outline in thing.outlines()]
+    }
     for thing in true_things(scenario):
         groups.setdefault(margins_m.get(thing.name, 0.0), []).extend(thing.outlines)
     body = rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M)
@@ -112,9 +127,14 @@ def room_m(scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float]) -
     away_m = np.full((spec.rows, spec.cols), np.inf, dtype=np.float32)
     edge = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     edge[[0, -1]] = edge[:, [0, -1]] = True
-    for margin_m, mask in [(0.0, edge), *((margin_m, rasterise(polygons, spec)) for margin_m, polygons in groups.items())]:
+    for margin_m, mask in [
+        (0.0, edge),
+        *((margin_m, rasterise(polygons, spec)) for margin_m, polygons in groups.items()),
+    ]:
         if mask.any():
-            cells = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+            cells = cv2.distanceTransform(
+                (~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+            )
             # From the cell's middle to the side of the other, at least.
             away_m = np.minimum(away_m, (cells - 0.5) * spec.resolution_m - margin_m)
     return away_m
@@ -127,7 +147,13 @@ def _walked(scenario: Scenario, spec: GridSpec) -> BoolGrid:
     lines += [tuple((x, y) for _, x, y in mover.keys) for mover in scenario.movers]
     for line in lines:
         cells = np.array([spec.cell(*point)[::-1] for point in line], dtype=np.int32)
-        cv2.polylines(canvas, [cells], False, (1,), 2 * round((WALK_M + BODY_DIAMETER_M / 2) / spec.resolution_m))
+        cv2.polylines(
+            canvas,
+            [cells],
+            False,
+            (1,),
+            2 * round((WALK_M + BODY_DIAMETER_M / 2) / spec.resolution_m),
+        )
     return canvas > 0
 
 
@@ -139,8 +165,16 @@ def _areas(free: BoolGrid) -> npt.NDArray[np.int32]:
 
 def _in_the_way(scenario: Scenario, margins_m: Mapping[str, float]) -> list[Polygon]:
     """Everything that stands and lies, grown by the margin of its class."""
-    standing = [rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M) + p.points[0] for p in scenario.people if len(p.points) == 1]
-    rules = [(outline, margins_m.get(thing.name, 0.0)) for thing in true_things(scenario) for outline in thing.outlines]
+    standing = [
+        rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M) + p.points[0]
+        for p in scenario.people
+        if len(p.points) == 1
+    ]
+    rules = [
+        (outline, margins_m.get(thing.name, 0.0))
+        for thing in true_things(scenario)
+        for outline in thing.outlines
+    ]
     rules += [(body, margins_m.get(PERSON, 0.0)) for body in standing]
     grown = [shapely.buffer(shapely.Polygon(outline), margin_m) for outline, margin_m in rules]
     return [
@@ -156,9 +190,13 @@ def _zone_on(way: Floats, rng: np.random.Generator) -> Polygon:
     x, y = (float(np.interp(station, along, way[:, axis])) for axis in (0, 1))
     turn = rng.uniform(0, math.pi)
     cos, sin = math.cos(turn), math.sin(turn)
-    corners = rectangle(rng.uniform(*ZONE_SIDE_M), rng.uniform(*ZONE_SIDE_M)) @ np.array([[cos, sin], [-sin, cos]])
+    corners = rectangle(rng.uniform(*ZONE_SIDE_M), rng.uniform(*ZONE_SIDE_M)) @ np.array(
+        [[cos, sin], [-sin, cos]]
+    )
     return np.asarray(corners + np.array([x, y]) + rng.uniform(-0.4, 0.4, 2))
 
 
 def _apart_m(zone: Polygon, spot: Spot) -> float:
-    return float(np.hypot(*(zone.mean(axis=0) - spot)) - np.hypot(*(zone - zone.mean(axis=0)).T).max())
+    return float(
+        np.hypot(*(zone.mean(axis=0) - spot)) - np.hypot(*(zone - zone.mean(axis=0)).T).max()
+    )

@@ -1,8 +1,10 @@
-"""The shortest way that a disc can take among polygons, in the plane and not on a grid: what a driven way is measured by.
+"""The shortest way that a disc can take among polygons, in the plane and not on a grid: what a
+driven way is measured by.
 
-A shortest way touches only corners of the obstacles, grown by the disc's radius; between two of them it is straight. A* over
-these corners finds it; which corner sees which is asked only where the search comes. Arcs are polygons of chords, which makes
-the way shorter by at most half a percent of the radius a corner.
+A shortest way touches only corners of the obstacles, grown by the disc's radius; between two of
+them it is straight. A* over these corners finds it; which corner sees which is asked only where the
+search comes. Arcs are polygons of chords, which makes the way shorter by at most half a percent of
+the radius a corner.
 """
 
 from __future__ import annotations
@@ -58,11 +60,18 @@ class VisibilityGraph:
     @staticmethod
     def of(polygons: Sequence[Polygon], radius_m: float) -> VisibilityGraph:
         """What is left to a disc of this radius among polygons in metres."""
-        grown = shapely.union_all(shapely.buffer([shapely.Polygon(polygon) for polygon in polygons], radius_m, quad_segs=ARC))
+        grown = shapely.union_all(
+            shapely.buffer(
+                [shapely.Polygon(polygon) for polygon in polygons], radius_m, quad_segs=ARC
+            )
+        )
         corners, beside = _corners(grown)
         sides = _sides(shapely.buffer(grown, -SLACK_M, join_style="mitre"))
         low = sides.reshape(-1, 2).min(axis=0, initial=0.0) - BIN_M
-        cols, rows = (int(n) for n in np.ceil((sides.reshape(-1, 2).max(axis=0, initial=0.0) - low) / BIN_M) + 1)
+        cols, rows = (
+            int(n)
+            for n in np.ceil((sides.reshape(-1, 2).max(axis=0, initial=0.0) - low) / BIN_M) + 1
+        )
         starts, listed = _sorted_into_bins(sides, low, rows, cols)
         return VisibilityGraph(
             obstacles=grown,
@@ -76,8 +85,11 @@ class VisibilityGraph:
         )
 
     def way(self, start: Spot, goal: Spot) -> Floats | None:
-        """(K, 2) the corners of the shortest way from start to goal, both included; None when there is none."""
-        if shapely.intersects_xy(self.obstacles, *start) or shapely.intersects_xy(self.obstacles, *goal):
+        """(K, 2) the corners of the shortest way from start to goal, both included; None when there
+        is none."""
+        if shapely.intersects_xy(self.obstacles, *start) or shapely.intersects_xy(
+            self.obstacles, *goal
+        ):
             return None
         places = np.vstack([self.corners, goal, start])
         last = len(places) - 2
@@ -93,17 +105,30 @@ class VisibilityGraph:
             if here == last:
                 return _traced(places, before, last)
             reached = _relax(
-                here, places, self.beside, self.sides, self.starts, self.listed, *self.bins, *self.origin, done, length, before
+                here,
+                places,
+                self.beside,
+                self.sides,
+                self.starts,
+                self.listed,
+                *self.bins,
+                *self.origin,
+                done,
+                length,
+                before,
             )
             for there in reached:
                 heapq.heappush(queue, (float(length[there] + to_goal[there]), int(there)))
         return None
 
     def nearest_free(self, spot: Spot, within_m: float) -> Spot | None:
-        """The nearest spot at which the disc has room, itself if it has; None when there is none within this distance."""
+        """The nearest spot at which the disc has room, itself if it has; None when there is none
+        within this distance."""
         if not shapely.intersects_xy(self.obstacles, *spot):
             return spot
-        edge = shapely.get_coordinates(shapely.shortest_line(shapely.boundary(self.obstacles), shapely.Point(spot)))[0]
+        edge = shapely.get_coordinates(
+            shapely.shortest_line(shapely.boundary(self.obstacles), shapely.Point(spot))
+        )[0]
         away_m = math.dist(edge, spot)
         if away_m > within_m:
             return None
@@ -112,10 +137,14 @@ class VisibilityGraph:
         return float(out[0]), float(out[1])
 
 
-def shortest_way(polygons: Sequence[Polygon], radius_m: float, spec: GridSpec, stations: Sequence[Spot]) -> Floats | None:
-    """(K, 2) the shortest way of a disc through all stations in order, on the map and among polygons; None without one.
+def shortest_way(
+    polygons: Sequence[Polygon], radius_m: float, spec: GridSpec, stations: Sequence[Spot]
+) -> Floats | None:
+    """(K, 2) the shortest way of a disc through all stations in order, on the map and among
+    polygons; None without one.
 
-    A first station nearer to a polygon than the radius is left by the nearest way out, if it is not far.
+    A first station nearer to a polygon than the radius is left by the nearest way out, if it is not
+    far.
     """
     around = VisibilityGraph.of([*polygons, *_frame(spec, radius_m)], radius_m)
     start = around.nearest_free(stations[0], RELIEF_M)
@@ -168,7 +197,9 @@ def _corners(area: shapely.Geometry) -> tuple[Floats, Floats]:
 
 
 def _sides(area: shapely.Geometry) -> Floats:
-    return np.vstack([np.empty((0, 4)), *(np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in _rings(area))])
+    return np.vstack(
+        [np.empty((0, 4)), *(np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in _rings(area))]
+    )
 
 
 def _sorted_into_bins(sides: Floats, low: Floats, rows: int, cols: int) -> tuple[Ints, Ints]:
@@ -213,10 +244,14 @@ def _relax(
     for there in range(len(places)):
         if done[there]:
             continue
-        new = length[here] + math.hypot(places[there, 0] - places[here, 0], places[there, 1] - places[here, 1])
+        new = length[here] + math.hypot(
+            places[there, 0] - places[here, 0], places[there, 1] - places[here, 1]
+        )
         if new >= length[there]:
             continue
-        if not (_is_tangent(here, there, places, beside) and _is_tangent(there, here, places, beside)):
+        if not (
+            _is_tangent(here, there, places, beside) and _is_tangent(there, here, places, beside)
+        ):
             continue
         a, b = (here, there) if places[here, 1] <= places[there, 1] else (there, here)
         line = (places[a, 0], places[a, 1], places[b, 0], places[b, 1])
@@ -229,7 +264,8 @@ def _relax(
 
 @numba.njit(cache=True, nogil=True)
 def _is_tangent(at: int, other: int, places: Floats, beside: Floats) -> bool:
-    """Whether the line between two places leaves the obstacle of `at` on one side; start and goal have no obstacle."""
+    """Whether the line between two places leaves the obstacle of `at` on one side; start and goal
+    have no obstacle."""
     if at >= len(beside):
         return True
     dx, dy = places[other, 0] - places[at, 0], places[other, 1] - places[at, 1]
@@ -249,7 +285,8 @@ def _sees(
     low_x: float,
     low_y: float,
 ) -> bool:
-    """Whether no side crosses the line, given upwards: looked up bin row by bin row, in the columns that it passes there."""
+    """Whether no side crosses the line, given upwards: looked up bin row by bin row, in the columns
+    that it passes there."""
     x, y, dx, dy = line[0], line[1], line[2] - line[0], line[3] - line[1]
     first = max(0, math.floor((y - low_y) / BIN_M))
     last = min(rows - 1, math.floor((line[3] - low_y) / BIN_M))
@@ -263,13 +300,17 @@ def _sees(
         for col in range(left, right + 1):
             for k in range(starts[row * cols + col], starts[row * cols + col + 1]):
                 side = listed[k]
-                if _crosses(x, y, dx, dy, sides[side, 0], sides[side, 1], sides[side, 2], sides[side, 3]):
+                if _crosses(
+                    x, y, dx, dy, sides[side, 0], sides[side, 1], sides[side, 2], sides[side, 3]
+                ):
                     return False
     return True
 
 
 @numba.njit(cache=True, nogil=True)
-def _crosses(x: float, y: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> bool:
+def _crosses(
+    x: float, y: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
+) -> bool:
     """Whether the line from (x, y) by (dx, dy) and the one from a to b have a point in common."""
     a, b = dx * (ay - y) - dy * (ax - x), dx * (by - y) - dy * (bx - x)
     if a * b > 0:

@@ -17,7 +17,8 @@ SHIFT = 4
 
 
 def rasterise(polygons: Sequence[Polygon], spec: GridSpec) -> BoolGrid:
-    """(rows, cols) True in every cell that a polygon (metres of the map frame) touches, edges included."""
+    """(rows, cols) True in every cell that a polygon (metres of the map frame) touches, edges
+    included."""
     grid = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
     for polygon in polygons:
         # Pixel centres are at whole numbers in OpenCV, hence the half cell.
@@ -33,4 +34,6 @@ def blocked_grid(polygons: Sequence[Polygon], spec: GridSpec, inflation_m: float
     radius = math.ceil(inflation_m / spec.resolution_m)
     rows, cols = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     disc = (rows**2 + cols**2 <= radius**2).astype(np.uint8)
-    return np.asarray(cv2.dilate(rasterise(polygons, spec).astype(np.uint8), disc), dtype=np.uint8) > 0
+    return (
+        np.asarray(cv2.dilate(rasterise(polygons, spec).astype(np.uint8), disc), dtype=np.uint8) > 0
+    )

@@ -1,4 +1,5 @@
-"""What there is to beware of in a scenario, by the classes of a beware list: for oracles, and for counting what was missed."""
+"""What there is to beware of in a scenario, by the classes of a beware list: for oracles, and for
+counting what was missed."""
 
 from __future__ import annotations
 
@@ -42,10 +43,16 @@ def class_of(marking: Marking) -> str:
     return "red floor" if marking.surface == "paint" else "spill"
 
 
-def class_of_bodies(scenario: Scenario, *, loose: Sequence[int], first_person: int) -> dict[int, str]:
+def class_of_bodies(
+    scenario: Scenario, *, loose: Sequence[int], first_person: int
+) -> dict[int, str]:
     """Number of a body → class. `loose`: those of the items; people begin at `first_person`."""
     return {
-        **{FIRST_MARKING + i: class_of(marking) for i, marking in enumerate(scenario.markings) if marking.beware},
+        **{
+            FIRST_MARKING + i: class_of(marking)
+            for i, marking in enumerate(scenario.markings)
+            if marking.beware
+        },
         **{body: item.kind for body, item in zip(loose, scenario.items, strict=True)},
         **{first_person + i: PERSON for i in range(len(scenario.people))},
     }

@@ -1,4 +1,5 @@
-"""How the laws of these tests are searched for counter-examples: the same examples on every run, by work and not by time."""
+"""How the laws of these tests are searched for counter-examples: the same examples on every run, by
+work and not by time."""
 
 from __future__ import annotations
 
@@ -6,11 +7,16 @@ from hypothesis import HealthCheck, settings
 
 
 def law(max_examples: int) -> settings:
-    """Settings for `@law(n)`: deterministic, without a deadline and without a data base on the disk."""
+    """Settings for `@law(n)`: deterministic, without a deadline and without a data base on the
+    disk."""
     return settings(
         max_examples=max_examples,
         derandomize=True,
         deadline=None,
         database=None,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
+        suppress_health_check=[
+            HealthCheck.too_slow,
+            HealthCheck.data_too_large,
+            HealthCheck.filter_too_much,
+        ],
     )

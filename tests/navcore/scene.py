@@ -1,4 +1,5 @@
-"""Pictures of a world of boxes and painted floor, computed ray by ray, so that every pixel's true place is known."""
+"""Pictures of a world of boxes and painted floor, computed ray by ray, so that every pixel's true
+place is known."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ MOUNT = camera_mount(x_m=0.3, y_m=0.0, z_m=0.6, pitch_down_rad=0.25)
 ORIGIN = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
 RED_ID = 5
-RED_FLOOR = BewareClass(name="red floor", class_id=RED_ID, colour=ColourRule(hue_deg=(340.0, 20.0), max_height_m=0.05))
+RED_FLOOR = BewareClass(
+    name="red floor", class_id=RED_ID, colour=ColourRule(hue_deg=(340.0, 20.0), max_height_m=0.05)
+)
 RED_LIST = BewareList(classes=(RED_FLOOR,))
 
 
@@ -54,12 +57,18 @@ class Paint:
 
 
 def picture(
-    *things: Box | Paint, pose: Pose2 = ORIGIN, stamp_ns: int = 0, twist: Twist = STANDSTILL, mount: Matrix = MOUNT
+    *things: Box | Paint,
+    pose: Pose2 = ORIGIN,
+    stamp_ns: int = 0,
+    twist: Twist = STANDSTILL,
+    mount: Matrix = MOUNT,
 ) -> Frame:
     """What the camera of a robot at `pose` sees of the floor and the things on it."""
     camera = pose.matrix() @ mount
     rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
-    optical = np.stack([(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1)
+    optical = np.stack(
+        [(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1
+    )
     rays = optical @ camera[:3, :3].T
     eye = camera[:3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -69,7 +78,9 @@ def picture(
         for thing in things:
             if isinstance(thing, Paint):
                 on_x = (thing.x[0] <= floor_x) & (floor_x <= thing.x[1])
-                rgb[on_x & (thing.y[0] <= floor_y) & (floor_y <= thing.y[1]) & np.isfinite(depth)] = thing.colour
+                rgb[
+                    on_x & (thing.y[0] <= floor_y) & (floor_y <= thing.y[1]) & np.isfinite(depth)
+                ] = thing.colour
         for thing in things:
             if isinstance(thing, Box):
                 hit = _entry(thing, eye, rays)
@@ -87,10 +98,15 @@ def picture(
     )
 
 
-def _entry(box: Box, eye: npt.NDArray[np.float64], rays: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _entry(
+    box: Box, eye: npt.NDArray[np.float64], rays: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
     """(H, W) depth at which each ray enters the box, infinite where it misses."""
     near, far = np.full(rays.shape[:2], 1e-6), np.full(rays.shape[:2], np.inf)
     for axis, span in enumerate((box.x, box.y, box.z)):
         first, second = ((side - eye[axis]) / rays[..., axis] for side in span)
-        near, far = np.maximum(near, np.fmin(first, second)), np.minimum(far, np.fmax(first, second))
+        near, far = (
+            np.maximum(near, np.fmin(first, second)),
+            np.minimum(far, np.fmax(first, second)),
+        )
     return np.where(near < far, near, np.inf)

@@ -25,7 +25,9 @@ def test_a_change_to_what_is_compiled_or_goes_into_it_makes_another_version(tmp_
     package = tmp_path / "navcore"
     shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__", "*.safetensors"))
     first = _version(package)
-    assert edited(package, "navigator.py") == first  # holds nothing that is compiled, and nothing compiled reads it
+    assert (
+        edited(package, "navigator.py") == first
+    )  # holds nothing that is compiled, and nothing compiled reads it
     files = (
         "planning/search/jump_point_search.py",
         "planning/search/open_list.py",
@@ -36,7 +38,9 @@ def test_a_change_to_what_is_compiled_or_goes_into_it_makes_another_version(tmp_
     assert len({first, *(edited(package, file) for file in files)}) == 1 + len(files)
 
 
-def test_the_code_of_a_few_versions_is_kept_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_code_of_a_few_versions_is_kept_and_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     kernel = tmp_path / "kernel.py"
     for number in range(5):
         kernel.write_text(f"@compiled\ndef f():\n    return {number}\n", encoding="utf-8")
@@ -47,8 +51,10 @@ def test_the_code_of_a_few_versions_is_kept_and_no_more(tmp_path: Path, monkeypa
     assert (tmp_path / "__pycache__" / f"compiled-{_version(tmp_path)}") in kept
 
 
-def test_where_nothing_can_be_written_numba_is_left_to_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_can_be_written_numba_is_left_to_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     (tmp_path / "__pycache__").write_text("no folder", encoding="utf-8")
     _keep_compiled_code(tmp_path)
-    assert numba.config.CACHE_DIR == ""
+    assert numba.config.CACHE_DIR == ""  # type: ignore[attr-defined]

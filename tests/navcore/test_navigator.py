@@ -1,4 +1,5 @@
-"""The loop as a whole: from a picture to a path and a motion that follow the map, the list and the zones at once."""
+"""The loop as a whole: from a picture to a path and a motion that follow the map, the list and the
+zones at once."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ ZONE = Zone(id="z", name="z", polygon=((1.5, -0.6), (2.5, -0.6), (2.5, 0.6), (1.
 
 @pytest.fixture
 def navigator() -> Navigator:
-    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    return Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
 
 
 def length_m(decision: TickResult) -> float:
@@ -47,7 +50,9 @@ def test_unknown_counts_as_free_and_the_path_is_straight(navigator: Navigator) -
     assert length_m(navigator.tick(picture(), ORDER)) == pytest.approx(4.0, abs=0.1)
 
 
-def test_a_path_that_crosses_a_newly_seen_obstacle_is_planned_anew_at_that_frame(navigator: Navigator) -> None:
+def test_a_path_that_crosses_a_newly_seen_obstacle_is_planned_anew_at_that_frame(
+    navigator: Navigator,
+) -> None:
     straight = length_m(navigator.tick(picture(), ORDER))
     decision = navigator.tick(picture(WALL, stamp_ns=1), ORDER)
     assert length_m(decision) > straight + 0.2
@@ -56,20 +61,31 @@ def test_a_path_that_crosses_a_newly_seen_obstacle_is_planned_anew_at_that_frame
     assert not any(decision.occupancy.blocked[cell] for cell in cells)
 
 
-def test_a_flat_marking_is_an_obstacle_until_its_class_is_switched_off_and_again_when_it_is_on(navigator: Navigator) -> None:
+def test_a_flat_marking_is_an_obstacle_until_its_class_is_switched_off_and_again_when_it_is_on(
+    navigator: Navigator,
+) -> None:
     around = length_m(navigator.tick(picture(CARPET), ORDER))
-    across = length_m(navigator.tick(picture(CARPET, stamp_ns=1), dataclasses.replace(ORDER, beware=RED_OFF)))
-    again = length_m(navigator.tick(picture(stamp_ns=2, pose=Pose2(x_m=0, y_m=0, yaw_rad=3.1)), ORDER))
+    across = length_m(
+        navigator.tick(picture(CARPET, stamp_ns=1), dataclasses.replace(ORDER, beware=RED_OFF))
+    )
+    again = length_m(
+        navigator.tick(picture(stamp_ns=2, pose=Pose2(x_m=0, y_m=0, yaw_rad=3.1)), ORDER)
+    )
     assert across < around - 0.2
     assert again == pytest.approx(around, abs=0.05)
 
 
-def test_a_zone_bends_the_path_at_the_next_tick_and_its_deletion_straightens_it(navigator: Navigator) -> None:
+def test_a_zone_bends_the_path_at_the_next_tick_and_its_deletion_straightens_it(
+    navigator: Navigator,
+) -> None:
     straight = length_m(navigator.tick(picture(), ORDER))
     bent = length_m(navigator.tick(picture(stamp_ns=1), dataclasses.replace(ORDER, zones=(ZONE,))))
     off = dataclasses.replace(ZONE, enabled=False)
     assert bent > straight + 0.2
-    assert length_m(navigator.tick(picture(stamp_ns=2), dataclasses.replace(ORDER, zones=(off,)))) == straight
+    assert (
+        length_m(navigator.tick(picture(stamp_ns=2), dataclasses.replace(ORDER, zones=(off,))))
+        == straight
+    )
     assert length_m(navigator.tick(picture(stamp_ns=3), ORDER)) == straight
 
 
@@ -92,7 +108,10 @@ def test_a_bad_frame_is_refused_and_changes_nothing(navigator: Navigator) -> Non
     bad = picture(stamp_ns=1)
     with pytest.raises(BadFrame):
         navigator.tick(dataclasses.replace(bad, depth_m=np.full_like(bad.depth_m, np.nan)), ORDER)
-    assert navigator.map.version == before.occupancy.version or len(navigator.map.points.points_map) > 0
+    assert (
+        navigator.map.version == before.occupancy.version
+        or len(navigator.map.points.points_map) > 0
+    )
     np.testing.assert_array_equal(navigator.occupancy(ORDER).blocked, before.occupancy.blocked)
 
 
@@ -113,7 +132,9 @@ def test_a_goal_in_an_obstacle_is_no_path_and_no_motion(navigator: Navigator, x_
     assert decision.motion.twist == STANDSTILL
 
 
-def test_a_goal_that_proves_to_be_taken_on_the_way_there_is_gone_up_to_and_looked_at(navigator: Navigator) -> None:
+def test_a_goal_that_proves_to_be_taken_on_the_way_there_is_gone_up_to_and_looked_at(
+    navigator: Navigator,
+) -> None:
     goal, low = (4.35, 0.0), dataclasses.replace(WALL, x=(4.3, 4.5), z=(0.0, 0.4))
     order = dataclasses.replace(ORDER, goal=goal)
     navigator.tick(picture(), order)
@@ -135,16 +156,22 @@ def test_a_goal_that_proves_to_be_taken_on_the_way_there_is_gone_up_to_and_looke
 def test_somebodys_lane_bends_the_path_and_is_told_to_whoever_looks(navigator: Navigator) -> None:
     straight = length_m(navigator.tick(picture(), ORDER))
     at = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    navigator._lanes = LaneKeepOut(zones=(ZONE,), walked=((0, 1, 2.0, 0.0),), at=at, before_m=straight)
+    navigator._lanes = LaneKeepOut(
+        zones=(ZONE,), walked=((0, 1, 2.0, 0.0),), at=at, before_m=straight
+    )
     decision = navigator.tick(picture(stamp_ns=1), ORDER)
     assert decision.closed == (ZONE,)
     assert length_m(decision) > straight + 0.2
-    assert navigator.tick(picture(stamp_ns=30_000_000_000), ORDER).closed == (ZONE,)  # nobody has walked there for long …
+    assert navigator.tick(picture(stamp_ns=30_000_000_000), ORDER).closed == (
+        ZONE,
+    )  # nobody has walked there for long …
     after = navigator.tick(picture(stamp_ns=30_000_000_001), ORDER)
     assert after.closed == () and length_m(after) == straight  # … so it is opened
 
 
-def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(navigator: Navigator) -> None:
+def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(
+    navigator: Navigator,
+) -> None:
     route = navigator.tick(picture(WALL), ORDER).route
     assert route is not None
     assert tuple(route.waypoints[-1]) == GOAL

@@ -1,4 +1,5 @@
-"""Beware list, configuration and the reading of tables: what is wrong is refused by the name of its key."""
+"""Beware list, configuration and the reading of tables: what is wrong is refused by the name of its
+key."""
 
 from __future__ import annotations
 
@@ -11,7 +12,13 @@ import pytest
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig, config_for, load_config
 from navcore.errors import BadConfiguration
-from navcore.mission.beware_list import BewareClass, BewareList, ColourRule, default_beware_list, load_beware_list
+from navcore.mission.beware_list import (
+    BewareClass,
+    BewareList,
+    ColourRule,
+    default_beware_list,
+    load_beware_list,
+)
 from navcore.robot.profile import load_profile
 from navcore.toml_config import from_table, ranged
 
@@ -73,10 +80,17 @@ class Sample:
 
 
 def test_nested_tuples_and_choices_are_checked_down_to_the_number() -> None:
-    assert from_table(Sample, {"mode": "fast", "places": [[0, 1], [0.5, -1]]}, "t").places == ((0.0, 1.0), (0.5, -1.0))
-    with pytest.raises(BadConfiguration, match=r"t\.places\[1\]\[0\]: 2.0 is out of range, allowed -1 to 1"):
+    assert from_table(Sample, {"mode": "fast", "places": [[0, 1], [0.5, -1]]}, "t").places == (
+        (0.0, 1.0),
+        (0.5, -1.0),
+    )
+    with pytest.raises(
+        BadConfiguration, match=r"t\.places\[1\]\[0\]: 2.0 is out of range, allowed -1 to 1"
+    ):
         from_table(Sample, {"places": [[0, 1], [2, 0]]}, "t")
-    with pytest.raises(BadConfiguration, match=r"t\.mode: expected one of 'slow', 'fast', got 'quick'"):
+    with pytest.raises(
+        BadConfiguration, match=r"t\.mode: expected one of 'slow', 'fast', got 'quick'"
+    ):
         from_table(Sample, {"mode": "quick"}, "t")
     with pytest.raises(BadConfiguration, match="t: expected a table"):
         from_table(Sample, [], "t")
@@ -91,7 +105,10 @@ def test_no_name_and_no_id_may_occur_twice(what: str) -> None:
 
 
 LIST = BewareList(
-    classes=(BewareClass(name="cup", class_id=1, margin_m=0.3, min_confidence=0.8), BewareClass(name="mud", class_id=2))
+    classes=(
+        BewareClass(name="cup", class_id=1, margin_m=0.3, min_confidence=0.8),
+        BewareClass(name="mud", class_id=2),
+    )
 )
 
 
@@ -118,7 +135,9 @@ def test_an_edit_makes_the_next_version_and_leaves_the_old_value_untouched() -> 
         ("cup", {"min_confidence": None}, "min_confidence"),
     ],
 )
-def test_a_bad_edit_is_refused_by_name_and_changes_nothing(name: str, changes: dict[str, object], words: str) -> None:
+def test_a_bad_edit_is_refused_by_name_and_changes_nothing(
+    name: str, changes: dict[str, object], words: str
+) -> None:
     before = BewareList(classes=LIST.classes, version=LIST.version)
     with pytest.raises(BadConfiguration, match=words):
         LIST.edited(name, **changes)
@@ -127,12 +146,18 @@ def test_a_bad_edit_is_refused_by_name_and_changes_nothing(name: str, changes: d
 
 def test_a_class_keeps_its_id_since_the_map_knows_it_by_that() -> None:
     with pytest.raises(BadConfiguration, match="'mud' has class_id 2 for ever"):
-        LIST.replaced(replace(entry, class_id=9) if entry.name == "mud" else entry for entry in LIST.classes)
+        LIST.replaced(
+            replace(entry, class_id=9) if entry.name == "mud" else entry for entry in LIST.classes
+        )
 
 
-def test_what_was_taken_off_the_list_keeps_its_id_for_the_map_still_holds_what_was_seen_of_it() -> None:
+def test_what_was_taken_off_the_list_keeps_its_id_for_the_map_still_holds_what_was_seen_of_it() -> (
+    None
+):
     cup, mud = (LIST.named(name) for name in ("cup", "mud"))
-    without = LIST.replaced(entry for entry in LIST.classes if entry != cup).edited("mud", enabled=False)
+    without = LIST.replaced(entry for entry in LIST.classes if entry != cup).edited(
+        "mud", enabled=False
+    )
     assert without.retired == (("cup", cup.class_id),)
     with pytest.raises(BadConfiguration, match="class_id 1 belongs to 'cup' for ever"):
         without.replaced([mud, replace(cup, name="snake")])
@@ -151,7 +176,9 @@ def test_the_list_that_is_shipped_is_sound() -> None:
 
 def test_files_are_read_and_what_is_wrong_is_told_by_file_and_key(tmp_path: Path) -> None:
     file = tmp_path / "list.toml"
-    file.write_text('[[beware]]\nname = "cup"\nclass_id = 1\n[[beware]]\nname = "mud"\nclass_id = 2\nenabled = false\n')
+    file.write_text(
+        '[[beware]]\nname = "cup"\nclass_id = 1\n[[beware]]\nname = "mud"\nclass_id = 2\nenabled = false\n'
+    )
     assert [entry.name for entry in load_beware_list(file).enabled] == ["cup"]
     file.write_text('[[beware]]\nname = "cup"\nclass_id = 1\ncolor = 3\n')
     with pytest.raises(BadConfiguration, match=r"list\.toml\.beware\[0\]: unknown key 'color'"):
@@ -179,7 +206,9 @@ def test_files_are_read_and_what_is_wrong_is_told_by_file_and_key(tmp_path: Path
         ("[points]\nobstacle_height_m = 0.9\nceiling_m = 0.3", "ceiling_m|obstacle_height_m"),
     ],
 )
-def test_a_bad_configuration_is_refused_by_file_and_key(tmp_path: Path, text: str, words: str) -> None:
+def test_a_bad_configuration_is_refused_by_file_and_key(
+    tmp_path: Path, text: str, words: str
+) -> None:
     file = tmp_path / "nav.toml"
     file.write_text(text)
     with pytest.raises(BadConfiguration, match=words):
@@ -199,7 +228,11 @@ def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> N
     file.write_text('[local]\nprimitives = "falco"\n')
     usual = config_for(jackal)
     assert usual.local.padding_m != LocalPlannerConfig().padding_m
-    assert load_config(file, jackal) == replace(usual, local=replace(usual.local, primitives="falco"))
+    assert load_config(file, jackal) == replace(
+        usual, local=replace(usual.local, primitives="falco")
+    )
     file.write_text('[local]\nprimitives = "dwa"\n')
-    with pytest.raises(BadConfiguration, match=r"nav\.toml\.local\.primitives: expected one of 'arcs', 'falco'"):
+    with pytest.raises(
+        BadConfiguration, match=r"nav\.toml\.local\.primitives: expected one of 'arcs', 'falco'"
+    ):
         load_config(file)

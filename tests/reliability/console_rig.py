@@ -1,4 +1,5 @@
-"""The whole console around a robot on a bench, in real time: for the figures about the door, the stop and the hand."""
+"""The whole console around a robot on a bench, in real time: for the figures about the door, the
+stop and the hand."""
 
 from __future__ import annotations
 
@@ -102,14 +103,23 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             labelling=Path(folder) / "labelling",
             config=NavigatorConfig(),
         )
-        loop = ControlLoop(wheels, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict)
+        loop = ControlLoop(
+            wheels, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict
+        )
         loop.start()
         stack.callback(loop.stop)
         stack.callback(ended.set)
         server = ConsoleServer(operations, port=0, access=access or Access(ledger=store.audit))
         server.start()
         stack.callback(server.stop)
-        console = BenchConsole(wheels=wheels, operations=operations, server=server, store=store, faults=faults, now_s=now_s)
+        console = BenchConsole(
+            wheels=wheels,
+            operations=operations,
+            server=server,
+            store=store,
+            faults=faults,
+            now_s=now_s,
+        )
         patiently(lambda: operations.picture() is not None)
         yield console
 

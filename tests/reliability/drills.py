@@ -1,4 +1,5 @@
-"""Drives on which something goes wrong, recorded command by command: what the figures of `reliability` are made of."""
+"""Drives on which something goes wrong, recorded command by command: what the figures of
+`reliability` are made of."""
 
 from __future__ import annotations
 
@@ -103,7 +104,9 @@ def drill(
 ) -> tuple[Drill, dict[str, object]]:
     """Drive for some simulated seconds with these faults; every command, and the episode's report."""
     world = dataclasses.replace(scenario or load_scenario(ROOM), faults=faults)
-    episode = Episode(world, seed=seed, beware=default_beware_list(), max_time_s=until_s, camera_size=CAMERA)
+    episode = Episode(
+        world, seed=seed, beware=default_beware_list(), max_time_s=until_s, camera_size=CAMERA
+    )
     record = Drill(episode=episode, on_command=on_command)
     episode.on_verdict = record.note
     try:
@@ -123,15 +126,20 @@ def first_picture(seed: int = 0) -> Frame:
 def standing_pilot(config: NavigatorConfig | None = None) -> RobotController:
     """A pilot in the room, with no goal yet."""
     spec = map_grid(load_scenario(ROOM))
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=config or NavigatorConfig())
+    navigator = Navigator(
+        spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=config or NavigatorConfig()
+    )
     return RobotController(
-        navigator=navigator, profile=HUSKY, intent=OperatorState(mission=Mission(), beware=default_beware_list())
+        navigator=navigator,
+        profile=HUSKY,
+        intent=OperatorState(mission=Mission(), beware=default_beware_list()),
     )
 
 
 @dataclass
 class Bench:
-    """A robot on a bench, in real time: its wheels turn in the air, its camera always sees the same, with a little noise."""
+    """A robot on a bench, in real time: its wheels turn in the air, its camera always sees the
+    same, with a little noise."""
 
     scene: Frame
     """What it sees."""
@@ -179,10 +187,14 @@ class Bench:
 
 @contextmanager
 def bench(faults: Sequence[Fault]) -> Iterator[tuple[Bench, Callable[[], float]]]:
-    """The console's threads on a bench, driving; `faults` may grow meanwhile, on the clock that is handed out."""
+    """The console's threads on a bench, driving; `faults` may grow meanwhile, on the clock that is
+    handed out."""
     warm_up()
     pilot, ended = standing_pilot(), threading.Event()
-    robot = Bench(scene=dataclasses.replace(first_picture(), pose=Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)), pilot=pilot)
+    robot = Bench(
+        scene=dataclasses.replace(first_picture(), pose=Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)),
+        pilot=pilot,
+    )
     began_s = time.monotonic()
 
     def now_s() -> float:
@@ -190,7 +202,9 @@ def bench(faults: Sequence[Fault]) -> Iterator[tuple[Bench, Callable[[], float]]
 
     FaultInjector(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
     pilot.change_mission(lambda mission: mission.add(2.0, 2.5, pilot.navigator.map.spec).start())
-    loop = ControlLoop(robot, pilot, on_decision=lambda decision: None, on_verdict=lambda verdict: None)
+    loop = ControlLoop(
+        robot, pilot, on_decision=lambda decision: None, on_verdict=lambda verdict: None
+    )
     loop.start()
     try:
         yield robot, now_s

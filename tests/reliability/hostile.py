@@ -30,11 +30,47 @@ from web.access import Access
 from web.server import create_app
 
 KEYS = [
-    *("x_m", "y_m", "name", "geometry", "type", "coordinates", "properties", "enabled", "margin_m", "classes", "colour"),
+    *(
+        "x_m",
+        "y_m",
+        "name",
+        "geometry",
+        "type",
+        "coordinates",
+        "properties",
+        "enabled",
+        "margin_m",
+        "classes",
+        "colour",
+    ),
     *("hue_deg", "goal", "polygon", "class_id", "version", "role", "password", "\ud800", "x" * 300),
 ]
-NUMBERS = ("NaN", "-Infinity", "1e999", "-1e999", "0", "-1", "1e308", "9" * 400, "0.5", "true", "null")
-WORDS = ("", "\ud800", "\x00", "Feature", "Polygon", "é" * 100, "‮", "../../etc/passwd", "<script>", "z1", "red floor")
+NUMBERS = (
+    "NaN",
+    "-Infinity",
+    "1e999",
+    "-1e999",
+    "0",
+    "-1",
+    "1e308",
+    "9" * 400,
+    "0.5",
+    "true",
+    "null",
+)
+WORDS = (
+    "",
+    "\ud800",
+    "\x00",
+    "Feature",
+    "Polygon",
+    "é" * 100,
+    "‮",
+    "../../etc/passwd",
+    "<script>",
+    "z1",
+    "red floor",
+)
 BOMBS = ("[" * 100_000, '{"a":' * 50_000, "9" * 100_000, '"' + "\\ud800" * 1000 + '"')
 PAGE = "0123456789abcdef"
 VISER = Subprotocol("viser-v1.1.1")
@@ -44,13 +80,21 @@ def hostile_requests(trials: int) -> Measurement:
     """Row 22: random nonsense to every route that takes a body; answers of 500 and more, or none."""
     failed, refused = 0, 0
     with bench_console() as console, console.client() as stranger:
-        routes = [route for route in routes_of(_app(console)) if route[0] not in ("GET", "HEAD", "WS")]
+        routes = [
+            route for route in routes_of(_app(console)) if route[0] not in ("GET", "HEAD", "WS")
+        ]
         for number in range(trials):
             chance = random.Random(number)
             method, path = chance.choice(routes)
-            path = path.replace(PARAMETER, quote(chance.choice(WORDS) or "z", safe="", errors="surrogatepass"))
+            path = path.replace(
+                PARAMETER, quote(chance.choice(WORDS) or "z", safe="", errors="surrogatepass")
+            )
             body = _body(chance)
-            headers = {"Content-Type": chance.choice(["application/json", "text/plain", "application/json; charset=utf-16"])}
+            headers = {
+                "Content-Type": chance.choice(
+                    ["application/json", "text/plain", "application/json; charset=utf-16"]
+                )
+            }
             try:
                 status = stranger.request(method, path, content=body, headers=headers).status_code
             except httpx.TransportError:
@@ -58,42 +102,69 @@ def hostile_requests(trials: int) -> Measurement:
             failed += status >= HTTPStatus.INTERNAL_SERVER_ERROR
             refused += HTTPStatus.BAD_REQUEST <= status < HTTPStatus.INTERNAL_SERVER_ERROR
         alive = stranger.get("/healthz").is_success
-    return Measurement(trials=trials, measured=f"{refused} refused, {failed} answers of 5xx or none", met=failed == 0 and alive)
+    return Measurement(
+        trials=trials,
+        measured=f"{refused} refused, {failed} answers of 5xx or none",
+        met=failed == 0 and alive,
+    )
 
 
 def hostile_frames(trials: int) -> Measurement:
-    """Row 23: nonsense on every websocket; others go on, and no command leaves the platform's limits."""
+    """Row 23: nonsense on every websocket; others go on, and no command leaves the platform's
+    limits."""
     with bench_console() as console, console.client() as program:
         address = console.server.url.replace("http", "ws")
-        paths = [f"/viewer/{PAGE}", f"/api/v1/viewer/{PAGE}", "/api/v1/control/live", "/api/v1/events"]
+        paths = [
+            f"/viewer/{PAGE}",
+            f"/api/v1/viewer/{PAGE}",
+            "/api/v1/control/live",
+            "/api/v1/events",
+        ]
         with connect(f"{address}/api/v1/events", proxy=None) as bystander:
             for number in range(trials):
                 chance = random.Random(number)
                 path = paths[number % len(paths)]
                 protocol = [VISER] if path.startswith("/viewer") else None
                 try:
-                    with connect(address + path, subprotocols=protocol, proxy=None, max_size=None, close_timeout=1) as hostile:
+                    with connect(
+                        address + path,
+                        subprotocols=protocol,
+                        proxy=None,
+                        max_size=None,
+                        close_timeout=1,
+                    ) as hostile:
                         for _ in range(chance.randint(1, 3)):
                             hostile.send(_frame(chance))
                 except websockets.exceptions.ConnectionClosed:
                     continue
             told = [json.loads(bystander.recv(timeout=10))["type"] for _ in range(5)]
         beyond = sum(
-            not (abs(twist.v_mps) <= HUSKY.max_speed_mps and abs(twist.w_radps) <= HUSKY.max_yaw_rate_radps)
+            not (
+                abs(twist.v_mps) <= HUSKY.max_speed_mps
+                and abs(twist.w_radps) <= HUSKY.max_yaw_rate_radps
+            )
             for _, twist in console.wheels.sent
         )
-        alive = program.get("/healthz").is_success and program.get("/viewer/").is_success and told == ["state"] * 5
+        alive = (
+            program.get("/healthz").is_success
+            and program.get("/viewer/").is_success
+            and told == ["state"] * 5
+        )
     said = f"{'others went on' if alive else 'THE OTHERS SUFFERED'}, {beyond} commands beyond the limits"
     return Measurement(trials=trials, measured=said, met=alive and beyond == 0)
 
 
 def foreign_requests(trials: int) -> Measurement:
-    """Row 24: every route of the app, for every kind of stranger and for somebody not logged in; as many as there are."""
+    """Row 24: every route of the app, for every kind of stranger and for somebody not logged in; as
+    many as there are."""
     let_in, asked = [], 0
     with bench_console() as console, tempfile.TemporaryDirectory() as folder:
         database = Database(Path(folder))
         locked = _app(console, Access.by_login(UserTable(database)))
-        for app, visitors in ((_app(console), STRANGERS), (locked, {"nobody": {"Host": "console"}})):
+        for app, visitors in (
+            (_app(console), STRANGERS),
+            (locked, {"nobody": {"Host": "console"}}),
+        ):
             for route in routes_of(app):
                 for who, headers in visitors.items():
                     asked += 1
@@ -102,7 +173,9 @@ def foreign_requests(trials: int) -> Measurement:
                         let_in.append(f"{who}: {' '.join(route)} {status}")
         database.close()
     first = f"; the first: {let_in[0]}" if let_in else ""
-    return Measurement(trials=asked, measured=f"{len(let_in)} let in{first}", met=not let_in and asked >= trials)
+    return Measurement(
+        trials=asked, measured=f"{len(let_in)} let in{first}", met=not let_in and asked >= trials
+    )
 
 
 def path_traversal(trials: int) -> Measurement:
@@ -136,7 +209,10 @@ def _json(chance: random.Random, depth: int) -> str:
         return json.dumps(chance.choice(WORDS))
     if kind == 2:
         return "[" + ",".join(_json(chance, depth - 1) for _ in range(chance.randrange(5))) + "]"
-    pairs = (f"{json.dumps(chance.choice(KEYS))}:{_json(chance, depth - 1)}" for _ in range(chance.randrange(5)))
+    pairs = (
+        f"{json.dumps(chance.choice(KEYS))}:{_json(chance, depth - 1)}"
+        for _ in range(chance.randrange(5))
+    )
     return "{" + ",".join(pairs) + "}"
 
 
@@ -148,8 +224,30 @@ def _frame(chance: random.Random) -> bytes | str:
 
 
 def _path(chance: random.Random) -> str:
-    up = chance.choice(["../", "..%2f", "%2e%2e/", "%2e%2e%2f", "..%5c", "....//", "%252e%252e%252f", "..%00/", "/", "%2f"])
-    target = chance.choice(["etc/passwd", "console.sqlite", "server.py", "proc/self/environ", "guard.py", "__init__.py"])
+    up = chance.choice(
+        [
+            "../",
+            "..%2f",
+            "%2e%2e/",
+            "%2e%2e%2f",
+            "..%5c",
+            "....//",
+            "%252e%252e%252f",
+            "..%00/",
+            "/",
+            "%2f",
+        ]
+    )
+    target = chance.choice(
+        [
+            "etc/passwd",
+            "console.sqlite",
+            "server.py",
+            "proc/self/environ",
+            "guard.py",
+            "__init__.py",
+        ]
+    )
     return f"/{chance.choice(['page', 'viewer', 'api/v1/runs', 'api/v1/zones'])}/{up * chance.randint(1, 8)}{target}"
 
 

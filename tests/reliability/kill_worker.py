@@ -1,11 +1,14 @@
-"""Row 14's worker: saves one zone after the other and says which are acknowledged, until it is killed.
+"""Row 14's worker: saves one zone after the other and says which are acknowledged, until it is
+killed.
 
-A process of its own that forks its savers, so that a thousand kills do not cost a thousand starts of Python.
-`python -m app.durability FOLDER KILLS SEED store|file` prints how many were acknowledged and how many of those were lost.
+A process of its own that forks its savers, so that a thousand kills do not cost a thousand starts
+of Python. `python -m tests.reliability.kill_worker FOLDER KILLS SEED store|file` prints how many were acknowledged
+and how many of those were lost.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import random
@@ -28,7 +31,8 @@ def main(folder: Path, kills: int, seed: int, kind: str) -> None:
     chance, acknowledged = random.Random(seed), set[str]()
     folder.mkdir(parents=True, exist_ok=True)
     for kill in range(kills):
-        acknowledged |= _saved_until_killed(lambda say, kill=kill: save(folder, kill, say), chance.uniform(0.002, LONGEST_S))  # type: ignore[misc]
+        work = functools.partial(save, folder, kill)
+        acknowledged |= _saved_until_killed(work, chance.uniform(0.002, LONGEST_S))
     lost = len(acknowledged - ids(folder))
     print(json.dumps({"acknowledged": len(acknowledged), "lost": lost}))
 

@@ -1,6 +1,8 @@
-"""The promises of the reliability page, measured: `make reliability` prints them in one table, nothing of it typed by hand.
+"""The promises of the reliability page, measured: `make reliability` prints them in one table,
+nothing of it typed by hand.
 
-The same functions with fewer trials are the tests, where each has a control: without the protection its promise is broken.
+The same functions with fewer trials are the tests, where each has a control: without the protection
+its promise is broken.
 """
 
 from __future__ import annotations
@@ -196,23 +198,26 @@ ROWS = (
         number=24,
         fault="foreign host, foreign origin, no log-in, on every route",
         promise="refused before any handler runs",
-        measure=hostile_figures.strangers,
+        measure=hostile_figures.foreign_requests,
         trials=100,
     ),
     Promise(
         number=25,
         fault="paths that lead elsewhere, weights that are a program",
         promise="nothing outside is read, nothing is executed",
-        measure=hostile_figures.escapes,
+        measure=hostile_figures.path_traversal,
         trials=500,
     ),
 )
 
 
 def measure_reliability(*, rows: frozenset[int] = frozenset(), factor: float = 1.0) -> int:
-    """Measure and print; 0 when every promise is met. `factor` multiplies the trials, `rows` picks some."""
+    """Measure and print; 0 when every promise is met. `factor` multiplies the trials, `rows` picks
+    some."""
     warm_up()
-    table = Table("row", "fault", "promise", "trials", "measured", "met", title="When things go wrong")
+    table = Table(
+        "row", "fault", "promise", "trials", "measured", "met", title="When things go wrong"
+    )
     terminal, met = Terminal(), True
     with terminal.status("") as status:
         for row in ROWS:
@@ -222,6 +227,8 @@ def measure_reliability(*, rows: frozenset[int] = frozenset(), factor: float = 1
             figure = row.measure(max(1, round(row.trials * factor)))
             met = met and figure.met
             said = "[green]yes" if figure.met else "[red]NO"
-            table.add_row(str(row.number), row.fault, row.promise, str(figure.trials), figure.measured, said)
+            table.add_row(
+                str(row.number), row.fault, row.promise, str(figure.trials), figure.measured, said
+            )
     terminal.print(table)
     return 0 if met else 1

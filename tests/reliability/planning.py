@@ -1,4 +1,5 @@
-"""Rows 7 to 11 of the reliability page: goals that cannot be, zones drawn in the way, and somebody who steps in it."""
+"""Rows 7 to 11 of the reliability page: goals that cannot be, zones drawn in the way, and somebody
+who steps in it."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ def _square(x_m: float, y_m: float, half_m: float, turn_rad: float = 0.0) -> Cor
 
 
 def over_budget(trials: int) -> Measurement:
-    """Row 7: searches on grids of noise that are given up, and how long that took next to the whole search."""
+    """Row 7: searches on grids of noise that are given up, and how long that took next to the whole
+    search."""
     rng, given_up, over_ms = np.random.default_rng(7), 0, []
     for _ in range(trials):
         blocked = rng.random((400, 400)) < 0.33
@@ -74,8 +76,11 @@ def _held_over_budget() -> bool:
     return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
 
 
-def _answer(pilot: RobotController, frame: Frame, goal: tuple[float, float]) -> tuple[bool, tuple[StopReason, ...], float]:
-    """Whether the robot moves when sent to a goal, why not, and after how many seconds of thinking that is known."""
+def _answer(
+    pilot: RobotController, frame: Frame, goal: tuple[float, float]
+) -> tuple[bool, tuple[StopReason, ...], float]:
+    """Whether the robot moves when sent to a goal, why not, and after how many seconds of thinking
+    that is known."""
     began_s = time.perf_counter()
     pilot.change_mission(lambda mission: mission.add(*goal, pilot.navigator.map.spec).start())
     pilot.think(frame, clock=lambda: frame.stamp_ns)
@@ -111,7 +116,9 @@ def impossible_goals(trials: int) -> Measurement:
     for number in range(max(trials, len(cases))):
         goal, areas = cases[number % len(cases)]
         pilot = _pilot_with(areas)
-        pilot.think(frame, clock=lambda: frame.stamp_ns)  # look round first: a goal is judged by what has been seen
+        pilot.think(
+            frame, clock=lambda: frame.stamp_ns
+        )  # look round first: a goal is judged by what has been seen
         pilot.trust_pose()
         try:
             moves, reasons, took_s = _answer(pilot, frame, goal)
@@ -133,8 +140,13 @@ def zone_under_robot(trials: int) -> Measurement:
     rng, frame = np.random.default_rng(9), first_picture()
     stood = left = 0
     for _ in range(trials):
-        x_m, y_m = frame.pose.x_m + float(rng.uniform(-0.3, 0.3)), frame.pose.y_m + float(rng.uniform(-0.3, 0.3))
-        pilot = _pilot_with((_square(x_m, y_m, float(rng.uniform(0.1, 0.8)), float(rng.uniform(0, math.pi))),))
+        x_m, y_m = (
+            frame.pose.x_m + float(rng.uniform(-0.3, 0.3)),
+            frame.pose.y_m + float(rng.uniform(-0.3, 0.3)),
+        )
+        pilot = _pilot_with(
+            (_square(x_m, y_m, float(rng.uniform(0.1, 0.8)), float(rng.uniform(0, math.pi))),)
+        )
         moves, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
         stood += not moves and bool(reasons)
         pilot.change_mission(lambda mission: mission.pause().leave())
@@ -143,19 +155,30 @@ def zone_under_robot(trials: int) -> Measurement:
         verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
         left += verdict.twist != STANDSTILL
     return Measurement(
-        trials=trials, measured=f"{stood} stood with a reason; {left} moved once told to leave", met=stood == trials
+        trials=trials,
+        measured=f"{stood} stood with a reason; {left} moved once told to leave",
+        met=stood == trials,
     )
 
 
 def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
-    """Row 10: a zone appears on the path ahead of the driving robot, no nearer than it can brake; the referee watches it."""
+    """Row 10: a zone appears on the path ahead of the driving robot, no nearer than it can brake;
+    the referee watches it."""
     intrusions = drawn = 0
     for seed in range(trials):
         rng, zones = np.random.default_rng((10, seed)), list[Zone]()
 
-        def draw(t_s: float, episode: Episode, rng: np.random.Generator = rng, zones: list[Zone] = zones) -> None:
+        def draw(
+            t_s: float, episode: Episode, rng: np.random.Generator = rng, zones: list[Zone] = zones
+        ) -> None:
             decision = episode.pilot.thought.decision
-            if zones or t_s < 1.2 or decision is None or decision.route is None or not len(decision.route.points):
+            if (
+                zones
+                or t_s < 1.2
+                or decision is None
+                or decision.route is None
+                or not len(decision.route.points)
+            ):
                 return
             ahead = float(rng.uniform(1.9, 2.4)) + float(rng.uniform(0.2, 0.4))
             points, here = decision.route.points, episode.simulator.true_pose()
@@ -163,7 +186,16 @@ def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
             if not far:
                 return
             x_m, y_m = far[0]
-            zones.append(_zone(_square(float(x_m), float(y_m), float(rng.uniform(0.2, 0.5)), float(rng.uniform(0, 3)))))
+            zones.append(
+                _zone(
+                    _square(
+                        float(x_m),
+                        float(y_m),
+                        float(rng.uniform(0.2, 0.5)),
+                        float(rng.uniform(0, 3)),
+                    )
+                )
+            )
             episode.simulator.referee.set_zones(tuple(np.array(zone.polygon) for zone in zones))
             if told:
                 episode.pilot.change(lambda intent: dataclasses.replace(intent, zones=tuple(zones)))
@@ -172,12 +204,15 @@ def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
         drawn += len(zones)
         intrusions += int(str(report["zone_intrusions"]))
     return Measurement(
-        trials=trials, measured=f"{intrusions} intrusions, {drawn} zones drawn", met=intrusions == 0 and drawn == trials
+        trials=trials,
+        measured=f"{intrusions} intrusions, {drawn} zones drawn",
+        met=intrusions == 0 and drawn == trials,
     )
 
 
 def sudden_obstacle(trials: int) -> Measurement:
-    """Row 11: at full speed, with a planner that sees nothing and drives straight on, so that only the gate can help."""
+    """Row 11: at full speed, with a planner that sees nothing and drives straight on, so that only
+    the gate can help."""
     track: list[tuple[float, float]] = []
 
     def follow(t_s: float, episode: Episode) -> None:
@@ -188,9 +223,20 @@ def sudden_obstacle(trials: int) -> Measurement:
     stop_m = HUSKY.max_speed_mps * REACTION_S + HUSKY.max_speed_mps**2 / (2 * HUSKY.max_accel_mps2)
     for _ in range(trials):
         at_s, radius_m = float(rng.uniform(1.2, 1.8)), float(rng.uniform(0.05, 0.4))
-        x_m = float(np.interp(at_s, *np.array(track).T)) + HUSKY.length_m / 2 + stop_m + 0.3 + radius_m
+        x_m = (
+            float(np.interp(at_s, *np.array(track).T))
+            + HUSKY.length_m / 2
+            + stop_m
+            + 0.3
+            + radius_m
+        )
         there = (at_s + 0.004, x_m, float(rng.uniform(-0.3, 0.3)))
-        post = Mover(keys=((0.0, 0.0, 10.0), (at_s, 0.0, 10.0), there), period_s=60.0, radius_m=radius_m, height_m=1.0)
+        post = Mover(
+            keys=((0.0, 0.0, 10.0), (at_s, 0.0, 10.0), there),
+            period_s=60.0,
+            radius_m=radius_m,
+            height_m=1.0,
+        )
         world = dataclasses.replace(OPEN, movers=(post,))
         speeds: list[float] = []
         _, report = drill(
@@ -198,7 +244,9 @@ def sudden_obstacle(trials: int) -> Measurement:
             until_s=at_s + 1.6,
             scenario=world,
             prepare=drive_blindly,
-            on_command=lambda t_s, episode, speeds=speeds: speeds.append(episode.simulator.velocity().v_mps),  # type: ignore[misc]
+            on_command=lambda t_s, episode, speeds=speeds: speeds.append(
+                episode.simulator.velocity().v_mps
+            ),  # type: ignore[misc]
         )
         contacts += int(str(report["collisions"]))
         fastest_mps = max(fastest_mps, *speeds)
@@ -212,5 +260,7 @@ def sudden_obstacle(trials: int) -> Measurement:
 
 def drive_blindly(episode: Episode) -> None:
     """Replace the local planner by one that drives straight on at full speed."""
-    full = Motion(twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=ControllerState.FOLLOW)
+    full = Motion(
+        twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=ControllerState.FOLLOW
+    )
     episode.pilot.navigator.move = lambda *_, **named: full  # type: ignore[method-assign]

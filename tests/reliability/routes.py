@@ -1,4 +1,5 @@
-"""Knocking at the door: every route an app itself knows, asked for by strangers, without a network between."""
+"""Knocking at the door: every route an app itself knows, asked for by strangers, without a network
+between."""
 
 from __future__ import annotations
 
@@ -19,7 +20,11 @@ STRANGERS = {
     "no origin to speak of": {"Host": "console", "Origin": "null"},
     "same name, other port": {"Host": "console", "Origin": "http://console:9999"},
     "origin with a trick": {"Host": "console", "Origin": "http://console@evil.example"},
-    "embedded elsewhere": {"Host": "console", "Sec-Fetch-Site": "cross-site", "Sec-Fetch-Dest": "image"},
+    "embedded elsewhere": {
+        "Host": "console",
+        "Sec-Fetch-Site": "cross-site",
+        "Sec-Fetch-Dest": "image",
+    },
 }
 """Whom a console that is called `console` must not let in."""
 PARAMETER = "x" * 16
@@ -34,13 +39,16 @@ def routes_of(app: FastAPI) -> list[tuple[str, str]]:
         if isinstance(route.original_route, WebSocketRoute):
             found.append(("WS", path))
         else:
-            assert isinstance(route.original_route, Route), f"{route!r} is of a kind that is not known here"
+            assert isinstance(route.original_route, Route), (
+                f"{route!r} is of a kind that is not known here"
+            )
             found += [(method, path) for method in sorted(route.methods or ())]
     return found
 
 
 def ask(app: Any, method: str, path: str, headers: dict[str, str], *, quiet: bool = False) -> int:
-    """Status of the app's answer; 101 for a websocket that is accepted, 403 for one that is closed before.
+    """Status of the app's answer; 101 for a websocket that is accepted, 403 for one that is closed
+    before.
 
     `quiet`: a handler that is reached and fails answers 500, and its error is not raised again.
     """
@@ -56,10 +64,15 @@ def ask(app: Any, method: str, path: str, headers: dict[str, str], *, quiet: boo
         "subprotocols": [],
         "headers": [(name.lower().encode(), value.encode()) for name, value in headers.items()],
     }
-    arriving = iter([{"type": "websocket.connect"} if method == "WS" else {"type": "http.request", "body": b""}])
+    arriving = iter(
+        [{"type": "websocket.connect"} if method == "WS" else {"type": "http.request", "body": b""}]
+    )
 
     async def receive() -> Message:
-        return next(arriving, {"type": "websocket.disconnect"} if method == "WS" else {"type": "http.disconnect"})
+        return next(
+            arriving,
+            {"type": "websocket.disconnect"} if method == "WS" else {"type": "http.disconnect"},
+        )
 
     async def send(message: Message) -> None:
         sent.append(message)

@@ -25,7 +25,8 @@ BAD_VALUES: tuple[object, ...] = ("nonsense", -1e12, {"nonsense": 1})
 
 
 def busy_ports(trials: int) -> Measurement:
-    """Row 18: from the program's start to its end, and what it said; the first, which fills caches, is not counted."""
+    """Row 18: from the program's start to its end, and what it said; the first, which fills caches,
+    is not counted."""
     said, slowest_s = 0, 0.0
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
@@ -46,8 +47,9 @@ def busy_ports(trials: int) -> Measurement:
 
 
 def bad_values(trials: int) -> Measurement:
-    """Row 19: every key of the shipped world, robot and beware list gets a value of another kind, or one out of range, or a
-    neighbour that nobody knows. `trials` is the least number of such files; there are as many as there are keys.
+    """Row 19: every key of the shipped world, robot and beware list gets a value of another kind,
+    or one out of range, or a neighbour that nobody knows. `trials` is the least number of such
+    files; there are as many as there are keys.
     """
     count, silent = 0, []
     with tempfile.TemporaryDirectory() as folder:
@@ -63,7 +65,8 @@ def bad_values(trials: int) -> Measurement:
                         silent.append(f"{name}: {key} is not named in: {refusal}")
     return Measurement(
         trials=count,
-        measured=f"refused by name: {count - len(silent)} of {count}" + (f"; not {silent[0]}" if silent else ""),
+        measured=f"refused by name: {count - len(silent)} of {count}"
+        + (f"; not {silent[0]}" if silent else ""),
         met=not silent and count >= trials,
     )
 
@@ -123,4 +126,8 @@ def _value(value: Any) -> str:
         return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, bool):
         return str(value).lower()
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"' if isinstance(value, str) else repr(value)
+    return (
+        '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        if isinstance(value, str)
+        else repr(value)
+    )

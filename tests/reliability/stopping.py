@@ -1,4 +1,5 @@
-"""Rows 1 to 6 of the reliability page: sensors, planner and console do wrong, and how soon the robot stands."""
+"""Rows 1 to 6 of the reliability page: sensors, planner and console do wrong, and how soon the
+robot stands."""
 
 from __future__ import annotations
 
@@ -31,9 +32,13 @@ STILL_MPS = 0.01
 
 
 def _trials(faults: list[Fault], trials: int) -> list[tuple[int, Fault]]:
-    """(seed, fault) for each trial: all faults in turn, then again with another seed, at another moment of half a second."""
+    """(seed, fault) for each trial: all faults in turn, then again with another seed, at another
+    moment of half a second."""
     turns = product(range(-(-trials // len(faults))), faults)
-    return [(seed, _later(fault, 0.021 + 0.037 * (seed % MOMENTS))) for seed, fault in list(turns)[:trials]]
+    return [
+        (seed, _later(fault, 0.021 + 0.037 * (seed % MOMENTS)))
+        for seed, fault in list(turns)[:trials]
+    ]
 
 
 def _later(fault: Fault, by_s: float) -> Fault:
@@ -46,7 +51,8 @@ def _drives(record: Drill, from_s: float, until_s: float) -> bool:
 
 
 def silent_camera(trials: int) -> Measurement:
-    """Row 1: how old the content of the newest picture was, in truth, when the robot still was told to move."""
+    """Row 1: how old the content of the newest picture was, in truth, when the robot still was told
+    to move."""
     span = {"sensor": "camera", "from_s": FROM_S, "until_s": UNTIL_S}
     faults = [
         Fault(kind="off", **span),  # type: ignore[arg-type]
@@ -60,10 +66,17 @@ def silent_camera(trials: int) -> Measurement:
         record, _ = drill(fault, seed=seed, until_s=END_S)
         oldest_s = max([oldest_s, *(sent.content_age_s for sent in record.sent if sent.moving)])
         drove += _drives(record, 0.0, fault.from_s) and _drives(record, UNTIL_S, END_S)
-        named = any(cause in ("stale_frame", "stuck_camera") for sent in record.sent for cause in sent.causes)
+        named = any(
+            cause in ("stale_frame", "stuck_camera")
+            for sent in record.sent
+            for cause in sent.causes
+        )
         said += named
-        # An intermittent camera may show something in time by chance: then there is nothing to name.
-        unsaid += not named and any(sent.content_age_s > 0.5 + COMMAND_PERIOD_S for sent in record.sent)
+        # An intermittent camera may show something in time by chance: then there is nothing to
+        # name.
+        unsaid += not named and any(
+            sent.content_age_s > 0.5 + COMMAND_PERIOD_S for sent in record.sent
+        )
     return Measurement(
         trials=trials,
         measured=f"moved on content at most {oldest_s:.2f} s old; camera named in {said}, not named though late in {unsaid}, "
@@ -79,10 +92,16 @@ def hung_planner(trials: int) -> Measurement:
         for _ in range(trials):
             sent = len(robot.ages_s)
             _patiently(lambda sent=sent: len(robot.ages_s) > sent + 5)
-            faults.append(Fault(sensor="planner", kind="hang", from_s=now_s(), until_s=now_s() + 0.6))
+            faults.append(
+                Fault(sensor="planner", kind="hang", from_s=now_s(), until_s=now_s() + 0.6)
+            )
             time.sleep(0.7)
     oldest_s = max(robot.ages_s)
-    return Measurement(trials=trials, measured=f"oldest command sent {oldest_s * 1e3:.0f} ms", met=oldest_s <= 0.25 + LATE_S)
+    return Measurement(
+        trials=trials,
+        measured=f"oldest command sent {oldest_s * 1e3:.0f} ms",
+        met=oldest_s <= 0.25 + LATE_S,
+    )
 
 
 def _patiently(holds: object, patience_s: float = 20.0) -> None:
@@ -93,9 +112,16 @@ def _patiently(holds: object, patience_s: float = 20.0) -> None:
 
 def frozen_console(trials: int) -> Measurement:
     """Row 3: how long the robot rolls on after the last command it got."""
-    world = Scenario(name="open", size_m=(40.0, 40.0), map=MapExtent(size_m=(40.0, 40.0)), start=(-15.0, 0.0, 0.0))
+    world = Scenario(
+        name="open",
+        size_m=(40.0, 40.0),
+        map=MapExtent(size_m=(40.0, 40.0)),
+        start=(-15.0, 0.0, 0.0),
+    )
     longest_s, rng = 0.0, np.random.default_rng(0)
-    with Simulator(world, seed=0, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001) as simulator:
+    with Simulator(
+        world, seed=0, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
+    ) as simulator:
         for _ in range(trials):
             twist = Twist(v_mps=float(rng.uniform(0.2, 1.0)), w_radps=float(rng.uniform(-1.0, 1.0)))
             for step in range(STEPS_PER_S + int(rng.integers(12))):
@@ -109,7 +135,11 @@ def frozen_console(trials: int) -> Measurement:
                     break
                 simulator.step()
             longest_s = max(longest_s, (simulator.now_ns() - last_ns) / 1e9)
-    allowed_s = 0.25 + max(HUSKY.max_speed_mps / HUSKY.max_accel_mps2, 1.0 / HUSKY.max_yaw_accel_radps2) + 0.15
+    allowed_s = (
+        0.25
+        + max(HUSKY.max_speed_mps / HUSKY.max_accel_mps2, 1.0 / HUSKY.max_yaw_accel_radps2)
+        + 0.15
+    )
     return Measurement(
         trials=trials,
         measured=f"stood at most {longest_s:.2f} s after the last command (braking from 1 m/s takes 0.33 s)",
@@ -139,8 +169,14 @@ def malformed_frames(trials: int) -> Measurement:
         refused += decision is None and pilot.thought.bad_frame is not None
         numbers = (verdict.twist.v_mps, verdict.twist.w_radps)
         escaped += not all(map(math.isfinite, numbers)) or decision is not None
-        escaped += not np.isfinite(pilot.navigator.map.points.points_map).all() if number % 500 == 0 else 0
-    return Measurement(trials=trials, measured=f"{refused} refused with a reason, {escaped} escaped", met=escaped == 0)
+        escaped += (
+            not np.isfinite(pilot.navigator.map.points.points_map).all() if number % 500 == 0 else 0
+        )
+    return Measurement(
+        trials=trials,
+        measured=f"{refused} refused with a reason, {escaped} escaped",
+        met=escaped == 0,
+    )
 
 
 def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
@@ -165,17 +201,27 @@ def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
         case 6:
             return dataclasses.replace(frame, pose=Pose2(x_m=nonsense, y_m=0.0, yaw_rad=0.0))
         case 7:
-            return dataclasses.replace(frame, intrinsics=dataclasses.replace(good.intrinsics, fx=0.0, cx=nonsense))
+            return dataclasses.replace(
+                frame, intrinsics=dataclasses.replace(good.intrinsics, fx=0.0, cx=nonsense)
+            )
         case _:
             return dataclasses.replace(frame, T_base_camera=np.full((4, 4), nonsense))
     return dataclasses.replace(frame, depth_m=depth_m)
 
 
 def jumping_odometry(trials: int) -> Measurement:
-    """Row 5: how long after the fault the robot was last told to move, and what came on the map meanwhile."""
+    """Row 5: how long after the fault the robot was last told to move, and what came on the map
+    meanwhile."""
     faults = [
         Fault(sensor="odometry", kind="wrong", shift_m=1.0, from_s=FROM_S, until_s=UNTIL_S),
-        Fault(sensor="odometry", kind="wrong", shift_m=0.0, turn_deg=180.0, from_s=FROM_S, until_s=UNTIL_S),
+        Fault(
+            sensor="odometry",
+            kind="wrong",
+            shift_m=0.0,
+            turn_deg=180.0,
+            from_s=FROM_S,
+            until_s=UNTIL_S,
+        ),
         Fault(sensor="stamps", kind="stuck", from_s=FROM_S, until_s=UNTIL_S),
         Fault(sensor="stamps", kind="wrong", delay_s=0.2, from_s=FROM_S, until_s=UNTIL_S),
     ]
@@ -183,7 +229,12 @@ def jumping_odometry(trials: int) -> Measurement:
     for seed, fault in _trials(faults, trials):
         record, _ = drill(fault, seed=seed, until_s=UNTIL_S)
         during = record.between(fault.from_s, UNTIL_S)
-        longest_s = max([longest_s, *(sent.t_s - fault.from_s + COMMAND_PERIOD_S for sent in during if sent.moving)])
+        longest_s = max(
+            [
+                longest_s,
+                *(sent.t_s - fault.from_s + COMMAND_PERIOD_S for sent in during if sent.moving),
+            ]
+        )
         mapped += sum(late.map_version != during[0].map_version for late in during[-1:])
     return Measurement(
         trials=trials,
@@ -194,13 +245,22 @@ def jumping_odometry(trials: int) -> Measurement:
 
 def false_alarms(trials: int) -> Measurement:
     """Row 5's clean run, each trial 10 s of driving at random: frames that were doubted."""
-    world = Scenario(name="open", size_m=(200.0, 200.0), map=MapExtent(size_m=(10.0, 10.0)), start=(0.0, 0.0, 0.0))
+    world = Scenario(
+        name="open",
+        size_m=(200.0, 200.0),
+        map=MapExtent(size_m=(10.0, 10.0)),
+        start=(0.0, 0.0, 0.0),
+    )
     rng, doubted, frames, senses, frame = np.random.default_rng(5), 0, 0, SensorMonitor(), None
-    with Simulator(world, seed=0, renderer="tiny", camera_size=(32, 24), camera_rate_hz=10.0) as simulator:
+    with Simulator(
+        world, seed=0, renderer="tiny", camera_size=(32, 24), camera_rate_hz=10.0
+    ) as simulator:
         twist = Twist(v_mps=0.0, w_radps=0.0)
         for step in range(trials * 10 * STEPS_PER_S):
             if step % (STEPS_PER_S // 2) == 0 and rng.random() < 0.4:
-                twist = Twist(v_mps=float(rng.uniform(-1.0, 1.0)), w_radps=float(rng.uniform(-2.0, 2.0)))
+                twist = Twist(
+                    v_mps=float(rng.uniform(-1.0, 1.0)), w_radps=float(rng.uniform(-2.0, 2.0))
+                )
             if step % 12 == 0:
                 simulator.send(twist)
             simulator.step()
@@ -212,7 +272,9 @@ def false_alarms(trials: int) -> Measurement:
                 doubted += senses.doubt is not None
                 senses = senses if senses.doubt is None else SensorMonitor()
     return Measurement(
-        trials=trials, measured=f"{doubted} of {frames} frames doubted in {frames / 600:.1f} min", met=doubted == 0
+        trials=trials,
+        measured=f"{doubted} of {frames} frames doubted in {frames / 600:.1f} min",
+        met=doubted == 0,
     )
 
 

@@ -1,4 +1,5 @@
-"""Rows 14 to 17 of the reliability page: what is kept when processes die, disks refuse, people collide and clocks jump."""
+"""Rows 14 to 17 of the reliability page: what is kept when processes die, disks refuse, people
+collide and clocks jump."""
 
 from __future__ import annotations
 
@@ -33,8 +34,18 @@ HOUR_S = 3600.0
 def kills(trials: int, *, kind: str = "store") -> Measurement:
     """Row 14: acknowledged saves that are gone after `kill -9`; `kind` "file" is the control."""
     with tempfile.TemporaryDirectory() as folder:
-        worker = [sys.executable, "-m", "tests.reliability.kill_worker", folder, str(trials), "0", kind]
-        counts = json.loads(subprocess.run(worker, check=True, capture_output=True, text=True).stdout)
+        worker = [
+            sys.executable,
+            "-m",
+            "tests.reliability.kill_worker",
+            folder,
+            str(trials),
+            "0",
+            kind,
+        ]
+        counts = json.loads(
+            subprocess.run(worker, check=True, capture_output=True, text=True).stdout
+        )
     return Measurement(
         trials=trials,
         measured=f"{counts['lost']} of {counts['acknowledged']} acknowledged saves lost",
@@ -79,7 +90,9 @@ def refusing_disks(trials: int) -> Measurement:
             for zone in zones:
                 store.save_zone(zone)
             with _troubled(store, number):
-                refused = all(_is_refused(store, n) for n in range(100, 103)) and store.zones() == zones
+                refused = (
+                    all(_is_refused(store, n) for n in range(100, 103)) and store.zones() == zones
+                )
             more = Zone(id="more", name="n", polygon=CORNERS)
             store.save_zone(more)
             kept += refused and store.zones() == (*zones, more)
@@ -111,12 +124,16 @@ def _is_refused(store: Store, number: int) -> bool:
 
 
 def two_editors(trials: int, *, careful: bool = True) -> Measurement:
-    """Row 16: two operators add marks to one zone's name at random moments; a lost update is a mark that is missing."""
+    """Row 16: two operators add marks to one zone's name at random moments; a lost update is a mark
+    that is missing."""
     lost, collisions = 0, 0
     with bench_console() as console:
         for number in range(trials):
             zone_id = _new_zone(console)
-            editors = [_Editor(console, zone_id, mark, careful, seed=2 * number + n) for n, mark in enumerate("ab")]
+            editors = [
+                _Editor(console, zone_id, mark, careful, seed=2 * number + n)
+                for n, mark in enumerate("ab")
+            ]
             threads = [threading.Thread(target=editor.run) for editor in editors]
             for thread in threads:
                 thread.start()
@@ -126,7 +143,11 @@ def two_editors(trials: int, *, careful: bool = True) -> Measurement:
             lost += 2 * MARKS - sum(name.count(mark) for mark in "ab")
             collisions += sum(editor.collisions for editor in editors)
             console.operations.zones.delete(zone_id)
-    return Measurement(trials=trials, measured=f"{collisions} edits refused with both versions, {lost} lost", met=lost == 0)
+    return Measurement(
+        trials=trials,
+        measured=f"{collisions} edits refused with both versions, {lost} lost",
+        met=lost == 0,
+    )
 
 
 def _new_zone(console: BenchConsole) -> str:
@@ -139,8 +160,15 @@ def _new_zone(console: BenchConsole) -> str:
 class _Editor:
     """One of them: reads, thinks, writes, and begins again when the other was quicker."""
 
-    def __init__(self, console: BenchConsole, zone_id: str, mark: str, careful: bool, *, seed: int) -> None:
-        self._console, self._path, self._mark, self._careful = console, f"/api/v1/zones/{zone_id}", mark, careful
+    def __init__(
+        self, console: BenchConsole, zone_id: str, mark: str, careful: bool, *, seed: int
+    ) -> None:
+        self._console, self._path, self._mark, self._careful = (
+            console,
+            f"/api/v1/zones/{zone_id}",
+            mark,
+            careful,
+        )
         self._chance = random.Random(seed)
         self.collisions = 0
 
@@ -160,19 +188,25 @@ class _Editor:
         answer = program.put(self._path, json=zone, headers=headers)
         if answer.status_code == 409:
             body = answer.json()
-            assert body["stored_version"] != body["given_version"] and body["stored"]["id"] == zone["id"]
+            assert (
+                body["stored_version"] != body["given_version"]
+                and body["stored"]["id"] == zone["id"]
+            )
             return False
         answer.raise_for_status()
         return True
 
 
 def jumping_clocks(trials: int) -> Measurement:
-    """Row 17: the same drive with the wall clock an hour off, and off by another hour in the middle of it."""
+    """Row 17: the same drive with the wall clock an hour off, and off by another hour in the middle
+    of it."""
     differences = 0
     for seed in range(trials):
         plain, jumped = _commands(seed, 0.0), _commands(seed, HOUR_S if seed % 2 else -HOUR_S)
         differences += plain != jumped
-    return Measurement(trials=trials, measured=f"{differences} drives with another command", met=differences == 0)
+    return Measurement(
+        trials=trials, measured=f"{differences} drives with another command", met=differences == 0
+    )
 
 
 def _commands(seed: int, off_s: float) -> list[object]:
@@ -182,6 +216,9 @@ def _commands(seed: int, off_s: float) -> list[object]:
     def wall_s() -> float:
         return real_s() + off_s * (1 + (time.monotonic() - began_s > 1.0))
 
-    with patch("time.time", wall_s), patch("time.time_ns", lambda: real_ns() + round(1e9 * (wall_s() - real_s()))):
+    with (
+        patch("time.time", wall_s),
+        patch("time.time_ns", lambda: real_ns() + round(1e9 * (wall_s() - real_s()))),
+    ):
         record, _ = drill(seed=seed, until_s=3.0)
     return list(record.sent)

@@ -1,4 +1,5 @@
-"""Rows 12 and 13 of the reliability page: the emergency stop through the door, and a hand that goes away."""
+"""Rows 12 and 13 of the reliability page: the emergency stop through the door, and a hand that goes
+away."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ IDLE_S, LOADED_S = 0.05, 0.15
 
 
 def emergency_stops(trials: int) -> Measurement:
-    """Row 12: from the press to the first zero, with nothing else to do and with everything at once; and nothing after it."""
+    """Row 12: from the press to the first zero, with nothing else to do and with everything at
+    once; and nothing after it."""
     waits: dict[bool, list[float]] = {False: [], True: []}
     missed = 0
     with bench_console() as console, console.client() as button:
@@ -45,7 +47,10 @@ def emergency_stops(trials: int) -> Measurement:
                 missed += console.wheels.last != STANDSTILL
             waits[loaded].append(stood_s - pressed_s)
             button.post("/api/v1/stop/reset").raise_for_status()
-    p99_s = {loaded: float(np.quantile(values, 0.99)) if values else 0.0 for loaded, values in waits.items()}
+    p99_s = {
+        loaded: float(np.quantile(values, 0.99)) if values else 0.0
+        for loaded, values in waits.items()
+    }
     return Measurement(
         trials=trials,
         measured=f"p99 {p99_s[False] * 1000:.0f} ms idle, {p99_s[True] * 1000:.0f} ms loaded, {missed} missed",
@@ -54,7 +59,8 @@ def emergency_stops(trials: int) -> Measurement:
 
 
 def lost_teleop(trials: int) -> Measurement:
-    """Row 13: from a page's last word, or the last that is not late, to standstill; closed, frozen, and held up on the way."""
+    """Row 13: from a page's last word, or the last that is not late, to standstill; closed, frozen,
+    and held up on the way."""
     worst_s, drove = 0.0, 0
     with bench_console() as console:
         for number in range(trials):
@@ -62,7 +68,11 @@ def lost_teleop(trials: int) -> Measurement:
             with connect(_address(console), proxy=None) as page:
                 last_s = ways[number % len(ways)](console, page)
                 time.sleep(WATCH_S)
-                drove += any(twist != STANDSTILL for at_s, twist in console.wheels.sent if at_s <= last_s + 0.1)
+                drove += any(
+                    twist != STANDSTILL
+                    for at_s, twist in console.wheels.sent
+                    if at_s <= last_s + 0.1
+                )
                 stood_s = console.wheels.stands_since()
             worst_s = max(worst_s, stood_s - last_s + braking_s(SLOWLY, HUSKY))
             patiently(lambda: console.wheels.last == STANDSTILL)
@@ -106,7 +116,9 @@ def _drive(console: BenchConsole, page: Connection) -> float:
 
 
 def _send(page: Connection, at_s: float) -> None:
-    page.send(json.dumps({"type": "drive", "v_mps": SLOWLY.v_mps, "w_radps": 0.0, "t_ms": at_s * 1000}))
+    page.send(
+        json.dumps({"type": "drive", "v_mps": SLOWLY.v_mps, "w_radps": 0.0, "t_ms": at_s * 1000})
+    )
 
 
 def _address(console: BenchConsole) -> str:
@@ -133,7 +145,9 @@ def _pushed(console: BenchConsole) -> Iterator[None]:
 def _load(console: BenchConsole) -> Iterator[None]:
     """The planner hangs, the database is locked, and somebody streams the cloud."""
     ended = threading.Event()
-    console.faults.append(Fault(sensor="planner", kind="hang", from_s=console.now_s(), until_s=console.now_s() + 1.0))
+    console.faults.append(
+        Fault(sensor="planner", kind="hang", from_s=console.now_s(), until_s=console.now_s() + 1.0)
+    )
     locker = sqlite3.connect(console.store.path, isolation_level=None)
     locker.execute("BEGIN IMMEDIATE")
 
@@ -142,7 +156,10 @@ def _load(console: BenchConsole) -> Iterator[None]:
             while not ended.is_set():
                 try:
                     reader.get("/api/v1/cloud.ply")
-                    reader.post("/api/v1/zones", json={"name": "z", "geometry": {"type": "Polygon", "coordinates": [RING]}})
+                    reader.post(
+                        "/api/v1/zones",
+                        json={"name": "z", "geometry": {"type": "Polygon", "coordinates": [RING]}},
+                    )
                 except httpx.HTTPError:
                     continue
 

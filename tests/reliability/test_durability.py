@@ -1,4 +1,5 @@
-"""What was acknowledged survives kills, disks that refuse and new layouts; names, journals and users keep their rules."""
+"""What was acknowledged survives kills, disks that refuse and new layouts; names, journals and
+users keep their rules."""
 
 from __future__ import annotations
 
@@ -52,7 +53,9 @@ CREATE TABLE runs (id TEXT PRIMARY KEY, report TEXT NOT NULL) STRICT;
 
 def test_a_file_of_the_first_layout_is_read_and_brought_to_the_present_one(tmp_path: Path) -> None:
     edited = default_beware_list().edited("cup", enabled=False)
-    document = json.dumps({"version": edited.version, "classes": [as_table(entry) for entry in edited.classes]})
+    document = json.dumps(
+        {"version": edited.version, "classes": [as_table(entry) for entry in edited.classes]}
+    )
     with closing(sqlite3.connect(tmp_path / "console.sqlite", isolation_level=None)) as old:
         old.executescript(FIRST_LAYOUT)
         old.execute("INSERT INTO zones VALUES ('b', 'floor', ?, 0, 0.3, 4)", (json.dumps(SQUARE),))
@@ -122,7 +125,11 @@ def test_a_journal_gives_the_newest_first_and_goes_on_where_it_ended(tmp_path: P
         store.audit.add({"who": "anna", "number": number})
     newest = store.audit.newest(2)
     assert [entry["number"] for entry in newest] == [4, 3] and newest[0]["at"].endswith("+00:00")
-    assert [entry["number"] for entry in store.audit.newest(9, before=newest[-1]["id"])] == [2, 1, 0]
+    assert [entry["number"] for entry in store.audit.newest(9, before=newest[-1]["id"])] == [
+        2,
+        1,
+        0,
+    ]
     store.close()
 
 

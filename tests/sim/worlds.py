@@ -37,12 +37,16 @@ def open_floor(
 
 def blind(scenario: Scenario, seed: int = 0) -> Simulator:
     """A simulator that hardly takes pictures, for tests of everything else."""
-    return Simulator(scenario, seed=seed, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001)
+    return Simulator(
+        scenario, seed=seed, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
+    )
 
 
 def seeing(scenario: Scenario, seed: int = 0, size: tuple[int, int] = (424, 240)) -> Simulator:
     """A simulator with a camera without errors."""
-    return Simulator(scenario, seed=seed, renderer="tiny", camera_size=size, camera_rate_hz=0.001, errors=PERFECT)
+    return Simulator(
+        scenario, seed=seed, renderer="tiny", camera_size=size, camera_rate_hz=0.001, errors=PERFECT
+    )
 
 
 def drive(simulator: Simulator, v_mps: float, w_radps: float, duration_s: float) -> None:

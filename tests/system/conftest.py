@@ -14,7 +14,8 @@ from app.console.application import ConsoleOptions, RunningConsole, console
 from app.runtime.segmenter_choice import SegmenterChoice
 
 BY_COLOUR = SegmenterChoice(kind="colour")
-"""Most of what a console does needs no network, and its tests run on two processors beside a browser."""
+"""Most of what a console does needs no network, and its tests run on two processors beside a
+browser."""
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,9 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def running(data: Path) -> Iterator[RunningConsole]:
     """A console in the small room."""
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=data, choice=BY_COLOUR)) as started:
+    with console(
+        ConsoleOptions(scenario="empty_room", port=0, data=data, choice=BY_COLOUR)
+    ) as started:
         yield started
 
 
@@ -48,8 +51,11 @@ def tidy(program: httpx.Client) -> None:
         program.patch(f"/api/v1/beware/{entry['name']}", json={"enabled": True})
 
 
-def state_when(program: httpx.Client, holds: Callable[[dict[str, Any]], bool], patience_s: float = 60.0) -> dict[str, Any]:
-    """The first state for which something holds; fails with the last one seen when none comes in time."""
+def state_when(
+    program: httpx.Client, holds: Callable[[dict[str, Any]], bool], patience_s: float = 60.0
+) -> dict[str, Any]:
+    """The first state for which something holds; fails with the last one seen when none comes in
+    time."""
     deadline = time.monotonic() + patience_s
     while True:
         state: dict[str, Any] = program.get("/api/v1/state").json()

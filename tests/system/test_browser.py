@@ -1,4 +1,5 @@
-"""One operator, one real Chromium, one running simulator: draw a zone, pick a goal, see the robot arrive."""
+"""One operator, one real Chromium, one running simulator: draw a zone, pick a goal, see the robot
+arrive."""
 
 from __future__ import annotations
 
@@ -53,7 +54,9 @@ def test_an_operator_draws_a_zone_picks_a_goal_and_sees_the_robot_arrive_round_i
         page.screenshot(path=tmp_path / "arrived.png")
         chromium.close()
     assert np.hypot(positions[-1]["x_m"] - GOAL[0], positions[-1]["y_m"] - GOAL[1]) < 0.3
-    zone = shapely.Polygon(client.get("/api/v1/zones").json()["features"][0]["geometry"]["coordinates"][0])
+    zone = shapely.Polygon(
+        client.get("/api/v1/zones").json()["features"][0]["geometry"]["coordinates"][0]
+    )
     assert zone.area == pytest.approx(0.64, rel=0.2)
     # Half the robot's width is the least its middle keeps from the zone, whichever way it stands.
     assert min(zone.distance(shapely.Point(pose["x_m"], pose["y_m"])) for pose in positions) > 0.35

@@ -15,6 +15,12 @@ def test_the_example_fences_off_a_floor_drives_to_its_goal_stops_and_tidies_up(
     state = client.get("/api/v1/state").json()
     assert state["stop_latched"] and len(state["reached"]) == 1
     assert client.get("/api/v1/zones").json()["features"] == []
-    said = [(entry["method"], entry["path"]) for entry in reversed(client.get("/api/v1/audit").json())]
-    assert [path for _, path in said[:3]] == ["/api/v1/zones", "/api/v1/goals", "/api/v1/mission/start"]
+    said = [
+        (entry["method"], entry["path"]) for entry in reversed(client.get("/api/v1/audit").json())
+    ]
+    assert [path for _, path in said[:3]] == [
+        "/api/v1/zones",
+        "/api/v1/goals",
+        "/api/v1/mission/start",
+    ]
     assert said[3] == ("POST", "/api/v1/stop?by=client.py")

@@ -22,7 +22,9 @@ NEVER_NS = 10**15
 
 def test_row_12_the_emergency_stop_holds_whatever_else_is_asked_for() -> None:
     figure = hand_figures.emergency_stops(4)
-    assert "0 missed" in figure.measured, figure.measured  # how quick it is, is measured by `make reliability`
+    assert "0 missed" in figure.measured, (
+        figure.measured
+    )  # how quick it is, is measured by `make reliability`
 
 
 def test_row_12_without_the_latch_the_hand_drives_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,7 +64,9 @@ def test_row_17_the_wall_clock_changes_no_command() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_17_a_drive_that_asks_the_wall_clock_is_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_17_a_drive_that_asks_the_wall_clock_is_changed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     honest = drills.drill
 
     def asking(*, seed: int, until_s: float) -> Any:
@@ -70,7 +74,9 @@ def test_row_17_a_drive_that_asks_the_wall_clock_is_changed(monkeypatch: pytest.
 
     began_s = time.time()
     monkeypatch.setattr(keeping_figures, "drill", asking)
-    monkeypatch.setattr(keeping_figures, "HOUR_S", -3600.0)  # the first drive is an hour ahead, not behind
+    monkeypatch.setattr(
+        keeping_figures, "HOUR_S", -3600.0
+    )  # the first drive is an hour ahead, not behind
     assert not keeping_figures.jumping_clocks(1).met
 
 
@@ -103,20 +109,20 @@ def test_row_23_hostile_frames_harm_nobody_else() -> None:
 
 
 def test_row_24_no_stranger_gets_past_the_door() -> None:
-    figure = hostile_figures.strangers(100)
+    figure = hostile_figures.foreign_requests(100)
     assert figure.met, figure.measured
 
 
 def test_row_24_without_a_look_at_host_and_origin_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("web.guard.refusal_of_strangers", lambda scope, headers, hosts: None)
-    assert not hostile_figures.strangers(1).met
+    assert not hostile_figures.foreign_requests(1).met
 
 
 def test_row_25_no_path_leads_out_and_no_weights_run_a_program() -> None:
-    figure = hostile_figures.escapes(100)
+    figure = hostile_figures.path_traversal(100)
     assert figure.met, figure.measured
 
 
 def test_row_25_weights_that_are_unpickled_run_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hostile_figures, "load", lambda path: pickle.loads(path.read_bytes()))
-    assert not hostile_figures.escapes(1).met
+    assert not hostile_figures.path_traversal(1).met

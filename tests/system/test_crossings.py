@@ -1,4 +1,5 @@
-"""Somebody walks across the robot's way: it yields, as the referee sees it, and without care it would have met him."""
+"""Somebody walks across the robot's way: it yields, as the referee sees it, and without care it
+would have met him."""
 
 from __future__ import annotations
 
@@ -15,7 +16,9 @@ def drive() -> dict[str, Any]:
     return drive_crossing(7, beware=default_beware_list(), max_time_s=40.0)
 
 
-def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     report = drive()
     assert report["collisions"] == report["struck_while_standing"] == 0
     assert report["goals_reached"] == 1
@@ -25,7 +28,9 @@ def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(m
     assert drive()["min_clearance_m"] < 0.03
 
 
-def test_every_crossing_is_drawn_so_that_a_robot_without_care_meets_him_and_the_same_seed_draws_the_same() -> None:
+def test_every_crossing_is_drawn_so_that_a_robot_without_care_meets_him_and_the_same_seed_draws_the_same() -> (
+    None
+):
     drawn = [draw_crossing(seed) for seed in range(60)]
     assert all(crossing.meets_the_careless() for crossing in drawn)
     assert drawn == [draw_crossing(seed) for seed in range(60)]

@@ -1,4 +1,5 @@
-"""The console of a robot on which something goes wrong: what the operator is told, and what he can do about it."""
+"""The console of a robot on which something goes wrong: what the operator is told, and what he can
+do about it."""
 
 from __future__ import annotations
 
@@ -27,15 +28,21 @@ from_s = 20.0
 
 def test_a_jump_of_odometry_is_told_latched_and_accepted_by_a_reset(tmp_path: Path) -> None:
     world = tmp_path / "faulty.toml"
-    world.write_text((WORLDS / "empty_room.toml").read_text(encoding="utf-8") + FAULTS, encoding="utf-8")
+    world.write_text(
+        (WORLDS / "empty_room.toml").read_text(encoding="utf-8") + FAULTS, encoding="utf-8"
+    )
     with (
-        console(ConsoleOptions(scenario=str(world), port=0, data=tmp_path, choice=BY_COLOUR)) as running,
+        console(
+            ConsoleOptions(scenario=str(world), port=0, data=tmp_path, choice=BY_COLOUR)
+        ) as running,
         httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program,
     ):
         for x_m, y_m in ((-2.5, 1.5), (2.0, 2.0), (-2.5, 1.5), (2.0, 2.0)):
             program.post("/api/v1/goals", json={"x_m": x_m, "y_m": y_m}).raise_for_status()
         program.post("/api/v1/mission/start").raise_for_status()
-        told = state_when(program, lambda state: state["reasons"] and state["reasons"][0]["code"] == "pose_jump")
+        told = state_when(
+            program, lambda state: state["reasons"] and state["reasons"][0]["code"] == "pose_jump"
+        )
         assert told["stop_latched"] and not told["moving"]
         assert "jumped by " in told["summary"]
         after = program.post("/api/v1/stop/reset").json()

@@ -66,11 +66,17 @@ def test_cancel_stands_still_and_forgets_the_goals(client: httpx.Client) -> None
 
 def test_the_path_bends_round_a_zone_and_back_when_it_is_deleted(client: httpx.Client) -> None:
     pose = client.get("/api/v1/state").json()["pose"]
-    client.post("/api/v1/goals", json={"x_m": -2.5, "y_m": -pose["y_m"] if abs(pose["y_m"]) > 1 else 2.5})
+    client.post(
+        "/api/v1/goals", json={"x_m": -2.5, "y_m": -pose["y_m"] if abs(pose["y_m"]) > 1 else 2.5}
+    )
     client.post("/api/v1/mission/start")
-    straight = state_when(client, lambda state: state["distance_to_goal_m"] is not None)["distance_to_goal_m"]
+    straight = state_when(client, lambda state: state["distance_to_goal_m"] is not None)[
+        "distance_to_goal_m"
+    ]
     client.post("/api/v1/mission/pause")
-    preview = client.post("/api/v1/preview", json={"polygon": square(-2.8, -0.3)["geometry"]["coordinates"][0]})
+    preview = client.post(
+        "/api/v1/preview", json={"polygon": square(-2.8, -0.3)["geometry"]["coordinates"][0]}
+    )
     assert preview.is_success, preview.text
     created = client.post("/api/v1/zones", json=square(-2.8, -0.3))
     assert created.status_code == 201
@@ -78,27 +84,44 @@ def test_the_path_bends_round_a_zone_and_back_when_it_is_deleted(client: httpx.C
     bent = state_when(client, lambda state: (state["distance_to_goal_m"] or 0) > straight + 0.1)
     assert bent["phase"] == "driving"
     zone = created.json()
-    assert client.delete(f"/api/v1/zones/{zone['id']}", headers={"If-Match": created.headers["etag"]}).status_code == 204
-    state_when(client, lambda state: state["distance_to_goal_m"] is None or state["distance_to_goal_m"] < straight + 0.1)
+    assert (
+        client.delete(
+            f"/api/v1/zones/{zone['id']}", headers={"If-Match": created.headers["etag"]}
+        ).status_code
+        == 204
+    )
+    state_when(
+        client,
+        lambda state: (
+            state["distance_to_goal_m"] is None or state["distance_to_goal_m"] < straight + 0.1
+        ),
+    )
 
 
 def decoded(client: httpx.Client, name: str) -> npt.NDArray[np.uint8]:
     answer = client.get(f"/api/v1/{name}")
-    return np.asarray(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+    return np.asarray(
+        cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED), dtype=np.uint8
+    )
 
 
 def occupied(client: httpx.Client) -> int:
     return int(np.count_nonzero(decoded(client, "map.pgm") == 0))
 
 
-def test_the_map_follows_the_colour_rule_when_it_is_switched_off_and_on(client: httpx.Client) -> None:
+def test_the_map_follows_the_colour_rule_when_it_is_switched_off_and_on(
+    client: httpx.Client,
+) -> None:
     client.post("/api/v1/goals", json={"x_m": -2.5, "y_m": 0.2})
     client.post("/api/v1/mission/start")
     state_when(client, lambda state: state["phase"] == "idle")
     version = client.get("/api/v1/state").json()["beware_version"]
     seen = occupied(client)
     assert client.patch("/api/v1/beware/red floor", json={"enabled": False}).is_success
-    off = state_when(client, lambda state: state["beware_version"] == version + 1 and occupied(client) < seen - 50)
+    off = state_when(
+        client,
+        lambda state: state["beware_version"] == version + 1 and occupied(client) < seen - 50,
+    )
     assert off["beware_version"] == version + 1
     without = occupied(client)
     client.patch("/api/v1/beware/red floor", json={"enabled": True})
@@ -111,7 +134,12 @@ BAD = [
     ("goals", {"x_m": 100.0, "y_m": 0.0}, 422, "outside the map"),
     ("goals", {"x_m": 1.0}, 422, "y_m"),
     ("goals", {"x_m": 1.0, "y_m": 1.0, "z_m": 0.0}, 422, "z_m"),
-    ("zones", {"name": "a", "geometry": {"type": "Polygon", "coordinates": [[[0, 0]]]}}, 422, "at least 3"),
+    (
+        "zones",
+        {"name": "a", "geometry": {"type": "Polygon", "coordinates": [[[0, 0]]]}},
+        422,
+        "at least 3",
+    ),
     (
         "zones",
         {"name": "a", "geometry": {"type": "Polygon", "coordinates": [CROSSED]}},
@@ -142,13 +170,25 @@ def test_bad_input_is_refused_by_what_is_wrong_and_nothing_stored_is_lost(
 
 def test_a_goal_inside_something_known_is_refused_and_says_what_it_is(client: httpx.Client) -> None:
     client.post("/api/v1/zones", json=square(2.0, -3.0))
-    state_when(client, lambda state: "beware zone" in client.post("/api/v1/goals", json={"x_m": 2.3, "y_m": -2.7}).text, 5.0)
+    state_when(
+        client,
+        lambda state: (
+            "beware zone" in client.post("/api/v1/goals", json={"x_m": 2.3, "y_m": -2.7}).text
+        ),
+        5.0,
+    )
     assert client.post("/api/v1/goals", json={"x_m": 2.3, "y_m": -2.7}).status_code == 422
 
 
 def test_numbers_that_are_none_are_refused(client: httpx.Client) -> None:
-    for text in ('{"x_m": NaN, "y_m": 0}', '{"x_m": 1e999, "y_m": 0}', '{"x_m": -Infinity, "y_m": 0}'):
-        answer = client.post("/api/v1/goals", content=text, headers={"content-type": "application/json"})
+    for text in (
+        '{"x_m": NaN, "y_m": 0}',
+        '{"x_m": 1e999, "y_m": 0}',
+        '{"x_m": -Infinity, "y_m": 0}',
+    ):
+        answer = client.post(
+            "/api/v1/goals", content=text, headers={"content-type": "application/json"}
+        )
         assert answer.status_code == 422
     assert client.get("/api/v1/state").json()["queue"] == []
 
@@ -173,10 +213,18 @@ def test_pictures_cloud_and_metrics_are_served(client: httpx.Client) -> None:
 
 
 def test_zones_and_the_beware_list_survive_a_restart(tmp_path: Path) -> None:
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)) as first:
-        zone = httpx.post(f"{first.url}/api/v1/zones", json=square(1.0, 1.5), trust_env=False).json()
-        httpx.patch(f"{first.url}/api/v1/beware/cup", json={"margin_m": 0.4}, trust_env=False).raise_for_status()
-    with console(ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)) as second:
+    with console(
+        ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)
+    ) as first:
+        zone = httpx.post(
+            f"{first.url}/api/v1/zones", json=square(1.0, 1.5), trust_env=False
+        ).json()
+        httpx.patch(
+            f"{first.url}/api/v1/beware/cup", json={"margin_m": 0.4}, trust_env=False
+        ).raise_for_status()
+    with console(
+        ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)
+    ) as second:
         features = httpx.get(f"{second.url}/api/v1/zones", trust_env=False).json()["features"]
         classes = httpx.get(f"{second.url}/api/v1/beware", trust_env=False).json()["classes"]
     assert [feature["id"] for feature in features] == [zone["id"]]

@@ -1,6 +1,8 @@
-"""Depth and colour decide together what is real: the robot drives over a print of a cup and keeps off a cup.
+"""Depth and colour decide together what is real: the robot drives over a print of a cup and keeps
+off a cup.
 
-With the network that ships. A wall has one door, in which the print lies: who takes it for a cup finds no way through.
+With the network that ships. A wall has one door, in which the print lies: who takes it for a cup
+finds no way through.
 """
 
 from __future__ import annotations
@@ -58,14 +60,22 @@ def perception() -> Perception:
 def drive(folder: Path, text: str, perception: Perception) -> tuple[dict[str, object], LineString]:
     file = folder / "poster.toml"
     file.write_text(ROOM + text, encoding="utf-8")
-    episode = Episode(load_scenario(file), seed=0, beware=default_beware_list(), max_time_s=30.0, perception=perception)
+    episode = Episode(
+        load_scenario(file),
+        seed=0,
+        beware=default_beware_list(),
+        max_time_s=30.0,
+        perception=perception,
+    )
     try:
         return episode.run(), LineString(np.array(episode.driven))
     finally:
         episode.close()
 
 
-def test_the_robot_passes_a_printed_cup_and_avoids_the_real_one(tmp_path: Path, perception: Perception) -> None:
+def test_the_robot_passes_a_printed_cup_and_avoids_the_real_one(
+    tmp_path: Path, perception: Perception
+) -> None:
     report, driven = drive(tmp_path, PRINT + CUP.format(x=1.8), perception)
     assert report["success"], report
     assert report["beware_intrusions"] == 0

@@ -23,7 +23,9 @@ def example(tmp_path: Path) -> Callable[[str], Path]:
     """The one TOML block of the README that holds some words, as a file."""
 
     def as_file(words: str) -> Path:
-        (block,) = [block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if words in block]
+        (block,) = [
+            block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if words in block
+        ]
         path = tmp_path / "example.toml"
         path.write_text(block, encoding="utf-8")
         return path
@@ -34,11 +36,20 @@ def example(tmp_path: Path) -> Callable[[str], Path]:
 def test_the_world_of_the_readme_is_a_world(example: Callable[[str], Path]) -> None:
     world = load_scenario(str(example("[[furniture]]")))
     assert world.name == "my_room"
-    assert len(world.people) == len(world.items) == len(world.furniture) == len(world.prints) == len(world.faults) == 1
+    assert (
+        len(world.people)
+        == len(world.items)
+        == len(world.furniture)
+        == len(world.prints)
+        == len(world.faults)
+        == 1
+    )
     assert len(world.markings) == 2
 
 
-def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(example: Callable[[str], Path]) -> None:
+def test_the_beware_list_of_the_readme_is_one_and_says_what_the_default_says(
+    example: Callable[[str], Path],
+) -> None:
     shown = load_beware_list(example("[[beware]]"))
     assert shown.classes == (default_beware_list().named("red floor"),)
 

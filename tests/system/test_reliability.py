@@ -1,4 +1,5 @@
-"""Rows 1 to 11 of the reliability page with few trials, each with its control; `make reliability` takes more of them."""
+"""Rows 1 to 11 of the reliability page with few trials, each with its control; `make reliability`
+takes more of them."""
 
 from __future__ import annotations
 
@@ -74,7 +75,9 @@ def test_row_5_odometry_and_stamps_that_cannot_be_stop_the_robot_and_spare_the_m
     assert figure.met, figure.measured
 
 
-def test_row_5_without_the_doubt_a_jump_is_driven_on_and_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_5_without_the_doubt_a_jump_is_driven_on_and_mapped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(senses, "_jumped", lambda before, after, reach: False)
     assert not stop_figures.jumping_odometry(1).met
 
@@ -112,8 +115,12 @@ def test_row_8_each_impossible_goal_has_a_reason_of_its_own() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_8_by_the_planners_word_alone_two_of_them_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pilot, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason))
+def test_row_8_by_the_planners_word_alone_two_of_them_are_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        pilot, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
+    )
     assert not plan_figures.impossible_goals(5).met
 
 
@@ -144,7 +151,9 @@ def test_row_11_the_gate_alone_stops_before_what_appears() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_11_without_the_time_to_contact_the_robot_runs_into_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_11_without_the_time_to_contact_the_robot_runs_into_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(safety, "time_to_contact", lambda points, twist, profile: math.inf)
     assert not plan_figures.sudden_obstacle(1).met
 

@@ -12,14 +12,24 @@ import httpx
 from navcore.learning.data.dataset import load_dataset
 from tests.system.conftest import state_when
 
-WALL = {"name": "fence", "geometry": {"type": "Polygon", "coordinates": [[[-3.9, 0.2], [3.9, 0.2], [3.9, 0.6], [-3.9, 0.6]]]}}
+WALL = {
+    "name": "fence",
+    "geometry": {
+        "type": "Polygon",
+        "coordinates": [[[-3.9, 0.2], [3.9, 0.2], [3.9, 0.6], [-3.9, 0.6]]],
+    },
+}
 
 
-def answer_when(program: httpx.Client, path: str, holds: Callable[[Any], bool], patience_s: float = 60.0) -> Any:
+def answer_when(
+    program: httpx.Client, path: str, holds: Callable[[Any], bool], patience_s: float = 60.0
+) -> Any:
     """The first answer for which something holds."""
     deadline = time.monotonic() + patience_s
     while not holds(answer := program.get(f"/api/v1/{path}").json()):
-        assert time.monotonic() < deadline, f"it never came about; the last answer was {answer!s:.2000}"
+        assert time.monotonic() < deadline, (
+            f"it never came about; the last answer was {answer!s:.2000}"
+        )
         time.sleep(0.1)
     return answer
 
@@ -37,18 +47,34 @@ def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
     client.post("/api/v1/stop/reset")
     client.post("/api/v1/mission/resume")
     state_when(client, lambda state: state["phase"] == "idle")
-    said = answer_when(client, "journal", lambda log: any(entry["kind"] == "goal" for entry in log["entries"]))["entries"]
+    said = answer_when(
+        client, "journal", lambda log: any(entry["kind"] == "goal" for entry in log["entries"])
+    )["entries"]
     assert {"mission", "replanned", "zone", "stopped", "goal"} <= {entry["kind"] for entry in said}
     texts = " ".join(entry["text"] for entry in said)
-    assert "Planned a path of" in texts and "There is no path" in texts and "“fence” was drawn" in texts and "by test" in texts
+    assert (
+        "Planned a path of" in texts
+        and "There is no path" in texts
+        and "“fence” was drawn" in texts
+        and "by test" in texts
+    )
     assert [entry["id"] for entry in said] == sorted(entry["id"] for entry in said)
     series = client.get("/api/v1/series").json()
-    assert len(series["t_s"]) > 3 and max(series["speed_mps"]) > 0.1 and series["explored_m3"][-1] > 1.0
+    assert (
+        len(series["t_s"]) > 3
+        and max(series["speed_mps"]) > 0.1
+        and series["explored_m3"][-1] > 1.0
+    )
     run = client.get(f"/api/v1/runs/{client.get('/api/v1/runs').json()[0]['id']}").json()
-    assert len({len(run["series"][name]) for name in run["series"]}) == 1 and max(run["series"]["tick_ms"]) > 0
+    assert (
+        len({len(run["series"][name]) for name in run["series"]}) == 1
+        and max(run["series"]["tick_ms"]) > 0
+    )
 
 
-def test_a_thing_that_was_missed_is_put_into_a_data_set_for_the_next_training(client: httpx.Client, data: Path) -> None:
+def test_a_thing_that_was_missed_is_put_into_a_data_set_for_the_next_training(
+    client: httpx.Client, data: Path
+) -> None:
     snapshot = client.post("/api/v1/sightings/snapshots").json()["snapshot"]
     missed = {"snapshot": snapshot, "class_name": "cup", "box": [100, 100, 160, 150]}
     state = client.post("/api/v1/sightings", json=missed).json()

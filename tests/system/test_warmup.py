@@ -1,4 +1,5 @@
-"""Nothing is compiled while a robot drives: what Python calls of the compiled code, `warm_up` has called before."""
+"""Nothing is compiled while a robot drives: what Python calls of the compiled code, `warm_up` has
+called before."""
 
 from __future__ import annotations
 
@@ -42,12 +43,16 @@ def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
     for part in ast.iter_child_nodes(node):
         if isinstance(part, ast.Name) and isinstance(getattr(module, part.id, None), Dispatcher):
             yield part.id
-        if not (isinstance(part, ast.FunctionDef) and isinstance(getattr(module, part.name, None), Dispatcher)):
+        if not (
+            isinstance(part, ast.FunctionDef)
+            and isinstance(getattr(module, part.name, None), Dispatcher)
+        ):
             yield from called(part, module)
 
 
 def report() -> None:
-    """Print what was not compiled after warming up, and what was compiled anew, for other types, during a drive."""
+    """Print what was not compiled after warming up, and what was compiled anew, for other types,
+    during a drive."""
     compiled = kernels()
     warm_up()
     before = {name: len(kernel.signatures) for name, kernel in compiled.items()}

@@ -41,7 +41,8 @@ def client(server: ConsoleServer) -> Iterator[httpx.Client]:
 
 
 class Accounts:
-    """A store with one user of each role, called like it; all have the same password, and a token each."""
+    """A store with one user of each role, called like it; all have the same password, and a token
+    each."""
 
     def __init__(self, folder: Path) -> None:
         self.store = Store(folder)
@@ -49,7 +50,9 @@ class Accounts:
         hashed = hash_password(PASSWORD)
         for role in Role:
             self.tokens[role], token_hash = new_token()
-            self.store.users.add(User(name=str(role), role=role, password_hash=hashed, token_hash=token_hash))
+            self.store.users.add(
+                User(name=str(role), role=role, password_hash=hashed, token_hash=token_hash)
+            )
         self.access = Access.by_login(self.store.users, self.store.audit)
 
     def headers(self, name: str) -> dict[str, str]:

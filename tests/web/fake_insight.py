@@ -26,14 +26,28 @@ class FakeInsight:
         self.figures = Series()
         self.taught: list[tuple[str | None, tuple[int, int, int, int] | None]] = []
         self._sighting = Sighting(
-            id=1, class_name="cup", class_id=3, place=(2.5, 1.0), confidence=0.83, looks=4, first_s=1.0, last_s=2.0
+            id=1,
+            class_name="cup",
+            class_id=3,
+            place=(2.5, 1.0),
+            confidence=0.83,
+            looks=4,
+            first_s=1.0,
+            last_s=2.0,
         )
         for second in range(30):
-            row = {"speed_mps": 0.5, "distance_m": 0.5 * second, "explored_m2": 2.0 * second, "explored_m3": 1.0 * second}
+            row = {
+                "speed_mps": 0.5,
+                "distance_m": 0.5 * second,
+                "explored_m2": 2.0 * second,
+                "explored_m3": 1.0 * second,
+            }
             self.figures.add(float(second), {**row, "tick_ms": 20.0 + second % 5})
         assert set(self.figures.after(-1.0)) == set(COLUMNS)
 
-    def journal(self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None) -> Page:
+    def journal(
+        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
+    ) -> Page:
         """As the port says."""
         return self.log.page(kinds=kinds, since=since, limit=limit, before=before)
 
@@ -49,7 +63,12 @@ class FakeInsight:
         """Three short arcs, one of them half blocked, another chosen."""
         pose = self._place()
         along = np.linspace(0.1, 1.6, 16)
-        arcs = np.stack([np.column_stack([pose.x_m + along, pose.y_m + bend * along**2]) for bend in (-0.3, 0.0, 0.3)])
+        arcs = np.stack(
+            [
+                np.column_stack([pose.x_m + along, pose.y_m + bend * along**2])
+                for bend in (-0.3, 0.0, 0.3)
+            ]
+        )
         return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
     def sightings(self) -> tuple[Sighting, ...]:
@@ -84,7 +103,9 @@ class FakeInsight:
         picture[80:140, 130:200] = (240, 200, 40)
         return camera_jpg(picture)
 
-    def add_example(self, snapshot: int, class_name: str, box: tuple[int, int, int, int]) -> LabellingState:
+    def add_example(
+        self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
+    ) -> LabellingState:
         """As the port says."""
         self.snapshot_picture(snapshot)
         self.taught.append((class_name, box))

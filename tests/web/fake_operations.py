@@ -1,4 +1,5 @@
-"""A small system behind the console, in memory: the real values and rules of the navigation in a world of rectangles."""
+"""A small system behind the console, in memory: the real values and rules of the navigation in a
+world of rectangles."""
 
 from __future__ import annotations
 
@@ -64,14 +65,24 @@ class FakeOperations:
             shelf=SavedMissions(shelf),
             present=lambda: self._mission,
             change=self._change,
-            check=lambda x, y: check_goal_free(self._picture.grid, self._picture.blocked, (x, y), robot=self._pose),
+            check=lambda x, y: check_goal_free(
+                self._picture.grid, self._picture.blocked, (x, y), robot=self._pose
+            ),
         )
         self.zones = ZoneEditor(
-            (), spec=SPEC, shelf=shelf, bind=self._bound, calendar_s=lambda: self.calendar_s, new_id=_ids().__next__
+            (),
+            spec=SPEC,
+            shelf=shelf,
+            bind=self._bound,
+            calendar_s=lambda: self.calendar_s,
+            new_id=_ids().__next__,
         )
         self._beware = default_beware_list()
         self.beware = BewareEditor(
-            present=lambda: self._beware, save=lambda _: None, put=self._put, finds=ColourSegmenter().finds
+            present=lambda: self._beware,
+            save=lambda _: None,
+            put=self._put,
+            finds=ColourSegmenter().finds,
         )
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
@@ -191,7 +202,11 @@ class FakeOperations:
             goal = self._mission.goal
             if goal is not None and not self._reasons() and len(self._path):
                 x, y = self._path[min(1, len(self._path) - 1)]
-                yaw = math.atan2(y - self._pose.y_m, x - self._pose.x_m) if len(self._path) > 1 else self._pose.yaw_rad
+                yaw = (
+                    math.atan2(y - self._pose.y_m, x - self._pose.x_m)
+                    if len(self._path) > 1
+                    else self._pose.yaw_rad
+                )
                 self._pose = Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw)
                 self._driven.append((float(x), float(y)))
                 if len(self._path) <= 2:
@@ -205,16 +220,30 @@ class FakeOperations:
             if draft.goal is None and not queue:
                 raise Refused("there is no goal to preview a path to; give one")
             goal = place_on(self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal")
-            pose = self._pose if draft.start is None else standing_at(place_on(self._picture.grid, draft.start, "start"))
-            zone = None if draft.zone is None else self.zones.checked(draft.zone, zone_id="draft", version=1)
+            pose = (
+                self._pose
+                if draft.start is None
+                else standing_at(place_on(self._picture.grid, draft.start, "start"))
+            )
+            zone = (
+                None
+                if draft.zone is None
+                else self.zones.checked(draft.zone, zone_id="draft", version=1)
+            )
 
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
                 outcome, points = _planned(_inflated(grid), pose, goal)
                 length = self._length(points)
-                time_s = None if length is None else travel_time_s(points, zones, HUSKY, LocalPlannerConfig())
+                time_s = (
+                    None
+                    if length is None
+                    else travel_time_s(points, zones, HUSKY, LocalPlannerConfig())
+                )
                 return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
 
-            return compared(self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
+            return compared(
+                self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces
+            )
 
     # ----------------------------------------------------------------------------------------------------------- runs
 
@@ -226,7 +255,9 @@ class FakeOperations:
         """As the port says."""
         for pose_id in poses:
             if pose_id >= len(self._poses):
-                raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {len(self._poses)}")
+                raise BadConfiguration(
+                    f"pose ID {pose_id} is not on the map, which has {len(self._poses)}"
+                )
         for pose_id, pose in poses.items():
             self._poses[pose_id] = pose
 
@@ -278,10 +309,18 @@ class FakeOperations:
         found = []
         if self._stopped_by is not None:
             found.append(
-                StopReason(cause=Cause.EMERGENCY_STOP, text=f"emergency stop by {self._stopped_by}; reset it to go on")
+                StopReason(
+                    cause=Cause.EMERGENCY_STOP,
+                    text=f"emergency stop by {self._stopped_by}; reset it to go on",
+                )
             )
         if self._mission.goal is not None and not len(self._path):
-            found.append(StopReason(cause=Cause.NO_PATH, text="there is no path to the goal: every way to it is closed"))
+            found.append(
+                StopReason(
+                    cause=Cause.NO_PATH,
+                    text="there is no path to the goal: every way to it is closed",
+                )
+            )
         return tuple(found)
 
     def _summary(self, reasons: tuple[StopReason, ...], moving: bool) -> str:
@@ -289,7 +328,11 @@ class FakeOperations:
             return f"standing: {reasons[0].text}"
         if moving:
             return f"driving to goal {self._mission.queue[0].id}"
-        return "waiting for a goal" if not self._mission.queue else f"waiting, mission is {self._mission.phase}"
+        return (
+            "waiting for a goal"
+            if not self._mission.queue
+            else f"waiting, mission is {self._mission.phase}"
+        )
 
     def _see(self) -> None:
         counts = self._counts
@@ -297,7 +340,11 @@ class FakeOperations:
         grid = _grid(self._world, self._beware, self.zones.stored)
         blocked = _inflated(grid)
         old: Picture | None = getattr(self, "_picture", None)
-        if old is None or not np.array_equal(old.blocked, blocked) or grid.beware.keys() != old.grid.beware.keys():
+        if (
+            old is None
+            or not np.array_equal(old.blocked, blocked)
+            or grid.beware.keys() != old.grid.beware.keys()
+        ):
             counts["grid"] += 1
         self._path, waypoints = np.empty((0, 2)), np.empty((0, 2))
         if self._mission.queue:
@@ -305,7 +352,9 @@ class FakeOperations:
             goal = self._mission.queue[0]
             outcome, self._path = _planned(blocked, self._pose, (goal.x_m, goal.y_m))
             if isinstance(outcome, Path):
-                waypoints = choose_waypoints(outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD)
+                waypoints = choose_waypoints(
+                    outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
+                )
         rgb, labels = _frame()
         self._picture = Picture(
             serial=counts["serial"],
@@ -341,7 +390,11 @@ class MemoryShelf:
 
     def kept(self, kind: str) -> dict[str, Any]:
         """As the store does."""
-        return {name: json.loads(value) for (of, name), value in sorted(self._kept.items()) if of == kind}
+        return {
+            name: json.loads(value)
+            for (of, name), value in sorted(self._kept.items())
+            if of == kind
+        }
 
     def keep(self, kind: str, name: str, value: Any) -> None:
         """As the store does."""
@@ -363,7 +416,9 @@ def _walls() -> BoolGrid:
     return outer | _box(1.5, 2.0, -5.9, -2.0) | _box(3.5, 4.5, 2.0, 3.0)
 
 
-def _grid(world: Mapping[int, BoolGrid], beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
+def _grid(
+    world: Mapping[int, BoolGrid], beware: BewareList, zones: Iterable[Zone]
+) -> OccupancyGrid:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     open_floor = OccupancyGrid(
         spec=SPEC,
@@ -378,7 +433,9 @@ def _inflated(grid: OccupancyGrid) -> BoolGrid:
     return inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
 
 
-def _planned(blocked: BoolGrid, pose: Pose2, goal: tuple[float, float]) -> tuple[Path | NoPath, npt.NDArray[np.float64]]:
+def _planned(
+    blocked: BoolGrid, pose: Pose2, goal: tuple[float, float]
+) -> tuple[Path | NoPath, npt.NDArray[np.float64]]:
     outcome = plan(blocked, SPEC.cell(pose.x_m, pose.y_m), SPEC.cell(*goal))
     return outcome, SPEC.centres(outcome.cells) if isinstance(outcome, Path) else np.empty((0, 2))
 

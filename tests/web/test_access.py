@@ -44,18 +44,31 @@ class Clock:
 def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Client]:
     """A browser, logged in as somebody."""
     accepts = {"Accept": "text/html"}
-    with httpx.Client(base_url=server.url, trust_env=False, headers=accepts, follow_redirects=True, timeout=60) as client:
+    with httpx.Client(
+        base_url=server.url, trust_env=False, headers=accepts, follow_redirects=True, timeout=60
+    ) as client:
         if name is not None:
-            assert client.post("/login", data={"name": name, "password": PASSWORD}).status_code == 200
+            assert (
+                client.post("/login", data={"name": name, "password": PASSWORD}).status_code == 200
+            )
         yield client
 
 
-def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(locked: ConsoleServer, accounts: Accounts) -> None:
+def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
     with httpx.Client(base_url=locked.url, trust_env=False) as program:
         assert program.get("/api/v1/state").status_code == 401
-        assert program.get("/api/v1/state", headers={"Authorization": "Bearer wrong"}).status_code == 401
+        assert (
+            program.get("/api/v1/state", headers={"Authorization": "Bearer wrong"}).status_code
+            == 401
+        )
         token = {"Authorization": f"Bearer {accounts.tokens['viewer']}"}
-        assert program.get("/api/v1/me", headers=token).json() == {"name": "viewer", "role": "viewer", "logged_in": True}
+        assert program.get("/api/v1/me", headers=token).json() == {
+            "name": "viewer",
+            "role": "viewer",
+            "logged_in": True,
+        }
     address = locked.url.replace("http", "ws") + "/api/v1/events"
     with pytest.raises(InvalidStatus), connect(address, proxy=None):
         pass
@@ -63,17 +76,32 @@ def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(locked: Con
         assert "state" in str(socket.recv(timeout=5))
 
 
-def test_a_browser_logs_in_by_the_form_keeps_a_strict_cookie_and_logs_out(locked: ConsoleServer) -> None:
+def test_a_browser_logs_in_by_the_form_keeps_a_strict_cookie_and_logs_out(
+    locked: ConsoleServer,
+) -> None:
     with browser(locked) as client:
         page = client.get("/")
-        assert page.status_code == 401 and "<form" in page.text and "script" not in page.headers["content-security-policy"]
+        assert (
+            page.status_code == 401
+            and "<form" in page.text
+            and "script" not in page.headers["content-security-policy"]
+        )
         for name, password in (("operator", "wrong"), ("nobody", PASSWORD), ("", "")):
             refused = client.post("/login", data={"name": name, "password": password})
-            assert refused.status_code == 401 and "wrong" in refused.text and "set-cookie" not in refused.headers
-        answer = client.post("/login", data={"name": "operator", "password": PASSWORD}, follow_redirects=False)
+            assert (
+                refused.status_code == 401
+                and "wrong" in refused.text
+                and "set-cookie" not in refused.headers
+            )
+        answer = client.post(
+            "/login", data={"name": "operator", "password": PASSWORD}, follow_redirects=False
+        )
         cookie = answer.headers["set-cookie"]
         assert answer.status_code == 303 and "HttpOnly" in cookie and "SameSite=strict" in cookie
-        assert client.get("/").status_code == 200 and client.get("/api/v1/me").json()["name"] == "operator"
+        assert (
+            client.get("/").status_code == 200
+            and client.get("/api/v1/me").json()["name"] == "operator"
+        )
         client.post("/logout")
         assert client.get("/api/v1/state").status_code == 401
 
@@ -85,16 +113,25 @@ def test_a_login_from_another_page_is_refused(locked: ConsoleServer) -> None:
         assert answer.status_code == 403 and "set-cookie" not in answer.headers
 
 
-def test_whoever_guesses_has_to_wait(locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("web.access.throttle.EVERY_S", 600.0)  # so that a slow machine gets no try more
+def test_whoever_guesses_has_to_wait(
+    locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "web.access.throttle.EVERY_S", 600.0
+    )  # so that a slow machine gets no try more
     with browser(locked) as client:
-        statuses = [client.post("/login", data={"name": "admin", "password": "no"}).status_code for _ in range(AT_ONCE + 1)]
+        statuses = [
+            client.post("/login", data={"name": "admin", "password": "no"}).status_code
+            for _ in range(AT_ONCE + 1)
+        ]
         assert statuses == [401] * AT_ONCE + [429]
         late = client.post("/login", data={"name": "admin", "password": PASSWORD})
         assert late.status_code == 429 and 0 < int(late.headers["retry-after"]) <= 600
 
 
-def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address_by_itself() -> None:
+def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address_by_itself() -> (
+    None
+):
     clock = Clock()
     throttle = Throttle(clock=clock)
     assert [throttle.wait_s("a") for _ in range(AT_ONCE + 2)] == [0] * AT_ONCE + [6, 6]
@@ -141,7 +178,9 @@ def test_a_session_ends_by_idleness_by_age_and_by_log_out_whatever_the_wall_cloc
     assert sessions.of(cookie) is None
 
 
-def test_a_session_by_the_wall_clock_would_end_when_it_jumps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_by_the_wall_clock_would_end_when_it_jumps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The control of the test above."""
     sessions, began = Sessions(clock=lambda: time.time()), time.time()
     cookie = sessions.begin(ANNA)
@@ -149,30 +188,50 @@ def test_a_session_by_the_wall_clock_would_end_when_it_jumps(monkeypatch: pytest
     assert sessions.of(cookie) is None
 
 
-def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(locked: ConsoleServer) -> None:
+def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
+    locked: ConsoleServer,
+) -> None:
     with browser(locked, "admin") as admin, browser(locked, "viewer") as viewer:
         assert viewer.get("/api/v1/users").status_code == 403
-        added = admin.post("/api/v1/users", json={"name": "bob", "role": "operator", "password": "long enough"})
+        added = admin.post(
+            "/api/v1/users", json={"name": "bob", "role": "operator", "password": "long enough"}
+        )
         assert added.json() == {"name": "bob", "role": "operator", "has_token": False}
-        assert admin.post("/api/v1/users", json={"name": "bob", "role": "viewer", "password": "long enough"}).status_code == 409
+        assert (
+            admin.post(
+                "/api/v1/users", json={"name": "bob", "role": "viewer", "password": "long enough"}
+            ).status_code
+            == 409
+        )
         token = admin.post("/api/v1/users/bob/token").json()["token"]
         bearer = {"Authorization": f"Bearer {token}"}
-        assert httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).json()["name"] == "bob"
+        assert (
+            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).json()["name"]
+            == "bob"
+        )
         assert admin.delete("/api/v1/users/bob").status_code == 204
-        assert httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).status_code == 401
+        assert (
+            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).status_code == 401
+        )
         refused = admin.put("/api/v1/users/admin/role", json={"role": "viewer"})
         assert refused.status_code == 409 and "last admin" in refused.text
         assert viewer.get("/api/v1/me").status_code == 200
         own = {"present": PASSWORD, "password": "another long one"}
-        assert viewer.put("/api/v1/me/password", json={**own, "present": "wrong"}).status_code == 409
+        assert (
+            viewer.put("/api/v1/me/password", json={**own, "present": "wrong"}).status_code == 409
+        )
         assert viewer.put("/api/v1/me/password", json=own).status_code == 204
         assert viewer.get("/api/v1/me").status_code == 401
         assert PASSWORD not in admin.get("/api/v1/audit").text
 
 
-def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(locked: ConsoleServer, accounts: Accounts) -> None:
+def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
     headers = {"Authorization": f"Bearer {accounts.tokens['viewer']}"}
-    with connect(locked.url.replace("http", "ws") + "/api/v1/events", proxy=None, additional_headers=headers) as socket:
+    with connect(
+        locked.url.replace("http", "ws") + "/api/v1/events", proxy=None, additional_headers=headers
+    ) as socket:
         socket.recv(timeout=5)
         accounts.store.users.remove("viewer")
         with pytest.raises(ConnectionClosed):
@@ -183,7 +242,12 @@ def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(locked: Console
 def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
     locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
 ) -> None:
-    click: dict[str, Any] = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
+    click: dict[str, Any] = {
+        "type": "ScenePointerMessage",
+        "event_type": "click",
+        "modifier": None,
+        "screen_pos": [[0.5, 0.5]],
+    }
     click |= {"ray_origin": [0.0, 0.0, 10.0], "ray_direction": [0.1, 0.2, -1.0]}
     heard: dict[str, dict[str, Any] | None] = {}
     for name in ("operator", "viewer"):
@@ -224,7 +288,10 @@ def test_every_change_is_put_down_with_who_made_it_and_how_it_ended(locked: Cons
         operator.get("/api/v1/state")
         entries = operator.get("/api/v1/audit").json()
         assert viewer.get("/api/v1/audit").status_code == 403
-        said = [(entry["who"], entry["method"], entry["path"], entry["status"]) for entry in reversed(entries)]
+        said = [
+            (entry["who"], entry["method"], entry["path"], entry["status"])
+            for entry in reversed(entries)
+        ]
         assert said[2:] == [
             ("operator", "POST", "/api/v1/zones", 201),
             ("viewer", "POST", "/api/v1/zones", 403),
@@ -248,17 +315,32 @@ def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
         assert len(hers) == 2 and ids(who="viewer") == [entry["id"] for entry in hers]
         at = hers[0]["at"]
         assert ids(since=at, until=at) == [entry["id"] for entry in entries if entry["at"] == at]
-        assert ids(since=at) + ids(until=at) == [*(entry["id"] for entry in entries if entry["at"] >= at), *ids(until=at)]
-        assert ids(since="2020-01-01T02:00:00+02:00") == ids() and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+        assert ids(since=at) + ids(until=at) == [
+            *(entry["id"] for entry in entries if entry["at"] >= at),
+            *ids(until=at),
+        ]
+        assert (
+            ids(since="2020-01-01T02:00:00+02:00") == ids()
+            and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+        )
         for wrong in ({"since": "yesterday"}, {"until": "2020-01-01T00:00:00"}, {"who": "x" * 61}):
             assert operator.get("/api/v1/audit", params=wrong).status_code == 422
 
 
 def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() -> None:
-    drives = [("POST", "/api/v1/goals"), ("PUT", "/api/v1/goals/3"), ("POST", "/api/v1/mission/start")]
+    drives = [
+        ("POST", "/api/v1/goals"),
+        ("PUT", "/api/v1/goals/3"),
+        ("POST", "/api/v1/mission/start"),
+    ]
     drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
     assert all(need_of(*request).control for request in drives)
-    frees = [("POST", "/api/v1/mission/pause"), ("POST", "/api/v1/stop"), ("POST", "/api/v1/zones"), ("GET", "/api/v1/goals")]
+    frees = [
+        ("POST", "/api/v1/mission/pause"),
+        ("POST", "/api/v1/stop"),
+        ("POST", "/api/v1/zones"),
+        ("GET", "/api/v1/goals"),
+    ]
     assert not any(need_of(*request).control for request in frees)
     assert need_of("POST", "/api/v1/something/new").role is Role.OPERATOR
     assert need_of("POST", "/api/v1/stop").role is Role.VIEWER
@@ -295,7 +377,12 @@ def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
     control.claim(anna)
     serials = [control.now.serial]
     act: Callable[[Visitor], None]
-    for act, visitor in ((control.ask, bob), (control.give, anna), (control.take, anna), (control.give, anna)):
+    for act, visitor in (
+        (control.ask, bob),
+        (control.give, anna),
+        (control.take, anna),
+        (control.give, anna),
+    ):
         act(visitor)
         serials.append(control.now.serial)
     assert serials == sorted(set(serials))
@@ -312,11 +399,18 @@ def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
     assert control.now.holder is None
 
 
-def test_what_nests_too_deep_is_put_down_as_that_and_the_audit_stays_readable(locked: ConsoleServer) -> None:
+def test_what_nests_too_deep_is_put_down_as_that_and_the_audit_stays_readable(
+    locked: ConsoleServer,
+) -> None:
     with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
         for depth in (5, 300, 900):
             headers = {"Content-Type": "application/json"}
-            assert viewer.post("/api/v1/stop", content="[" * depth + "]" * depth, headers=headers).status_code == 200
+            assert (
+                viewer.post(
+                    "/api/v1/stop", content="[" * depth + "]" * depth, headers=headers
+                ).status_code
+                == 200
+            )
         audit = operator.get("/api/v1/audit")
         assert audit.status_code == 200
         details = [entry["detail"] for entry in audit.json() if entry["path"] == "/api/v1/stop"]
@@ -327,8 +421,12 @@ def test_an_admins_change_is_not_undone_by_one_that_began_before_it(accounts: Ac
     users = accounts.store.users
     (before,) = (user for user in users.all() if user.name == "operator")
     users.change("operator", role=Role.VIEWER)
-    after = users.change("operator", password_hash=hash_password("another password"), instead_of=before.password_hash)
+    after = users.change(
+        "operator", password_hash=hash_password("another password"), instead_of=before.password_hash
+    )
     assert after.role is Role.VIEWER and after.token_hash == before.token_hash
     with pytest.raises(Refused, match="meanwhile"):
-        users.change("operator", password_hash=before.password_hash, instead_of=before.password_hash)
+        users.change(
+            "operator", password_hash=before.password_hash, instead_of=before.password_hash
+        )
     assert users.change("operator", token_hash="f" * 64).password_hash == after.password_hash

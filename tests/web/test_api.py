@@ -25,10 +25,16 @@ from web.server import ConsoleServer
 SQUARE = [[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]]
 
 
-def zone(name: str = "wet floor", corners: list[list[float]] = SQUARE, **more: Any) -> dict[str, Any]:
+def zone(
+    name: str = "wet floor", corners: list[list[float]] = SQUARE, **more: Any
+) -> dict[str, Any]:
     """A zone as a GeoJSON Feature."""
     ring = [*corners, corners[0]]
-    return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}, "properties": {"name": name, **more}}
+    return {
+        "type": "Feature",
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "properties": {"name": name, **more},
+    }
 
 
 def wrong(answer: Any, status: int) -> dict[str, Any]:
@@ -43,17 +49,27 @@ def test_a_mission_is_queued_started_paused_resumed_and_cancelled(client: httpx.
     first = client.post("/api/v1/goals", json={"x_m": 3.0, "y_m": 0.5}).json()
     client.post("/api/v1/goals", json={"x_m": -5, "y_m": -4})
     assert first == {"id": 1, "x_m": 3.0, "y_m": 0.5, "yaw_rad": None, "name": ""}
-    assert [client.post(f"/api/v1/mission/{act}").json()["phase"] for act in ("start", "pause", "resume")] == [
+    assert [
+        client.post(f"/api/v1/mission/{act}").json()["phase"]
+        for act in ("start", "pause", "resume")
+    ] == [
         "driving",
         "paused",
         "driving",
     ]
     assert client.delete("/api/v1/goals/1").status_code == 204
     assert [goal["id"] for goal in client.get("/api/v1/goals").json()["queue"]] == [2]
-    assert client.post("/api/v1/mission/cancel").json() == {"phase": "idle", "queue": [], "reached": [], "loop": False}
+    assert client.post("/api/v1/mission/cancel").json() == {
+        "phase": "idle",
+        "queue": [],
+        "reached": [],
+        "loop": False,
+    }
 
 
-def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(client: httpx.Client, operations: FakeOperations) -> None:
+def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0})
     client.post("/api/v1/mission/start")
     stopped = client.post("/api/v1/stop").json()
@@ -66,13 +82,21 @@ def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(client: htt
 
 @pytest.mark.parametrize(
     ("act", "status", "says"),
-    [("start", 409, "no goal"), ("pause", 409, "only a driving mission"), ("fly", 422, "path.action")],
+    [
+        ("start", 409, "no goal"),
+        ("pause", 409, "only a driving mission"),
+        ("fly", 422, "path.action"),
+    ],
 )
-def test_an_action_that_does_not_fit_is_refused_in_words(client: httpx.Client, act: str, status: int, says: str) -> None:
+def test_an_action_that_does_not_fit_is_refused_in_words(
+    client: httpx.Client, act: str, status: int, says: str
+) -> None:
     assert says in wrong(client.post(f"/api/v1/mission/{act}"), status)["message"]
 
 
-@pytest.mark.parametrize(("x", "y", "says"), [(99, 0, "outside the map"), (4.0, 2.5, "inside an obstacle")])
+@pytest.mark.parametrize(
+    ("x", "y", "says"), [(99, 0, "outside the map"), (4.0, 2.5, "inside an obstacle")]
+)
 def test_a_goal_that_is_no_place_to_stand_is_refused_and_the_queue_stays(
     client: httpx.Client, x: float, y: float, says: str
 ) -> None:
@@ -84,14 +108,18 @@ def test_a_goal_that_is_no_place_to_stand_is_refused_and_the_queue_stays(
 def test_a_zone_bends_the_path_and_its_removal_straightens_it(client: httpx.Client) -> None:
     client.post("/api/v1/goals", json={"x_m": 6, "y_m": 0.0})
     lengths = [client.get("/api/v1/state").json()["distance_to_goal_m"]]
-    stored = client.post("/api/v1/zones", json=zone(corners=[[3, -2], [3.5, -2], [3.5, 2.2], [3, 2.2]]))
+    stored = client.post(
+        "/api/v1/zones", json=zone(corners=[[3, -2], [3.5, -2], [3.5, 2.2], [3, 2.2]])
+    )
     lengths.append(client.get("/api/v1/state").json()["distance_to_goal_m"])
     client.delete(f"/api/v1/zones/{stored.json()['id']}")
     lengths.append(client.get("/api/v1/state").json()["distance_to_goal_m"])
     assert lengths[1] > lengths[0] + 0.5 and lengths[2] == lengths[0]
 
 
-def test_a_zone_may_be_a_feature_or_a_bare_geometry_and_goes_back_as_it_came(client: httpx.Client) -> None:
+def test_a_zone_may_be_a_feature_or_a_bare_geometry_and_goes_back_as_it_came(
+    client: httpx.Client,
+) -> None:
     feature = client.post("/api/v1/zones", json=zone(enabled=False, margin_m=0.5))
     plain = client.post("/api/v1/zones", json={"name": "b", "geometry": feature.json()["geometry"]})
     assert feature.headers["etag"] == '"1"' and feature.headers["location"] == "/api/v1/zones/z1"
@@ -108,20 +136,28 @@ def test_a_zone_may_be_a_feature_or_a_bare_geometry_and_goes_back_as_it_came(cli
         "frame": "map",
     }
     assert feature.json()["geometry"] == plain.json()["geometry"] == zone()["geometry"]
-    again = client.put("/api/v1/zones/z1", json=feature.json(), headers={"If-Match": feature.headers["etag"]})
+    again = client.put(
+        "/api/v1/zones/z1", json=feature.json(), headers={"If-Match": feature.headers["etag"]}
+    )
     assert again.status_code == 200 and again.headers["etag"] == '"2"'
     assert [entry["id"] for entry in client.get("/api/v1/zones").json()["features"]] == ["z1", "z2"]
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE"])
-def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(client: httpx.Client, method: str) -> None:
+def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(
+    client: httpx.Client, method: str
+) -> None:
     client.post("/api/v1/zones", json=zone("first"))
     client.put("/api/v1/zones/z1", json=zone("by the other"), headers={"If-Match": '"1"'})
     body = zone("mine") if method == "PUT" else None
     late = client.request(method, "/api/v1/zones/z1", json=body, headers={"If-Match": '"1"'})
     assert wrong(late, 409)["code"] == "outdated"
     assert late.json()["stored"]["properties"]["name"] == "by the other"
-    assert (late.json()["given_version"], late.json()["stored_version"], late.headers["etag"]) == (1, 2, '"2"')
+    assert (late.json()["given_version"], late.json()["stored_version"], late.headers["etag"]) == (
+        1,
+        2,
+        '"2"',
+    )
     assert client.get("/api/v1/zones/z1").json()["properties"]["name"] == "by the other"
 
 
@@ -135,17 +171,27 @@ def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(client: h
         (zone(colour="red"), "body.properties.colour"),
         (zone(name=" "), "body.properties.name"),
         (zone(margin_m=-1), "body.properties.margin_m"),
-        ({"name": "a", "geometry": {"type": "Point", "coordinates": [1, 2]}}, "body.geometry.radius_m"),
+        (
+            {"name": "a", "geometry": {"type": "Point", "coordinates": [1, 2]}},
+            "body.geometry.radius_m",
+        ),
         ({"geometry": zone()["geometry"]}, "body.name"),
         ([], "JSON object"),
     ],
 )
-def test_a_bad_zone_is_refused_by_name_and_the_stored_ones_stay(client: httpx.Client, body: Any, says: str) -> None:
+def test_a_bad_zone_is_refused_by_name_and_the_stored_ones_stay(
+    client: httpx.Client, body: Any, says: str
+) -> None:
     client.post("/api/v1/zones", json=zone("kept"))
-    for answer in (client.post("/api/v1/zones", json=body), client.put("/api/v1/zones/z1", json=body)):
+    for answer in (
+        client.post("/api/v1/zones", json=body),
+        client.put("/api/v1/zones/z1", json=body),
+    ):
         assert says in wrong(answer, 422)["message"]
     kept = client.get("/api/v1/zones").json()["features"]
-    assert [(entry["properties"]["name"], entry["properties"]["version"]) for entry in kept] == [("kept", 1)]
+    assert [(entry["properties"]["name"], entry["properties"]["version"]) for entry in kept] == [
+        ("kept", 1)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -160,12 +206,16 @@ def test_a_bad_zone_is_refused_by_name_and_the_stored_ones_stay(client: httpx.Cl
         ("GET", "/nowhere"),
     ],
 )
-def test_what_does_not_exist_is_said_to_be_missing(client: httpx.Client, method: str, path: str) -> None:
+def test_what_does_not_exist_is_said_to_be_missing(
+    client: httpx.Client, method: str, path: str
+) -> None:
     body = {"PUT": zone(), "PATCH": {"enabled": False}}.get(method)
     wrong(client.request(method, path, json=body), 404)
 
 
-def test_a_store_that_fails_is_a_503_with_its_reason(client: httpx.Client, operations: FakeOperations) -> None:
+def test_a_store_that_fails_is_a_503_with_its_reason(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     def fail(*_: Any, **__: Any) -> Any:
         raise StorageFailed("the disk is full; nothing was changed")
 
@@ -173,7 +223,9 @@ def test_a_store_that_fails_is_a_503_with_its_reason(client: httpx.Client, opera
     assert "disk is full" in wrong(client.post("/api/v1/zones", json=zone()), 503)["message"]
 
 
-def test_switching_the_colour_rule_off_and_on_changes_the_map_and_the_path(client: httpx.Client) -> None:
+def test_switching_the_colour_rule_off_and_on_changes_the_map_and_the_path(
+    client: httpx.Client,
+) -> None:
     client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0.0})
     pictures, lengths = [], []
     for enabled in (True, False, True):
@@ -189,9 +241,17 @@ def test_the_beware_list_is_read_replaced_and_guarded_by_its_version(client: htt
     listed = client.get("/api/v1/beware")
     body = listed.json()
     body["classes"][1]["margin_m"] = 0.4
-    assert client.put("/api/v1/beware", json=body, headers={"If-Match": listed.headers["etag"]}).json()["version"] == 1
+    assert (
+        client.put(
+            "/api/v1/beware", json=body, headers={"If-Match": listed.headers["etag"]}
+        ).json()["version"]
+        == 1
+    )
     late = client.put("/api/v1/beware", json=body, headers={"If-Match": listed.headers["etag"]})
-    assert wrong(late, 409)["code"] == "outdated" and late.json()["stored"]["classes"][1]["margin_m"] == 0.4
+    assert (
+        wrong(late, 409)["code"] == "outdated"
+        and late.json()["stored"]["classes"][1]["margin_m"] == 0.4
+    )
     body["classes"][1]["name"] = body["classes"][0]["name"]
     assert "more than once" in wrong(client.put("/api/v1/beware", json=body), 422)["message"]
     rule = {"colour": {"hue_deg": [10, 20]}, "margin_m": 0.2}
@@ -208,20 +268,40 @@ def test_an_edit_of_one_class_is_guarded_by_the_lists_version_too(client: httpx.
     assert client.get("/api/v1/beware").json()["classes"][2]["min_confidence"] == 0.7
 
 
-def test_each_class_says_what_finds_it_and_what_may_be_absent_can_be_taken_away(client: httpx.Client) -> None:
-    found = {entry["name"]: entry["found_by"] for entry in client.get("/api/v1/beware").json()["classes"]}
+def test_each_class_says_what_finds_it_and_what_may_be_absent_can_be_taken_away(
+    client: httpx.Client,
+) -> None:
+    found = {
+        entry["name"]: entry["found_by"] for entry in client.get("/api/v1/beware").json()["classes"]
+    }
     assert (found["red floor"], found["cable"]) == ("colour rule", "nothing")
-    named = client.patch("/api/v1/beware/cup", json={"label": "Tasse", "min_height_m": 0.08}).json()["classes"][2]
+    named = client.patch(
+        "/api/v1/beware/cup", json={"label": "Tasse", "min_height_m": 0.08}
+    ).json()["classes"][2]
     assert (named["name"], named["label"], named["min_height_m"]) == ("cup", "Tasse", 0.08)
-    bare = client.patch("/api/v1/beware/cup", json={"label": None, "colour": None, "enabled": None}).json()["classes"][2]
-    assert (bare["label"], bare["colour"], bare["enabled"], bare["min_height_m"]) == (None, None, True, 0.08)
+    bare = client.patch(
+        "/api/v1/beware/cup", json={"label": None, "colour": None, "enabled": None}
+    ).json()["classes"][2]
+    assert (bare["label"], bare["colour"], bare["enabled"], bare["min_height_m"]) == (
+        None,
+        None,
+        True,
+        0.08,
+    )
     assert bare["found_by"] == "nothing"
     long = client.patch("/api/v1/beware/cable", json={"min_size_m": 0.4}).json()["classes"][4]
     assert (long["name"], long["min_size_m"]) == ("cable", 0.4)
-    assert client.patch("/api/v1/beware/cable", json={"min_size_m": None}).json()["classes"][4]["min_size_m"] is None
+    assert (
+        client.patch("/api/v1/beware/cable", json={"min_size_m": None}).json()["classes"][4][
+            "min_size_m"
+        ]
+        is None
+    )
 
 
-def test_the_list_as_a_file_is_the_list(client: httpx.Client, operations: FakeOperations, tmp_path: Path) -> None:
+def test_the_list_as_a_file_is_the_list(
+    client: httpx.Client, operations: FakeOperations, tmp_path: Path
+) -> None:
     for label in ('Tasse "é" \\ 1', "kopje – 茶碗"):
         assert client.patch("/api/v1/beware/cup", json={"label": label}).status_code == 200
         answer = client.get("/api/v1/beware.toml")
@@ -235,7 +315,10 @@ def test_the_state_says_what_labels_the_pictures_and_when_it_is_not_what_it_shou
     assert client.get("/api/v1/state").json()["segmenter_warning"] is None
     operations.segmenter_warning = "The network does not run: the weights are damaged"
     state = client.get("/api/v1/state").json()
-    assert (state["segmenter"], state["segmenter_warning"]) == ("colour rules", operations.segmenter_warning)
+    assert (state["segmenter"], state["segmenter_warning"]) == (
+        "colour rules",
+        operations.segmenter_warning,
+    )
 
 
 def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_it_does_not_bind(
@@ -247,7 +330,9 @@ def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_i
 
     def tint(confidence: float, listed: BewareList) -> float:
         sure = np.full(picture.labels.shape, confidence, dtype=np.float32)
-        drawn = overlaid(dataclasses.replace(picture, rgb=np.zeros_like(picture.rgb), confidence=sure), listed)
+        drawn = overlaid(
+            dataclasses.replace(picture, rgb=np.zeros_like(picture.rgb), confidence=sure), listed
+        )
         return float(drawn[labelled].mean())
 
     assert tint(1.0, beware) > tint(0.6, beware) > 5
@@ -260,18 +345,33 @@ def test_a_preview_tells_the_path_and_applies_nothing(client: httpx.Client) -> N
     before = client.get("/api/v1/state").json()
     free = client.post("/api/v1/preview", json={"goal": {"x_m": 3, "y_m": 0}}).json()
     across = [[-4, -5.9], [-3, -5.9], [-3, 5.9], [-4, 5.9]]
-    shut = client.post("/api/v1/preview", json={"goal": {"x_m": 3, "y_m": 0}, "polygon": across}).json()
+    shut = client.post(
+        "/api/v1/preview", json={"goal": {"x_m": 3, "y_m": 0}, "polygon": across}
+    ).json()
     assert free["found"] and free["length_m"] > 9 and len(free["path"]) > 10
-    assert (shut["found"], shut["reason"], shut["length_m"], shut["path"]) == (False, "unreachable", None, [])
+    assert (shut["found"], shut["reason"], shut["length_m"], shut["path"]) == (
+        False,
+        "unreachable",
+        None,
+        [],
+    )
     assert shut["cut_by"] == ["the draft"] and shut["present"]["length_m"] == free["length_m"]
     after = client.get("/api/v1/state").json()
     assert {**before, "stamp_s": 0} == {**after, "stamp_s": 0}
 
 
-def test_the_map_follows_the_conventions_of_nav2(client: httpx.Client, operations: FakeOperations) -> None:
+def test_the_map_follows_the_conventions_of_nav2(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     yaml = client.get("/api/v1/map.yaml").text
-    assert "resolution: 0.1\n" in yaml and "origin: [-8.0, -6.0, 0.0]" in yaml and "image: map.pgm" in yaml
-    image = cv2.imdecode(np.frombuffer(client.get("/api/v1/map.pgm").content, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert (
+        "resolution: 0.1\n" in yaml
+        and "origin: [-8.0, -6.0, 0.0]" in yaml
+        and "image: map.pgm" in yaml
+    )
+    image = cv2.imdecode(
+        np.frombuffer(client.get("/api/v1/map.pgm").content, np.uint8), cv2.IMREAD_UNCHANGED
+    )
     picture = operations.picture()
     assert picture is not None and image is not None
     upright = image[::-1]
@@ -294,11 +394,23 @@ def test_the_painted_map_tells_its_layers_apart(client: httpx.Client) -> None:
         block = image[top - 6 : top + 6, 2 * col - 6 : 2 * col + 6].reshape(-1, 4)
         return frozenset(tuple(int(value) for value in pixel) for pixel in block)
 
-    places = {"free": (-6, 3), "unknown": (6, -3), "wall": (4, 2.5), "red": (-0.5, 0), "zone": (4.5, 0), "near": (1.1, -4)}
+    places = {
+        "free": (-6, 3),
+        "unknown": (6, -3),
+        "wall": (4, 2.5),
+        "red": (-0.5, 0),
+        "zone": (4.5, 0),
+        "near": (1.1, -4),
+    }
     seen = {name: colours(*at) for name, at in places.items()}
     assert len(set(seen.values())) == len(places)
     # The hatched ones can be told by their texture, not by their colour alone.
-    assert len(seen["red"]) > 1 and len(seen["zone"]) > 1 and len(seen["unknown"]) > 1 and len(seen["free"]) == 1
+    assert (
+        len(seen["red"]) > 1
+        and len(seen["zone"]) > 1
+        and len(seen["unknown"]) > 1
+        and len(seen["free"]) == 1
+    )
 
 
 def test_an_unchanged_map_is_not_sent_twice(client: httpx.Client) -> None:
@@ -307,7 +419,9 @@ def test_an_unchanged_map_is_not_sent_twice(client: httpx.Client) -> None:
     assert again.status_code == 304 and again.content == b""
 
 
-def test_the_cloud_is_a_ply_file_other_programs_read(client: httpx.Client, operations: FakeOperations) -> None:
+def test_the_cloud_is_a_ply_file_other_programs_read(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     cloud = operations.cloud()
     assert cloud is not None
     read: Any = trimesh.load(io.BytesIO(client.get("/api/v1/cloud.ply").content), file_type="ply")
@@ -315,16 +429,22 @@ def test_the_cloud_is_a_ply_file_other_programs_read(client: httpx.Client, opera
 
 
 def test_the_camera_shows_what_was_recognised_only_when_asked(client: httpx.Client) -> None:
-    plain, labelled = (client.get(f"/api/v1/camera.jpg{query}") for query in ("", "?overlay=segmentation"))
+    plain, labelled = (
+        client.get(f"/api/v1/camera.jpg{query}") for query in ("", "?overlay=segmentation")
+    )
     assert plain.headers["content-type"] == labelled.headers["content-type"] == "image/jpeg"
     answers = [np.frombuffer(answer.content, np.uint8) for answer in (plain, labelled)]
-    first, second = (np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=int) for data in answers)
+    first, second = (
+        np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=int) for data in answers
+    )
     difference = np.abs(first - second).max(axis=2)
     assert difference[115:145, 130:210].mean() > 8 and difference[:80].max() < 8
     wrong(client.get("/api/v1/camera.jpg?overlay=everything"), 422)
 
 
-def test_before_the_first_picture_every_file_says_so(client: httpx.Client, operations: FakeOperations) -> None:
+def test_before_the_first_picture_every_file_says_so(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     operations.picture = lambda: None  # type: ignore[method-assign]
     operations.cloud = lambda: None  # type: ignore[method-assign]
     for name in ("map", "map.png", "map.pgm", "map.yaml", "cloud.ply", "path", "camera.jpg"):
@@ -333,7 +453,9 @@ def test_before_the_first_picture_every_file_says_so(client: httpx.Client, opera
 
 
 def test_reports_with_figures_that_are_none_are_still_json(client: httpx.Client) -> None:
-    assert client.get("/api/v1/runs").json() == [{"id": "run-1", "scenario": "fake hall", "success": True, "spl": None}]
+    assert client.get("/api/v1/runs").json() == [
+        {"id": "run-1", "scenario": "fake hall", "success": True, "spl": None}
+    ]
     assert client.get("/api/v1/runs/run-1").json()["series"] == {"t_s": [0.0, 1.0]}
 
 
@@ -341,13 +463,20 @@ def test_health_and_metrics_read_the_state(client: httpx.Client) -> None:
     assert client.get("/healthz").json()["status"] == "ok"
     client.post("/api/v1/stop")
     metrics = client.get("/metrics").text
-    assert "\nbewarenav_stop_latched 1.0\n" in metrics and '\nbewarenav_phase{phase="idle"} 1.0\n' in metrics
-    assert all(line.startswith("#") or len(line.split(" ")) == 2 for line in metrics.strip().split("\n"))
+    assert (
+        "\nbewarenav_stop_latched 1.0\n" in metrics
+        and '\nbewarenav_phase{phase="idle"} 1.0\n' in metrics
+    )
+    assert all(
+        line.startswith("#") or len(line.split(" ")) == 2 for line in metrics.strip().split("\n")
+    )
 
 
 def test_the_contract_is_in_the_openapi_document(client: httpx.Client) -> None:
     document = client.get("/openapi.json").json()
-    routes = {(method.upper(), path) for path, methods in document["paths"].items() for method in methods}
+    routes = {
+        (method.upper(), path) for path, methods in document["paths"].items() for method in methods
+    }
     v1 = "/api/v1"
     expected = {
         ("GET", "/healthz"),
@@ -356,20 +485,37 @@ def test_the_contract_is_in_the_openapi_document(client: httpx.Client) -> None:
         ("GET", f"{v1}/goals"),
         ("POST", f"{v1}/goals"),
     }
-    expected |= {("DELETE", f"{v1}/goals/{{goal_id}}"), ("POST", f"{v1}/mission/{{action}}"), ("POST", f"{v1}/preview")}
+    expected |= {
+        ("DELETE", f"{v1}/goals/{{goal_id}}"),
+        ("POST", f"{v1}/mission/{{action}}"),
+        ("POST", f"{v1}/preview"),
+    }
     expected |= {(method, f"{v1}/zones") for method in ("GET", "POST")}
     expected |= {(method, f"{v1}/zones/{{zone_id}}") for method in ("GET", "PUT", "DELETE")}
-    expected |= {("GET", f"{v1}/beware"), ("PUT", f"{v1}/beware"), ("PATCH", f"{v1}/beware/{{class_name}}")}
+    expected |= {
+        ("GET", f"{v1}/beware"),
+        ("PUT", f"{v1}/beware"),
+        ("PATCH", f"{v1}/beware/{{class_name}}"),
+    }
     expected |= {("GET", f"{v1}/beware.toml")}
-    expected |= {("POST", f"{v1}/stop"), ("POST", f"{v1}/stop/reset"), ("GET", f"{v1}/runs"), ("GET", f"{v1}/runs/{{run_id}}")}
+    expected |= {
+        ("POST", f"{v1}/stop"),
+        ("POST", f"{v1}/stop/reset"),
+        ("GET", f"{v1}/runs"),
+        ("GET", f"{v1}/runs/{{run_id}}"),
+    }
     names = ("map.png", "map.yaml", "map.pgm", "cloud.ply", "path", "camera.jpg")
     expected |= {("GET", f"{v1}/{name}") for name in names}
     assert expected <= routes
-    operations = [operation for methods in document["paths"].values() for operation in methods.values()]
+    operations = [
+        operation for methods in document["paths"].values() for operation in methods.values()
+    ]
     assert all(operation.get("description") for operation in operations)
 
 
-def test_the_events_bring_the_state_at_once_and_again_on_a_change(server: ConsoleServer, operations: FakeOperations) -> None:
+def test_the_events_bring_the_state_at_once_and_again_on_a_change(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
     with connect(server.url.replace("http", "ws") + "/api/v1/events", proxy=None) as socket:
         first = json.loads(socket.recv(timeout=5))
         assert first["type"] == "state" and not first["stop_latched"]
@@ -377,7 +523,9 @@ def test_the_events_bring_the_state_at_once_and_again_on_a_change(server: Consol
         assert any(json.loads(socket.recv(timeout=5))["stop_latched"] for _ in range(3))
 
 
-def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(client: httpx.Client) -> None:
+def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(
+    client: httpx.Client,
+) -> None:
     for path, kind in (
         ("/", "text/html"),
         ("/docs", "text/html"),
@@ -386,25 +534,41 @@ def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(clien
     ):
         answer = client.get(path)
         assert answer.status_code == 200 and answer.headers["content-type"].startswith(kind)
-        assert "https://" not in answer.text and "http://" not in answer.text.replace("http://www.w3.org", "")
-    assert client.get("/page/__init__.py").status_code == client.get("/page/..%2fserver.py").status_code == 404
+        assert "https://" not in answer.text and "http://" not in answer.text.replace(
+            "http://www.w3.org", ""
+        )
+    assert (
+        client.get("/page/__init__.py").status_code
+        == client.get("/page/..%2fserver.py").status_code
+        == 404
+    )
 
 
-def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(client: httpx.Client) -> None:
+def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(
+    client: httpx.Client,
+) -> None:
     second = client.get("/api/v1/map/poses").json()["poses"][1]
     assert second == {"id": 1, "x_m": -5.0, "y_m": 0.0, "yaw_rad": 0.0}
     moved = {**second, "x_m": -4.9, "yaw_rad": 0.01}
-    unknown = wrong(client.patch("/api/v1/map/poses", json={"poses": [moved, {**moved, "id": 7}]}), 422)
+    unknown = wrong(
+        client.patch("/api/v1/map/poses", json={"poses": [moved, {**moved, "id": 7}]}), 422
+    )
     assert "pose ID 7 is not on the map" in unknown["message"]
     assert client.get("/api/v1/map/poses").json()["poses"][1] == second
     assert client.patch("/api/v1/map/poses", json={"poses": [moved]}).status_code == 204
     assert client.get("/api/v1/map/poses").json()["poses"][1] == moved
 
 
-def test_where_the_robot_keeps_out_by_itself_comes_with_the_path(client: httpx.Client, operations: FakeOperations) -> None:
+def test_where_the_robot_keeps_out_by_itself_comes_with_the_path(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     assert client.get("/api/v1/path").json()["closed"] == []
     corners = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
-    operations.closed = (Zone(id="lane 0", name="where somebody walks to and fro", polygon=corners, colour=OWN_COLOUR),)
+    operations.closed = (
+        Zone(
+            id="lane 0", name="where somebody walks to and fro", polygon=corners, colour=OWN_COLOUR
+        ),
+    )
     client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0.0})
     [lane] = client.get("/api/v1/path").json()["closed"]
     assert lane["properties"]["name"] == "where somebody walks to and fro"

@@ -16,7 +16,12 @@ from web.drafts import ZoneDraft
 from web.server import ConsoleServer
 
 CHROMIUM = Path("/usr/bin/chromium")
-ARGUMENTS = ["--no-sandbox", "--disable-background-networking", "--disable-component-update", "--no-first-run"]
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+]
 PATIENCE_MS = 20_000
 
 NO_BROWSER = not CHROMIUM.exists() and os.environ.get("CI") != "true"
@@ -41,9 +46,15 @@ def page(browser: Browser, server: ConsoleServer) -> Iterator[Page]:
     expect.set_options(timeout=PATIENCE_MS)
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    opened.on(
+        "console",
+        lambda message: complaints.append(message.text) if message.type == "error" else None,
+    )
     strangers: list[str] = []
-    opened.on("request", lambda request: strangers.append(request.url) if not is_own(request.url, server) else None)
+    opened.on(
+        "request",
+        lambda request: strangers.append(request.url) if not is_own(request.url, server) else None,
+    )
     opened.goto(f"{server.url}/#map")
     expect(opened.get_by_test_id("connection")).to_have_text("live")
     yield opened
@@ -62,26 +73,49 @@ def click_map(page: Page, x: float, y: float) -> None:
     """Click a place of the world, in metres, on the map from above."""
     canvas = page.get_by_test_id("map-canvas")
     expect(canvas).to_have_attribute("data-place", re.compile(r"\S+ \S+ \S+"))
-    scale, middle_x, middle_y = (float(part) for part in (canvas.get_attribute("data-place") or "").split())
+    scale, middle_x, middle_y = (
+        float(part) for part in (canvas.get_attribute("data-place") or "").split()
+    )
     box = canvas.bounding_box()
     assert box is not None
-    at_x, at_y = box["width"] / 2 + (x - middle_x) * scale, box["height"] / 2 - (y - middle_y) * scale
+    at_x, at_y = (
+        box["width"] / 2 + (x - middle_x) * scale,
+        box["height"] / 2 - (y - middle_y) * scale,
+    )
     canvas.click(position={"x": at_x, "y": at_y})
 
 
 def await_map(page: Page) -> None:
     """Wait until the map has its picture."""
-    expect(page.get_by_test_id("map-canvas")).to_have_attribute("data-place", re.compile(r"^(?!40 0 0$)"))
+    expect(page.get_by_test_id("map-canvas")).to_have_attribute(
+        "data-place", re.compile(r"^(?!40 0 0$)")
+    )
 
 
 def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> None:
-    size = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
+    size = page.evaluate(
+        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    )
     assert size == [1280, 720]
-    for name in ("stop", "reset", "start", "goals", "zones", "beware", "legend", "camera", "state-text"):
-        expect(page.get_by_test_id(name)).to_be_in_viewport(ratio=0.0 if name in ("goals", "zones") else 0.9)
+    for name in (
+        "stop",
+        "reset",
+        "start",
+        "goals",
+        "zones",
+        "beware",
+        "legend",
+        "camera",
+        "state-text",
+    ):
+        expect(page.get_by_test_id(name)).to_be_in_viewport(
+            ratio=0.0 if name in ("goals", "zones") else 0.9
+        )
 
 
-def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(page: Page, operations: FakeOperations) -> None:
+def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     page.get_by_test_id("mode-goal").click()
     click_map(page, 6.0, 0.5)
@@ -122,7 +156,9 @@ def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperation
     assert operations.stops == ["console key"]
 
 
-def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: Page, operations: FakeOperations) -> None:
+def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(
+    page: Page, operations: FakeOperations
+) -> None:
     operations.goals.add(3, 0)
     operations.mission("start")
     expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
@@ -144,8 +180,14 @@ def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(page: P
     assert not operations.state().stop_latched
 
 
-def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Page, operations: FakeOperations) -> None:
-    for typed, words in (("99, 0", "outside the map"), ("4, 2.5", "inside an obstacle"), ("here", "is no goal")):
+def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
+    page: Page, operations: FakeOperations
+) -> None:
+    for typed, words in (
+        ("99, 0", "outside the map"),
+        ("4, 2.5", "inside an obstacle"),
+        ("here", "is no goal"),
+    ):
         page.get_by_test_id("goal-input").fill(typed)
         page.get_by_test_id("goal-add").click()
         expect(page.get_by_test_id("toasts")).to_contain_text(words)
@@ -167,7 +209,9 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(page: Pa
     expect(page.get_by_test_id("zone")).to_have_count(0)
 
 
-def test_a_late_answer_does_not_wipe_what_was_typed_since(page: Page, operations: FakeOperations) -> None:
+def test_a_late_answer_does_not_wipe_what_was_typed_since(
+    page: Page, operations: FakeOperations
+) -> None:
     held: list[Route] = []
     page.route("**/api/v1/goals", lambda route: held.append(route))
     typed, add = page.get_by_test_id("goal-input"), page.get_by_test_id("goal-add")
@@ -186,7 +230,9 @@ def test_a_late_answer_does_not_wipe_what_was_typed_since(page: Page, operations
     assert [(goal.x_m, goal.y_m) for goal in operations.state().queue] == [(3.0, 0.0), (3.0, 1.0)]
 
 
-def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, operations: FakeOperations) -> None:
+def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3; 1, 3; 1, 4; 0, 4")
@@ -206,7 +252,9 @@ def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(page: Page, op
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Mine")
 
 
-def test_a_class_switched_off_and_on_changes_the_map(page: Page, operations: FakeOperations) -> None:
+def test_a_class_switched_off_and_on_changes_the_map(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     blocked = operations.picture().blocked.sum()  # type: ignore[union-attr]
     page.get_by_test_id("beware-1").uncheck()
@@ -217,7 +265,9 @@ def test_a_class_switched_off_and_on_changes_the_map(page: Page, operations: Fak
     assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
 
 
-def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(page: Page, operations: FakeOperations) -> None:
+def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     cup = page.locator('[data-testid="beware-class"][data-name="cup"]')
     expect(cup.get_by_test_id("found-by")).to_have_text("colour rule")
@@ -228,7 +278,9 @@ def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(page: Pa
     assert operations.beware.list.named("cup").min_confidence == 0.8
 
 
-def test_a_network_that_does_not_run_is_said_on_the_page(page: Page, operations: FakeOperations) -> None:
+def test_a_network_that_does_not_run_is_said_on_the_page(
+    page: Page, operations: FakeOperations
+) -> None:
     expect(page.get_by_test_id("segmenter")).to_have_text("colour rules")
     operations.segmenter_warning = "The network does not run: the weights are damaged"
     operations.step()
@@ -256,8 +308,13 @@ def test_a_console_that_is_gone_is_said_to_be_gone_and_the_page_finds_it_again(
         context.close()
 
 
-def test_the_space_key_stops_wherever_a_blank_means_nothing(page: Page, operations: FakeOperations) -> None:
-    fields = {"number": "<input type=number id=probe>", "list": "<select id=probe><option>a<option>b</select>"}
+def test_the_space_key_stops_wherever_a_blank_means_nothing(
+    page: Page, operations: FakeOperations
+) -> None:
+    fields = {
+        "number": "<input type=number id=probe>",
+        "list": "<select id=probe><option>a<option>b</select>",
+    }
     for count, (name, field) in enumerate(fields.items(), 1):
         page.evaluate("field => document.body.insertAdjacentHTML('beforeend', field)", field)
         page.locator("#probe").focus()
@@ -269,7 +326,9 @@ def test_the_space_key_stops_wherever_a_blank_means_nothing(page: Page, operatio
         expect(page.get_by_test_id("reset")).to_be_disabled()
 
 
-def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(page: Page, operations: FakeOperations) -> None:
+def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(
+    page: Page, operations: FakeOperations
+) -> None:
     held: list[object] = []
     page.route("**/api/v1/hang**", lambda route: held.append(route))  # never answered
     page.evaluate(

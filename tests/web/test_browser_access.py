@@ -1,4 +1,5 @@
-"""Several people at one robot, each in a real Chromium: who may what, who drives, and how they hear of it."""
+"""Several people at one robot, each in a real Chromium: who may what, who drives, and how they hear
+of it."""
 
 from __future__ import annotations
 
@@ -62,7 +63,9 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     expect(operator.get_by_test_id("reasons")).to_contain_text("viewer (console button)")
     viewer.get_by_test_id("log-out").click()
     expect(viewer.get_by_test_id("login-name")).to_be_visible()
-    assert [entry["status"] for entry in accounts.store.audit.newest() if entry["who"] == "viewer"] == [303, 200, 200]
+    assert [
+        entry["status"] for entry in accounts.store.audit.newest() if entry["who"] == "viewer"
+    ] == [303, 200, 200]
 
 
 def test_control_is_asked_for_taken_over_and_everybody_is_told(
@@ -107,7 +110,12 @@ def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
     anna = page.locator('[data-testid="user"][data-name="anna"]')
     expect(anna.get_by_test_id("user-role")).to_have_value("operator")
     anna.get_by_test_id("user-role").select_option("viewer")
-    eventually(page, lambda: any(user.name == "anna" and user.role == "viewer" for user in accounts.store.users.all()))
+    eventually(
+        page,
+        lambda: any(
+            user.name == "anna" and user.role == "viewer" for user in accounts.store.users.all()
+        ),
+    )
     anna.get_by_test_id("user-password-open").press("Enter")
     page.keyboard.type("another secret")
     page.keyboard.press("Enter")
@@ -126,7 +134,9 @@ def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
     expect(page.get_by_test_id("house")).to_be_hidden()
 
 
-def test_an_admin_makes_a_token_and_it_is_shown_once(open_page: Opener, locked: ConsoleServer, accounts: Accounts) -> None:
+def test_an_admin_makes_a_token_and_it_is_shown_once(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
     page = open_page(locked, "admin")
     page.keyboard.press("u")
     row = page.locator('[data-testid="user"][data-name="operator"]')
@@ -137,7 +147,9 @@ def test_an_admin_makes_a_token_and_it_is_shown_once(open_page: Opener, locked: 
     assert kept["operator"] == hash_token(str(shown.text_content()))
 
 
-def test_one_changes_ones_own_password_and_logs_in_with_it(open_page: Opener, locked: ConsoleServer) -> None:
+def test_one_changes_ones_own_password_and_logs_in_with_it(
+    open_page: Opener, locked: ConsoleServer
+) -> None:
     page = open_page(locked, "viewer")
     page.get_by_test_id("who-am-i").click()
     page.get_by_test_id("account-present").fill("not this one")
@@ -156,7 +168,9 @@ def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:
     for number in range(130):
-        accounts.store.audit.add({"who": "operator", "role": "operator", "method": "POST", "path": f"/api/v1/x{number}"})
+        accounts.store.audit.add(
+            {"who": "operator", "role": "operator", "method": "POST", "path": f"/api/v1/x{number}"}
+        )
     page = open_page(locked, "admin")
     page.get_by_test_id("house-button").click()
     page.get_by_test_id("house-audit-tab").click()
@@ -195,8 +209,14 @@ def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
     page.keyboard.down("ArrowUp")
     page.keyboard.down("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
-    # A browser that draws the 3D view in software may be silent for longer than a velocity lives: some arrive, and are both.
-    eventually(page, lambda: any(hand is not None and hand.v_mps > 0 and hand.w_radps > 0 for hand in operations.hands))
+    # A browser that draws the 3D view in software may be silent for longer than a velocity lives:
+    # some arrive, and are both.
+    eventually(
+        page,
+        lambda: any(
+            hand is not None and hand.v_mps > 0 and hand.w_radps > 0 for hand in operations.hands
+        ),
+    )
     page.keyboard.up("ArrowUp")
     page.keyboard.up("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")

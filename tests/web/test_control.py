@@ -31,7 +31,11 @@ AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}
 
 def live(server: ConsoleServer, **headers: str) -> Connection:
     """A page's sign of life."""
-    return connect(server.url.replace("http", "ws") + "/api/v1/control/live", proxy=None, additional_headers=headers)
+    return connect(
+        server.url.replace("http", "ws") + "/api/v1/control/live",
+        proxy=None,
+        additional_headers=headers,
+    )
 
 
 def news(socket: Connection, **wanted: Any) -> dict[str, Any]:
@@ -71,7 +75,9 @@ def page_of(server: ConsoleServer) -> Iterator[httpx.Client]:
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(server: ConsoleServer) -> None:
+def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(
+    server: ConsoleServer,
+) -> None:
     with page_of(server) as first, page_of(server) as second:
         assert second.get("/api/v1/control").json()["holder"] is None
         assert first.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
@@ -89,8 +95,12 @@ def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(serve
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(locked: ConsoleServer, accounts: Accounts) -> None:
-    bearer = {name: {"Authorization": f"Bearer {accounts.tokens[name]}"} for name in ("admin", "operator")}
+def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    bearer = {
+        name: {"Authorization": f"Bearer {accounts.tokens[name]}"} for name in ("admin", "operator")
+    }
     with live(locked, **bearer["admin"]) as admin, live(locked, **bearer["operator"]) as operator:
         assert news(admin, yours=False)["holder"] is None
         httpx.post(f"{locked.url}/api/v1/control/take", headers=bearer["admin"], trust_env=False)
@@ -102,7 +112,9 @@ def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(locked: ConsoleSe
         assert news(admin, yours=False, was_yours=True)["holder"]["name"] == "operator"
 
 
-def test_a_hand_moves_the_robot_and_lets_go_when_the_page_goes(server: ConsoleServer, operations: FakeOperations) -> None:
+def test_a_hand_moves_the_robot_and_lets_go_when_the_page_goes(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
     with live(server) as page:
         push(page, 0.0)
         eventually(lambda: operations.hand == Twist(v_mps=0.3, w_radps=0.0))
@@ -113,7 +125,9 @@ def test_a_hand_moves_the_robot_and_lets_go_when_the_page_goes(server: ConsoleSe
     eventually(lambda: operations.hand is None)
 
 
-def test_a_viewers_hand_moves_nothing(locked: ConsoleServer, accounts: Accounts, operations: FakeOperations) -> None:
+def test_a_viewers_hand_moves_nothing(
+    locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
     with live(locked, Authorization=f"Bearer {accounts.tokens['viewer']}") as page:
         push(page, 0.0)
         push(page, 10.0)
@@ -123,7 +137,9 @@ def test_a_viewers_hand_moves_nothing(locked: ConsoleServer, accounts: Accounts,
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(server: ConsoleServer, operations: FakeOperations) -> None:
+def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
     with page_of(server) as other, live(server) as page:
         other.post("/api/v1/control/take")
         push(page, 0.0)
@@ -145,9 +161,16 @@ def test_velocities_that_were_held_up_on_the_way_are_not_driven() -> None:
 
 @pytest.mark.parametrize(
     "message",
-    ["", "[]", '{"type":"drive","v_mps":NaN,"w_radps":0,"t_ms":0}', '{"type":"drive","v_mps":99,"w_radps":0,"t_ms":0}'],
+    [
+        "",
+        "[]",
+        '{"type":"drive","v_mps":NaN,"w_radps":0,"t_ms":0}',
+        '{"type":"drive","v_mps":99,"w_radps":0,"t_ms":0}',
+    ],
 )
-def test_a_hand_that_speaks_nonsense_is_cut_off(server: ConsoleServer, operations: FakeOperations, message: str) -> None:
+def test_a_hand_that_speaks_nonsense_is_cut_off(
+    server: ConsoleServer, operations: FakeOperations, message: str
+) -> None:
     with live(server) as page:
         page.send(message)
         with pytest.raises(ConnectionClosed):
@@ -156,8 +179,12 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(server: ConsoleServer, operation
     assert operations.hands == []
 
 
-@pytest.mark.parametrize(("unattended", "phase"), [("pause", Phase.PAUSED), ("go on", Phase.DRIVING)])
-def test_when_the_operator_goes_silent_the_mission_does_as_configured(unattended: Any, phase: Phase) -> None:
+@pytest.mark.parametrize(
+    ("unattended", "phase"), [("pause", Phase.PAUSED), ("go on", Phase.DRIVING)]
+)
+def test_when_the_operator_goes_silent_the_mission_does_as_configured(
+    unattended: Any, phase: Phase
+) -> None:
     now_s = [0.0]
     operations, control = FakeOperations(), Control(clock=lambda: now_s[0])
     attendance = Attendance(operations, Access(control=control), unattended)

@@ -1,4 +1,5 @@
-"""Drawing on the page in a real Chromium: shapes, undo, previews, sets, files, headings, and the picture."""
+"""Drawing on the page in a real Chromium: shapes, undo, previews, sets, files, headings, and the
+picture."""
 
 from __future__ import annotations
 
@@ -22,10 +23,14 @@ pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not ins
 def on_page(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a place of the world is on the page."""
     canvas = page.get_by_test_id("map-canvas")
-    scale, middle_x, middle_y = (float(part) for part in (canvas.get_attribute("data-place") or "").split())
+    scale, middle_x, middle_y = (
+        float(part) for part in (canvas.get_attribute("data-place") or "").split()
+    )
     box = canvas.bounding_box()
     assert box is not None
-    return box["x"] + box["width"] / 2 + (x - middle_x) * scale, box["y"] + box["height"] / 2 - (y - middle_y) * scale
+    return box["x"] + box["width"] / 2 + (x - middle_x) * scale, box["y"] + box["height"] / 2 - (
+        y - middle_y
+    ) * scale
 
 
 def drag(page: Page, *places: tuple[float, float]) -> None:
@@ -90,9 +95,13 @@ def test_what_is_begun_before_a_slow_answer_comes_is_begun_after_it_and_nothing_
     assert isinstance(ring.drawn, Circle) and isinstance(strip.drawn, Corridor)
 
 
-def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(page: Page, operations: FakeOperations) -> None:
+def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
-    operations.zones.add(ZoneDraft(name="box", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0), (-5.0, -3.0))))
+    operations.zones.add(
+        ZoneDraft(name="box", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0), (-5.0, -3.0)))
+    )
     page.get_by_test_id("zone-edit").click()
     corners = page.get_by_test_id("zone-corners")
     stored = corners.input_value()
@@ -117,7 +126,9 @@ def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(page: 
     assert operations.zones.stored[0].polygon[0] == (-5.0, -4.0)
 
 
-def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(page: Page, operations: FakeOperations) -> None:
+def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(
+    page: Page, operations: FakeOperations
+) -> None:
     operations.goals.add(6.0, 0.5)
     page.keyboard.press("z")
     page.get_by_test_id("zone-name").fill("Fence")
@@ -126,7 +137,9 @@ def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(page: Page, 
     expect(page.get_by_test_id("draft-note")).to_contain_text("cut off by “Fence”")
     page.get_by_test_id("zone-corners").fill("3, -2; 3.5, -2; 3.5, 2.2; 3, 2.2")
     page.get_by_test_id("zone-margin").focus()
-    expect(page.get_by_test_id("draft-note")).to_contain_text(re.compile(r"the path would be .* m, about .* s \(\+\d"))
+    expect(page.get_by_test_id("draft-note")).to_contain_text(
+        re.compile(r"the path would be .* m, about .* s \(\+\d")
+    )
     assert operations.zones.stored == ()
 
 
@@ -153,7 +166,9 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refus
     assert operations.goals.missions()["rounds"].loop and operations.state().loop
 
 
-def test_sets_and_files_bring_zones_and_one_key_takes_them_back(page: Page, operations: FakeOperations, tmp_path: Path) -> None:
+def test_sets_and_files_bring_zones_and_one_key_takes_them_back(
+    page: Page, operations: FakeOperations, tmp_path: Path
+) -> None:
     operations.zones.add(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
     expect(page.get_by_test_id("zone")).to_have_count(1)
     page.get_by_test_id("zone-sets").click()
@@ -164,7 +179,10 @@ def test_sets_and_files_bring_zones_and_one_key_takes_them_back(page: Page, oper
     with page.expect_download() as exported:
         page.get_by_test_id("zones-geojson").click()
     exported.value.save_as(tmp_path / "zones.geojson")
-    assert json.loads((tmp_path / "zones.geojson").read_text())["features"][0]["properties"]["name"] == "desk"
+    assert (
+        json.loads((tmp_path / "zones.geojson").read_text())["features"][0]["properties"]["name"]
+        == "desk"
+    )
     page.get_by_test_id("zones-file").set_input_files(tmp_path / "zones.geojson")
     expect(page.get_by_test_id("zone")).to_have_count(2)
     page.get_by_test_id("map-canvas").focus()
@@ -177,11 +195,15 @@ def test_sets_and_files_bring_zones_and_one_key_takes_them_back(page: Page, oper
     expect(page.get_by_test_id("zone")).to_have_count(1)
 
 
-def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(page: Page, operations: FakeOperations) -> None:
+def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(
+    page: Page, operations: FakeOperations
+) -> None:
     expect(page.get_by_test_id("camera")).to_have_attribute("src", re.compile("camera.jpg"))
     box = page.get_by_test_id("camera").bounding_box()
     assert box is not None
-    page.get_by_test_id("camera").click(position={"x": 0.5 * box["width"], "y": 0.7 * box["height"]})
+    page.get_by_test_id("camera").click(
+        position={"x": 0.5 * box["width"], "y": 0.7 * box["height"]}
+    )
     expect(page.get_by_test_id("zone-name")).to_have_value("Red floor")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
@@ -191,7 +213,9 @@ def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(page: Pag
 def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page: Page) -> None:
     page.set_viewport_size({"width": 1024, "height": 768})
     await_map(page)
-    assert page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]") == [1024, 768]
+    assert page.evaluate(
+        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    ) == [1024, 768]
     shot = page.get_by_test_id("map-canvas").screenshot()
     page.get_by_test_id("map-layers-menu").click()
     for layer in ("free", "inflation", "obstacle", "class-1"):

@@ -49,14 +49,22 @@ def test_every_route_asks_for_the_login_of_whoever_is_not_known(accounts: Accoun
 
 
 ACTS = ("POST", "PUT", "PATCH", "DELETE")
-MAY_BE_ASKED_BY_VIEWERS = {("POST", "/api/v1/stop"), ("POST", "/api/v1/preview"), ("PUT", "/api/v1/me/password")}
+MAY_BE_ASKED_BY_VIEWERS = {
+    ("POST", "/api/v1/stop"),
+    ("POST", "/api/v1/preview"),
+    ("PUT", "/api/v1/me/password"),
+}
 
 
-def test_a_viewer_gets_past_the_door_to_look_and_to_stop_and_for_nothing_else(accounts: Accounts) -> None:
+def test_a_viewer_gets_past_the_door_to_look_and_to_stop_and_for_nothing_else(
+    accounts: Accounts,
+) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
     acts = [route for route in routes_of(app) if route[0] in ACTS]
     assert len(acts) > 15 and set(acts) >= MAY_BE_ASKED_BY_VIEWERS
-    refused = {route for route in acts if ask(app, *route, accounts.headers("viewer"), quiet=True) == 403}
+    refused = {
+        route for route in acts if ask(app, *route, accounts.headers("viewer"), quiet=True) == 403
+    }
     assert refused == set(acts) - MAY_BE_ASKED_BY_VIEWERS
     assert ask(app, "GET", "/api/v1/users", accounts.headers("operator")) == 403
     assert ask(app, "GET", "/api/v1/audit", accounts.headers("viewer")) == 403
@@ -66,7 +74,9 @@ def test_what_drives_the_robot_is_refused_to_whoever_is_not_in_control(accounts:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
     accounts.access.control.take(accounts.visitor("admin"))
     acts = [route for route in routes_of(app) if route[0] in ACTS]
-    refused = {route for route in acts if ask(app, *route, accounts.headers("operator"), quiet=True) == 409}
+    refused = {
+        route for route in acts if ask(app, *route, accounts.headers("operator"), quiet=True) == 409
+    }
     expected = {
         ("POST", "/api/v1/goals"),
         ("DELETE", "/api/v1/goals/xxxxxxxxxxxxxxxx"),
@@ -88,18 +98,24 @@ def test_the_console_answers_to_its_own_names(host: str) -> None:
 def test_every_answer_carries_the_headers_that_keep_browsers_honest(client: httpx.Client) -> None:
     for path in ("/", "/viewer/", "/api/v1/state", "/nowhere"):
         headers = client.get(path).headers
-        assert headers["x-content-type-options"] == "nosniff" and "frame-ancestors 'self'" in headers["content-security-policy"]
+        assert (
+            headers["x-content-type-options"] == "nosniff"
+            and "frame-ancestors 'self'" in headers["content-security-policy"]
+        )
     assert "unsafe" not in client.get("/").headers["content-security-policy"]
     assert client.get("/healthz", headers={"Host": "evil.example"}).status_code == 421
 
 
 @pytest.mark.parametrize("end", ["\n", "\r", "\x00", "\x7f"])
-def test_no_route_is_reached_by_a_path_that_only_a_router_takes_for_its_own(end: str, accounts: Accounts) -> None:
+def test_no_route_is_reached_by_a_path_that_only_a_router_takes_for_its_own(
+    end: str, accounts: Accounts
+) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
     accounts.access.control.take(accounts.visitor("admin"))
     reached = {
         (method, path): status
         for method, path in routes_of(app)
-        if (status := ask(app, method, path + end, accounts.headers("operator"), quiet=True)) not in (403, 404)
+        if (status := ask(app, method, path + end, accounts.headers("operator"), quiet=True))
+        not in (403, 404)
     }
     assert reached == {}

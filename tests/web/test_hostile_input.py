@@ -1,4 +1,5 @@
-"""Whatever is sent, the answer is a refusal with its reason; nothing stored is lost, and nothing is echoed."""
+"""Whatever is sent, the answer is a refusal with its reason; nothing stored is lost, and nothing is
+echoed."""
 
 from __future__ import annotations
 
@@ -31,7 +32,19 @@ WRITES = [
     ("POST", "/api/v1/zones/import-mask"),
     ("POST", "/api/v1/camera/region"),
 ]
-KEYS = ["x_m", "y_m", "name", "geometry", "type", "coordinates", "properties", "enabled", "margin_m", "classes", "colour"]
+KEYS = [
+    "x_m",
+    "y_m",
+    "name",
+    "geometry",
+    "type",
+    "coordinates",
+    "properties",
+    "enabled",
+    "margin_m",
+    "classes",
+    "colour",
+]
 KEYS += [
     "hue_deg",
     "goal",
@@ -55,14 +68,17 @@ numbers = st.one_of(
 )
 words = st.one_of(
     st.text(st.characters(), max_size=20),
-    st.sampled_from(["\ud800", "\x00", "Feature", "Polygon", "Point", "FeatureCollection", "é" * 100, "‮"]),
+    st.sampled_from(
+        ["\ud800", "\x00", "Feature", "Polygon", "Point", "FeatureCollection", "é" * 100, "‮"]
+    ),
 )
 leaves = st.one_of(st.none(), st.booleans(), numbers, words)
 keys = st.one_of(st.sampled_from(KEYS), words)
 values = st.recursive(
     leaves,
     lambda inner: st.one_of(
-        st.lists(inner, max_size=5), st.dictionaries(st.one_of(st.sampled_from(KEYS), words), inner, max_size=5)
+        st.lists(inner, max_size=5),
+        st.dictionaries(st.one_of(st.sampled_from(KEYS), words), inner, max_size=5),
     ),
     max_leaves=20,
 )
@@ -85,7 +101,12 @@ def dumped(value: Any) -> bytes:
     return json.dumps(value, allow_nan=True, ensure_ascii=True).encode("ascii")
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(
+    max_examples=120,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
 @given(request=st.sampled_from(WRITES), value=values)
 def test_no_json_value_makes_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], request: tuple[str, str], value: Any
@@ -95,7 +116,12 @@ def test_no_json_value_makes_the_console_fail(
     answer.json()
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
 @given(x=numbers, y=numbers)
 def test_no_number_makes_a_goal_that_is_not_on_the_map(
     lasting: tuple[httpx.Client, FakeOperations], x: float, y: float
@@ -106,12 +132,24 @@ def test_no_number_makes_a_goal_that_is_not_on_the_map(
     assert all(abs(goal.x_m) <= 8 and abs(goal.y_m) <= 6 for goal in operations.state().queue)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
 @given(ring=st.lists(st.tuples(numbers, numbers), max_size=8), name=words, margin=numbers)
 def test_no_polygon_and_no_name_make_the_console_fail(
-    lasting: tuple[httpx.Client, FakeOperations], ring: list[tuple[float, float]], name: str, margin: float
+    lasting: tuple[httpx.Client, FakeOperations],
+    ring: list[tuple[float, float]],
+    name: str,
+    margin: float,
 ) -> None:
-    body = {"name": name, "geometry": {"type": "Polygon", "coordinates": [ring]}, "margin_m": margin}
+    body = {
+        "name": name,
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "margin_m": margin,
+    }
     program, operations = lasting
     for method, path in (("POST", "/api/v1/zones"), ("PUT", "/api/v1/zones/z1")):
         assert program.request(method, path, content=dumped(body), headers=JSON).status_code < 500
@@ -122,7 +160,12 @@ def test_no_polygon_and_no_name_make_the_console_fail(
     assert all(entry.name.isprintable() for entry in operations.zones.stored)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
 @given(body=st.binary(max_size=200), request=st.sampled_from(WRITES))
 def test_no_bytes_make_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], body: bytes, request: tuple[str, str]
@@ -144,18 +187,27 @@ def test_no_bytes_make_the_console_fail(
         ('{"x_m": 1,', "not JSON"),
     ],
 )
-def test_a_refusal_names_the_place_and_the_reason(client: httpx.Client, body: str, says: str) -> None:
+def test_a_refusal_names_the_place_and_the_reason(
+    client: httpx.Client, body: str, says: str
+) -> None:
     assert says in wrong(client.post("/api/v1/goals", content=body, headers=JSON), 422)["message"]
 
 
-@pytest.mark.parametrize("bomb", ["[" * 100_000, '{"a":' * 100_000, "9" * 100_000, '{"x_m": ' + "9" * 5000 + ', "y_m": 1}'])
+@pytest.mark.parametrize(
+    "bomb",
+    ["[" * 100_000, '{"a":' * 100_000, "9" * 100_000, '{"x_m": ' + "9" * 5000 + ', "y_m": 1}'],
+)
 def test_bombs_of_depth_and_digits_are_refused(client: httpx.Client, bomb: str) -> None:
     assert client.post("/api/v1/goals", content=bomb, headers=JSON).status_code in (400, 422)
 
 
-def test_a_name_with_a_lone_surrogate_is_refused_and_the_list_still_reads(client: httpx.Client) -> None:
+def test_a_name_with_a_lone_surrogate_is_refused_and_the_list_still_reads(
+    client: httpx.Client,
+) -> None:
     body = dumped(zone("\ud800"))
-    assert "name" in str(wrong(client.post("/api/v1/zones", content=body, headers=JSON), 422)["where"])
+    assert "name" in str(
+        wrong(client.post("/api/v1/zones", content=body, headers=JSON), 422)["where"]
+    )
     assert client.get("/api/v1/zones").json()["features"] == []
 
 
@@ -164,15 +216,22 @@ def test_a_secret_in_the_input_is_not_echoed(client: httpx.Client) -> None:
     assert answer.status_code == 422 and "hunter2" not in answer.text
 
 
-def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(client: httpx.Client) -> None:
+def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
+    client: httpx.Client,
+) -> None:
     large = b" " * (MAX_BODY_BYTES + 1)
 
     def chunks() -> Iterator[bytes]:
         for start in range(0, len(large), 50_000):
             yield large[start : start + 50_000]
 
-    assert wrong(client.post("/api/v1/goals", content=large, headers=JSON), 413)["code"] == "too_large"
-    assert wrong(client.post("/api/v1/goals", content=chunks(), headers=JSON), 413)["code"] == "too_large"
+    assert (
+        wrong(client.post("/api/v1/goals", content=large, headers=JSON), 413)["code"] == "too_large"
+    )
+    assert (
+        wrong(client.post("/api/v1/goals", content=chunks(), headers=JSON), 413)["code"]
+        == "too_large"
+    )
     assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
 
 

@@ -39,17 +39,29 @@ def assert_says_the_same(nav2_map: Nav2Map, picture: Picture) -> None:
     np.testing.assert_array_equal(nav2_map.cells(State.UNKNOWN), ~picture.seen & ~occupied)
 
 
-def test_the_map_over_http_is_read_back_cell_by_cell(client: httpx.Client, operations: FakeOperations, tmp_path: Path) -> None:
-    nav2_map = handed_out(tmp_path, client.get("/api/v1/map.pgm").content, client.get("/api/v1/map.yaml").text)
+def test_the_map_over_http_is_read_back_cell_by_cell(
+    client: httpx.Client, operations: FakeOperations, tmp_path: Path
+) -> None:
+    nav2_map = handed_out(
+        tmp_path, client.get("/api/v1/map.pgm").content, client.get("/api/v1/map.yaml").text
+    )
     picture = operations.picture()
     assert picture is not None
-    assert {int(state) for state in np.unique(nav2_map.states())} == {State.FREE, State.OCCUPIED, State.UNKNOWN}
+    assert {int(state) for state in np.unique(nav2_map.states())} == {
+        State.FREE,
+        State.OCCUPIED,
+        State.UNKNOWN,
+    }
     assert_says_the_same(nav2_map, picture)
     assert nav2_map.cells(State.OCCUPIED)[SPEC.cell(4.0, 2.5)]
-    assert not nav2_map.cells(State.OCCUPIED)[SPEC.cell(4.0, -2.5)]  # control: it is not upside down
+    assert not nav2_map.cells(State.OCCUPIED)[
+        SPEC.cell(4.0, -2.5)
+    ]  # control: it is not upside down
 
 
-def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(tmp_path: Path, operations: FakeOperations) -> None:
+def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(
+    tmp_path: Path, operations: FakeOperations
+) -> None:
     picture = operations.picture()
     assert picture is not None
     mask = rasterise(CORNERS, SPEC)
@@ -60,9 +72,17 @@ def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(tmp_path: Path, opera
     assert_says_the_same(nav2_map, picture)
 
 
-def test_a_place_that_is_no_round_number_is_handed_out_exactly(tmp_path: Path, operations: FakeOperations) -> None:
+def test_a_place_that_is_no_round_number_is_handed_out_exactly(
+    tmp_path: Path, operations: FakeOperations
+) -> None:
     picture = operations.picture()
     assert picture is not None
-    spec = GridSpec(resolution_m=0.1 + 1e-12, rows=SPEC.rows, cols=SPEC.cols, origin_x_m=1e-17, origin_y_m=-1 / 3)
+    spec = GridSpec(
+        resolution_m=0.1 + 1e-12,
+        rows=SPEC.rows,
+        cols=SPEC.cols,
+        origin_x_m=1e-17,
+        origin_y_m=-1 / 3,
+    )
     picture = with_grid(picture, dataclasses.replace(picture.grid, spec=spec))
     assert handed_out(tmp_path, map_pgm(picture), map_yaml(picture)).spec == spec

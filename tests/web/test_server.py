@@ -28,7 +28,13 @@ PAGE = "0123456789abcdef"
 
 def viewer_of(server: ConsoleServer, path: str = "/viewer", **options: Any) -> Connection:
     """A viser client at the console's door."""
-    return connect(server.url.replace("http", "ws") + path, subprotocols=[SUBPROTOCOL], proxy=None, max_size=None, **options)
+    return connect(
+        server.url.replace("http", "ws") + path,
+        subprotocols=[SUBPROTOCOL],
+        proxy=None,
+        max_size=None,
+        **options,
+    )
 
 
 def scene(connection: Connection, wanted: set[str]) -> set[str]:
@@ -61,17 +67,26 @@ def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -
         console.stop()
 
 
-def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connected(operations: FakeOperations) -> None:
+def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connected(
+    operations: FakeOperations,
+) -> None:
     before = set(threading.enumerate())
     console = ConsoleServer(operations, port=0)
     console.start()
     port = int(console.url.rsplit(":", 1)[1])
-    with viewer_of(console) as viewer, connect(console.url.replace("http", "ws") + "/api/v1/events", proxy=None) as events:
+    with (
+        viewer_of(console) as viewer,
+        connect(console.url.replace("http", "ws") + "/api/v1/events", proxy=None) as events,
+    ):
         viewer.send(camera())
         scene(viewer, {"/floor/0_0"})
         events.recv(timeout=5)
         console.stop()
-    left = {thread for thread in set(threading.enumerate()) - before if thread.is_alive() and "recv_events" not in thread.name}
+    left = {
+        thread
+        for thread in set(threading.enumerate()) - before
+        if thread.is_alive() and "recv_events" not in thread.name
+    }
     assert left == set()
     with socket.socket() as again:
         again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -81,14 +96,26 @@ def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connecte
 def test_the_page_of_the_viewer_comes_through_the_door(client: httpx.Client) -> None:
     for path in ("/viewer/", "/viewer", f"/viewer/{PAGE}/"):
         answer = client.get(path)
-        assert answer.status_code == 200 and "text/html" in answer.headers["content-type"] and len(answer.text) > 100_000
+        assert (
+            answer.status_code == 200
+            and "text/html" in answer.headers["content-type"]
+            and len(answer.text) > 100_000
+        )
 
 
-def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scene(server: ConsoleServer) -> None:
+def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scene(
+    server: ConsoleServer,
+) -> None:
     with viewer_of(server) as viewer:
         assert viewer.subprotocol == SUBPROTOCOL
         viewer.send(camera())
-        expected = {"/floor/0_0", "/robot/base", "/robot/base/body", "/camera/frustum", "/cloud/-1_-1"}
+        expected = {
+            "/floor/0_0",
+            "/robot/base",
+            "/robot/base/body",
+            "/camera/frustum",
+            "/cloud/-1_-1",
+        }
         assert expected <= scene(viewer, expected)
 
 
@@ -97,29 +124,51 @@ def test_goals_path_and_zones_appear_in_the_scene_and_go_again(
 ) -> None:
     client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0})
     ring = [[4, -1], [5, -1], [5, 1]]
-    client.post("/api/v1/zones", json={"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}})
+    client.post(
+        "/api/v1/zones",
+        json={"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}},
+    )
     with viewer_of(server) as viewer:
         viewer.send(camera())
-        scene(viewer, {"/goals/waiting-1", "/path/planned", "/waypoints/points", "/zones/z1", "/zones/z1/outline"})
+        scene(
+            viewer,
+            {
+                "/goals/waiting-1",
+                "/path/planned",
+                "/waypoints/points",
+                "/zones/z1",
+                "/zones/z1/outline",
+            },
+        )
         client.delete("/api/v1/zones/z1")
         assert "/zones/z1" in scene(viewer, {"/zones/z1"})
 
 
 @pytest.mark.parametrize("headers", [{"Origin": "http://evil.example"}, {"Origin": "null"}])
-def test_an_upgrade_from_another_page_is_refused(server: ConsoleServer, headers: dict[str, str]) -> None:
+def test_an_upgrade_from_another_page_is_refused(
+    server: ConsoleServer, headers: dict[str, str]
+) -> None:
     for path in ("/viewer", f"/viewer/{PAGE}", "/api/v1/events", f"/api/v1/viewer/{PAGE}"):
-        with pytest.raises(InvalidStatus) as refused, viewer_of(server, path, additional_headers=headers):
+        with (
+            pytest.raises(InvalidStatus) as refused,
+            viewer_of(server, path, additional_headers=headers),
+        ):
             pass
         assert refused.value.response.status_code == 403
 
 
 def test_a_viewer_of_another_version_is_refused(server: ConsoleServer) -> None:
     address = server.url.replace("http", "ws") + "/viewer"
-    with pytest.raises(InvalidStatus), connect(address, subprotocols=[Subprotocol("viser-v0.0.1")], proxy=None):
+    with (
+        pytest.raises(InvalidStatus),
+        connect(address, subprotocols=[Subprotocol("viser-v0.0.1")], proxy=None),
+    ):
         pass
 
 
-def test_a_viewer_that_sends_nonsense_is_cut_off_and_the_others_go_on(server: ConsoleServer) -> None:
+def test_a_viewer_that_sends_nonsense_is_cut_off_and_the_others_go_on(
+    server: ConsoleServer,
+) -> None:
     nonsense: list[bytes | str] = [
         b"",
         b"\xff" * 64,
@@ -145,7 +194,9 @@ def test_a_viewer_cannot_open_the_public_tunnel_nor_upload(operations: FakeOpera
     assert heard <= {"ScenePointerMessage", "SceneNodeClickMessage", "SceneNodeDragMessage"}
 
 
-def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(server: ConsoleServer) -> None:
+def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(
+    server: ConsoleServer,
+) -> None:
     links = server.url.replace("http", "ws") + "/api/v1/viewer/"
     with (
         connect(links + PAGE, proxy=None) as page,
@@ -154,7 +205,12 @@ def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(serv
     ):
         viewer.send(camera())
         assert json.loads(page.recv(timeout=10)) == {"type": "viewer", "connected": True}
-        click = {"type": "ScenePointerMessage", "event_type": "click", "modifier": None, "screen_pos": [[0.5, 0.5]]}
+        click = {
+            "type": "ScenePointerMessage",
+            "event_type": "click",
+            "modifier": None,
+            "screen_pos": [[0.5, 0.5]],
+        }
         for direction in ([0.0, 0.0, 1.0], [float("nan")] * 3, [1.0, 0.0, 0.0], [0.1, 0.2, -1.0]):
             ray = {"ray_origin": [1.0, 1.0, 10.0], "ray_direction": direction}
             viewer.send(msgspec.msgpack.encode({**click, **ray}))
@@ -164,7 +220,9 @@ def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(serv
             other.recv(timeout=0.2)
 
 
-def test_a_reloaded_view_that_comes_before_the_old_one_has_gone_stays_live(server: ConsoleServer) -> None:
+def test_a_reloaded_view_that_comes_before_the_old_one_has_gone_stays_live(
+    server: ConsoleServer,
+) -> None:
     with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
         heard = []
         with viewer_of(server, f"/viewer/{PAGE}") as reloaded:
@@ -178,19 +236,29 @@ def test_a_reloaded_view_that_comes_before_the_old_one_has_gone_stays_live(serve
 
 
 def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: ConsoleServer) -> None:
-    draft = {"type": "draft", "mode": "edit", "corners": [[0, 0], [1, 0], [1, 1]], "path": [[0, 0], [2, 2]]}
+    draft = {
+        "type": "draft",
+        "mode": "edit",
+        "corners": [[0, 0], [1, 0], [1, 1]],
+        "path": [[0, 0], [2, 2]],
+    }
     with viewer_of(server, f"/viewer/{PAGE}") as mine:
         mine.send(camera())
-        with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
+        with connect(
+            server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None
+        ) as page:
             page.send(json.dumps(draft))
             scene(mine, {"/draft/outline", "/draft/corners", "/draft/path"})
         with viewer_of(server) as other:
             other.send(camera())
-            assert not any(name.startswith("/draft") for name in scene(other, {"/floor/0_0", "/cloud/-1_-1"}))
+            assert not any(
+                name.startswith("/draft") for name in scene(other, {"/floor/0_0", "/cloud/-1_-1"})
+            )
 
 
 @pytest.mark.parametrize(
-    "message", ["", "[]", "[" * 50_000, '{"type":"draft","corners":[[NaN,0]]}', '{"type":"look","at":"moon"}']
+    "message",
+    ["", "[]", "[" * 50_000, '{"type":"draft","corners":[[NaN,0]]}', '{"type":"look","at":"moon"}'],
 )
 def test_a_page_that_sends_nonsense_is_cut_off(server: ConsoleServer, message: str) -> None:
     with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:
@@ -202,7 +270,9 @@ def test_a_page_that_sends_nonsense_is_cut_off(server: ConsoleServer, message: s
 def test_a_client_that_does_not_read_gets_the_newest_state_when_it_wakes(
     server: ConsoleServer, operations: FakeOperations
 ) -> None:
-    with connect(server.url.replace("http", "ws") + "/api/v1/events", proxy=None, max_queue=1) as lazy:
+    with connect(
+        server.url.replace("http", "ws") + "/api/v1/events", proxy=None, max_queue=1
+    ) as lazy:
         lazy.recv(timeout=5)
         operations.goals.add(3, 0)
         operations.stop("test")
@@ -224,11 +294,15 @@ def test_a_robot_with_a_urdf_is_drawn_from_it_and_a_broken_one_as_a_box(tmp_path
         console.start()
         with viewer_of(console) as viewer:
             viewer.send(camera())
-            assert any(wanted in name for name in scene(viewer, {"/robot/base/state", "/floor/0_0"}))
+            assert any(
+                wanted in name for name in scene(viewer, {"/robot/base/state", "/floor/0_0"})
+            )
         console.stop()
 
 
-def test_viser_is_not_announced_on_the_terminal(operations: FakeOperations, capsys: pytest.CaptureFixture[str]) -> None:
+def test_viser_is_not_announced_on_the_terminal(
+    operations: FakeOperations, capsys: pytest.CaptureFixture[str]
+) -> None:
     console = ConsoleServer(operations, port=0)
     console.start()
     console.stop()

@@ -1,4 +1,6 @@
-"""The drawer of the page in a real Chromium: log and jump, why this way, sightings, plots, ages, runs."""
+# ruff: noqa: F811
+"""The drawer of the page in a real Chromium: log and jump, why this way, sightings, plots, ages,
+runs."""
 
 from __future__ import annotations
 
@@ -20,12 +22,17 @@ HERE = (-3.0, 1.0)
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
 
 
-def place_of(page: Page) -> list[float]:  # noqa: F811
+def place_of(page: Page) -> list[float]:
     """Scale and middle of the map, metres."""
-    return [float(part) for part in (page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()]
+    return [
+        float(part)
+        for part in (page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()
+    ]
 
 
-def test_the_log_is_filtered_and_a_click_goes_to_the_place(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+def test_the_log_is_filtered_and_a_click_goes_to_the_place(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     operations.insight.log.note(1.0, "stopped", "Somebody is in the way.", (-3.0, 1.0))
     operations.insight.log.note(2.0, "seen", "First sight of “cup” here.", (2.5, 1.5))
@@ -35,7 +42,9 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(page: Page, operation
     page.get_by_test_id("filter-seen").click()
     expect(page.get_by_test_id("log-entry")).to_have_count(1)
     page.get_by_test_id("jump").click()
-    expect(page.get_by_test_id("map-canvas")).to_have_attribute("data-place", re.compile(r" 2\.5 1\.5$"))
+    expect(page.get_by_test_id("map-canvas")).to_have_attribute(
+        "data-place", re.compile(r" 2\.5 1\.5$")
+    )
     assert place_of(page)[0] >= 60
     page.get_by_test_id("filter-seen").click()
     expect(page.get_by_test_id("log-entry").first).to_contain_text("cup")
@@ -43,7 +52,7 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(page: Page, operation
 
 
 def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
-    page: Page,  # noqa: F811
+    page: Page,
     operations: FakeOperations,
     tmp_path: Path,
 ) -> None:
@@ -61,7 +70,9 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
     expect(entries).to_have_count(300)
     expect(entries.nth(0)).not_to_have_class("earlier")
     expect(entries.nth(1)).to_have_class("earlier")
-    expect(entries.nth(1)).to_have_attribute("data-before", re.compile("before the console was started anew"))
+    expect(entries.nth(1)).to_have_attribute(
+        "data-before", re.compile("before the console was started anew")
+    )
     expect(page.locator("[data-before]")).to_have_count(1)
     page.get_by_test_id("log-older").click()
     expect(entries).to_have_count(321)
@@ -70,7 +81,9 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
     store.close()
 
 
-def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(
+    page: Page, operations: FakeOperations
+) -> None:
     page.get_by_test_id("tab-why").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
     zone = operations.zones.add(WET)
@@ -79,12 +92,16 @@ def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(page: Page, opera
     expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
     rule.get_by_test_id("why-without").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
-    operations.zones.add(ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7))))
+    operations.zones.add(
+        ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7)))
+    )
     expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
     assert operations.zones.stored[0].enabled
 
 
-def test_candidates_are_asked_for_only_while_their_layer_is_on(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+def test_candidates_are_asked_for_only_while_their_layer_is_on(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
@@ -106,7 +123,9 @@ def test_candidates_are_asked_for_only_while_their_layer_is_on(page: Page, opera
     assert not after_a_tick()
 
 
-def test_a_wrong_sighting_and_a_missed_thing_are_taught(page: Page, operations: FakeOperations) -> None:  # noqa: F811
+def test_a_wrong_sighting_and_a_missed_thing_are_taught(
+    page: Page, operations: FakeOperations
+) -> None:
     await_map(page)
     page.get_by_test_id("tab-seen").click()
     expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × cup")
@@ -129,7 +148,9 @@ def test_a_wrong_sighting_and_a_missed_thing_are_taught(page: Page, operations: 
     assert all(abs(a - b) <= 4 for a, b in zip(drawn, (128, 72, 208, 144), strict=True))
 
 
-def test_curves_ages_and_the_page_of_runs(page: Page, server: ConsoleServer, operations: FakeOperations) -> None:  # noqa: F811
+def test_curves_ages_and_the_page_of_runs(
+    page: Page, server: ConsoleServer, operations: FakeOperations
+) -> None:
     await_map(page)
     expect(page.get_by_test_id("age-picture")).to_have_text(re.compile(r"^picture 0\.\d s$"))
     page.get_by_test_id("tab-plots").click()

@@ -22,14 +22,18 @@ sensible = st.floats(-50, 50)
 
 
 @given(st.tuples(sensible, sensible), st.tuples(sensible, sensible, st.floats(0.5, 30)))
-def test_a_ray_through_a_point_of_the_floor_meets_it_there(point: tuple[float, float], eye: tuple[float, float, float]) -> None:
+def test_a_ray_through_a_point_of_the_floor_meets_it_there(
+    point: tuple[float, float], eye: tuple[float, float, float]
+) -> None:
     way = (point[0] - eye[0], point[1] - eye[1], -eye[2])
     picked = floor_point(eye, way)
     assert picked is not None and np.allclose(picked, point, atol=1e-6)
 
 
 @given(st.tuples(anything, anything, anything), st.tuples(anything, anything, anything))
-def test_any_ray_gives_a_finite_place_or_none(origin: tuple[float, ...], way: tuple[float, ...]) -> None:
+def test_any_ray_gives_a_finite_place_or_none(
+    origin: tuple[float, ...], way: tuple[float, ...]
+) -> None:
     picked = floor_point(origin, way)
     assert picked is None or np.isfinite(picked).all()
 
@@ -41,7 +45,9 @@ def test_rays_that_meet_no_floor_give_nothing() -> None:
 
 
 @given(st.tuples(sensible, sensible))
-def test_a_place_beside_the_map_is_brought_onto_it_even_rounded_to_millimetres(point: tuple[float, float]) -> None:
+def test_a_place_beside_the_map_is_brought_onto_it_even_rounded_to_millimetres(
+    point: tuple[float, float],
+) -> None:
     x, y = clamped(point, SPEC)
     assert SPEC.contains(round(x, 3), round(y, 3))
 
@@ -60,7 +66,9 @@ def test_the_triangles_of_a_zone_cover_exactly_its_area(points: list[tuple[float
 
 def cloud_of(points: npt.NDArray[np.float32], serial: int = 1) -> Cloud:
     grey = np.full((len(points), 3), 128, dtype=np.uint8)
-    return Cloud(serial=serial, points_map=points, rgb=grey, class_ids=np.zeros(len(points), dtype=np.uint8))
+    return Cloud(
+        serial=serial, points_map=points, rgb=grey, class_ids=np.zeros(len(points), dtype=np.uint8)
+    )
 
 
 def test_the_sum_of_a_tile_changes_with_its_own_points_only_and_not_with_their_order() -> None:
@@ -75,11 +83,17 @@ def test_the_sum_of_a_tile_changes_with_its_own_points_only_and_not_with_their_o
     assert (shuffled[1], shuffled[2]) == (tiles, sums)
     moved = points.copy()
     moved[100, 2] += 0.01
-    differs = [tile for tile, old, new in zip(tiles, sums, surveyed(cloud_of(moved))[2], strict=True) if old != new]
+    differs = [
+        tile
+        for tile, old, new in zip(tiles, sums, surveyed(cloud_of(moved))[2], strict=True)
+        if old != new
+    ]
     assert differs == [tiles[tile_of[100]]]
     recoloured = cloud_of(points)
     recoloured.rgb[100] = (1, 2, 3)
-    assert [i for i, (a, b) in enumerate(zip(sums, surveyed(recoloured)[2], strict=True)) if a != b] == [tile_of[100]]
+    assert [
+        i for i, (a, b) in enumerate(zip(sums, surveyed(recoloured)[2], strict=True)) if a != b
+    ] == [tile_of[100]]
 
 
 @given(st.integers(0, 3_000_000), st.integers(1, 400_000))
@@ -112,7 +126,9 @@ def test_only_tiles_that_changed_are_sent_again() -> None:
 
 
 def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:
-    arcs = np.stack([np.column_stack([np.arange(10), np.full(10, i)]) for i in range(4)]).astype(np.float64)
+    arcs = np.stack([np.column_stack([np.arange(10), np.full(10, i)]) for i in range(4)]).astype(
+        np.float64
+    )
     segments, is_free = drawn(Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0])))
     assert len(segments) == 9 + 4 and is_free.tolist() == [True] * 9 + [True] * 3 + [False]
 

@@ -12,7 +12,8 @@ from web.access.users import Users
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """All of it for one console; by default everybody who reaches it may do everything, one at a time drives."""
+    """All of it for one console; by default everybody who reaches it may do everything, one at a
+    time drives."""
 
     house: House = field(default_factory=OpenHouse)
     """How visitors are recognised."""

@@ -1,4 +1,5 @@
-"""Looks about once a second who is still there: accounts that have changed, and an operator who has gone silent."""
+"""Looks about once a second who is still there: accounts that have changed, and an operator who has
+gone silent."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ class Ledger(Protocol):
         since: datetime | None = None,
         until: datetime | None = None,
     ) -> tuple[dict[str, Any], ...]:
-        """Entries, newest first, each with `id` and `at`; older than the id `before`, by `who`, put down between two times."""
+        """Entries, newest first, each with `id` and `at`; older than the id `before`, by `who`, put
+        down between two times."""
 
 
 class Auditor:
@@ -47,7 +48,8 @@ class Auditor:
         self.ledger = ledger
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
-        """A `send` that puts the request down before its answer goes out, and the emergency stop right after it."""
+        """A `send` that puts the request down before its answer goes out, and the emergency stop
+        right after it."""
         if self.ledger is None or scope["method"] in SAFE or scope["path"] in _SILENT:
             return send
 
@@ -74,7 +76,13 @@ class Auditor:
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
     query = scope["query_string"].decode("latin-1")
     path = f"{scope['path']}?{query}" if query else scope["path"]
-    entry = {"who": visitor.name, "role": str(visitor.role), "method": scope["method"], "path": path[:400], "status": status}
+    entry = {
+        "who": visitor.name,
+        "role": str(visitor.role),
+        "method": scope["method"],
+        "path": path[:400],
+        "status": status,
+    }
     if body and not scope["path"].startswith(_SECRET):
         entry["detail"] = _detail(body)
     return entry
@@ -96,7 +104,11 @@ def is_deep(value: Any) -> bool:
     """Whether JSON nests deeper than anybody means, or can be written again for who asks."""
     layer = [value]
     for _ in range(MAX_DEPTH):
-        nested = [one.values() if isinstance(one, dict) else one for one in layer if isinstance(one, dict | list)]
+        nested = [
+            one.values() if isinstance(one, dict) else one
+            for one in layer
+            if isinstance(one, dict | list)
+        ]
         layer = [inner for values in nested for inner in values]
         if not layer:
             return False

@@ -33,7 +33,9 @@ async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
                 if message["type"] != "http.request" or not message.get("more_body"):
                     return bytes(body)
     except TimeoutError:
-        return problem(408, "too_slow", f"the body did not arrive within {BODY_TIMEOUT_S:g} s", "body")
+        return problem(
+            408, "too_slow", f"the body did not arrive within {BODY_TIMEOUT_S:g} s", "body"
+        )
 
 
 def replayed(body: bytes, receive: Receive) -> Receive:

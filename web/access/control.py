@@ -1,7 +1,7 @@
 """Who drives: one seat at a time. Others watch, ask for it, or take it, and everybody sees that.
 
-Whoever acts first when nobody drives has it, so a single page needs no ceremony. A seat that shows no sign of life for a few
-seconds has lost it; the clock is monotonic.
+Whoever acts first when nobody drives has it, so a single page needs no ceremony. A seat that shows
+no sign of life for a few seconds has lost it; the clock is monotonic.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class Control:
             return self._holding
 
     def claim(self, visitor: Visitor) -> None:
-        """He is about to drive: nobody else may be in control. Raises `NotInControl` with what to do."""
+        """He is about to drive: nobody else may be in control. Raises `NotInControl` with what to
+        do."""
         with self._lock:
             self._lapse()
             holder = self._holding.holder
@@ -88,7 +89,8 @@ class Control:
             self._live(visitor)
 
     def ask(self, visitor: Visitor) -> None:
-        """Let the one who drives know that this one would like to; when nobody drives he has it at once."""
+        """Let the one who drives know that this one would like to; when nobody drives he has it at
+        once."""
         with self._lock:
             self._lapse()
             if self._holding.holder is None:
@@ -96,11 +98,15 @@ class Control:
                 self._live(visitor)
             elif self._holding.holder.seat != visitor.seat:
                 self._change(
-                    holder=self._holding.holder, asking=visitor, before=self._holding.before, taken=self._holding.taken
+                    holder=self._holding.holder,
+                    asking=visitor,
+                    before=self._holding.before,
+                    taken=self._holding.taken,
                 )
 
     def give(self, visitor: Visitor) -> None:
-        """Hand it to whoever has asked, or to nobody. Raises `NotInControl` when it is not his to give."""
+        """Hand it to whoever has asked, or to nobody. Raises `NotInControl` when it is not his to
+        give."""
         with self._lock:
             self._lapse()
             if self._holding.holder is None or self._holding.holder.seat != visitor.seat:
@@ -117,7 +123,9 @@ class Control:
         self._change(holder=visitor, before=self._holding.holder, taken=taken)
 
     def _live(self, visitor: Visitor) -> None:
-        self._until_s = self._clock() + (PROGRAM_LAPSE_S if visitor.seat.startswith("program") else LAPSE_S)
+        self._until_s = self._clock() + (
+            PROGRAM_LAPSE_S if visitor.seat.startswith("program") else LAPSE_S
+        )
 
     def _lapse(self) -> None:
         if self._holding.holder is not None and self._clock() > self._until_s:
@@ -132,4 +140,6 @@ class Control:
         taken: bool = False,
     ) -> None:
         serial = self._holding.serial + 1
-        self._holding = Holding(serial=serial, holder=holder, asking=asking, before=before, taken=taken)
+        self._holding = Holding(
+            serial=serial, holder=holder, asking=asking, before=before, taken=taken
+        )

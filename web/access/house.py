@@ -1,4 +1,5 @@
-"""Two kinds of house: an open one, for this machine alone, and one that knows its visitors by password or token."""
+"""Two kinds of house: an open one, for this machine alone, and one that knows its visitors by
+password or token."""
 
 from __future__ import annotations
 
@@ -29,14 +30,16 @@ class House(Protocol):
         """The visitor; None for one who has to log in."""
 
     def seat_at(self, cookie: str) -> str | None:
-        """The cookie to give to a browser that opens the page; None when it needs none, or must log in for it."""
+        """The cookie to give to a browser that opens the page; None when it needs none, or must log
+        in for it."""
 
     def refresh(self) -> None:
         """Look again who may come in; called about once a second."""
 
 
 class OpenHouse:
-    """Everybody may do everything. The cookie only tells one browser from another, so that one of them drives at a time."""
+    """Everybody may do everything. The cookie only tells one browser from another, so that one of
+    them drives at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -47,7 +50,12 @@ class OpenHouse:
         """A page by its cookie; whatever has none is a program."""
         if not _SEAT.fullmatch(cookie):
             return Visitor(name="a program", role=Role.ADMIN, seat="program", logged_in=False)
-        return Visitor(name=f"console {self._number(cookie)}", role=Role.ADMIN, seat=f"page {cookie}", logged_in=False)
+        return Visitor(
+            name=f"console {self._number(cookie)}",
+            role=Role.ADMIN,
+            seat=f"page {cookie}",
+            logged_in=False,
+        )
 
     def seat_at(self, cookie: str) -> str | None:
         """A fresh one for a browser without."""
@@ -67,9 +75,11 @@ class OpenHouse:
 
 
 class LockedHouse:
-    """Users log in with a password and keep a session; programs send the token of a user as a bearer.
+    """Users log in with a password and keep a session; programs send the token of a user as a
+    bearer.
 
-    The accounts are read into memory, so that no request waits for a disk: the stop must pass though the store is locked.
+    The accounts are read into memory, so that no request waits for a disk: the stop must pass
+    though the store is locked.
     """
 
     def __init__(self, users: Users, sessions: Sessions | None = None) -> None:
@@ -84,11 +94,20 @@ class LockedHouse:
         """By bearer token, else by session."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
-            # Found by its hash, so what takes longer for a nearly right token tells nothing of the token itself.
+            # Found by its hash, so what takes longer for a nearly right token tells nothing of the
+            # token itself.
             user = self._by_token.get(hash_token(given.strip()))
-            return None if user is None else Visitor(name=user.name, role=user.role, seat=f"program {user.name}")
+            return (
+                None
+                if user is None
+                else Visitor(name=user.name, role=user.role, seat=f"program {user.name}")
+            )
         found = self.sessions.of(cookie)
-        return None if found is None else Visitor(name=found[0].name, role=found[0].role, seat=f"page {found[1]}")
+        return (
+            None
+            if found is None
+            else Visitor(name=found[0].name, role=found[0].role, seat=f"page {found[1]}")
+        )
 
     def seat_at(self, cookie: str) -> str | None:
         """Nothing without a log-in."""
@@ -109,5 +128,7 @@ class LockedHouse:
             log.exception("the users could not be read; those known so far may come in")
             return
         self._known = known
-        self._by_token = {user.token_hash: user for user in known.values() if user.token_hash is not None}
+        self._by_token = {
+            user.token_hash: user for user in known.values() if user.token_hash is not None
+        }
         self.sessions.keep_only(known)

@@ -30,7 +30,9 @@ _CSP = (
 class Login:
     """What answers to somebody who is not known yet."""
 
-    def __init__(self, house: LockedHouse, auditor: Auditor, throttle: Throttle | None = None) -> None:
+    def __init__(
+        self, house: LockedHouse, auditor: Auditor, throttle: Throttle | None = None
+    ) -> None:
         self._house, self._auditor = house, auditor
         self._throttle = throttle or Throttle()
         self._one_at_a_time = asyncio.Semaphore(1)
@@ -40,7 +42,9 @@ class Login:
         if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in accept:
             return _page()
         headers = {"WWW-Authenticate": "Bearer"}
-        return problem(401, "login_needed", "log in at / or send a user's token as a bearer", headers=headers)
+        return problem(
+            401, "login_needed", "log in at / or send a user's token as a bearer", headers=headers
+        )
 
     async def attempt(self, scope: Scope, body: bytes, cookie_name: str) -> Response:
         """The form was sent: name and password."""
@@ -49,12 +53,18 @@ class Login:
         address = str((scope.get("client") or ("?", 0))[0])
         wait_s = self._throttle.wait_s(address)
         if wait_s:
-            return _page(f"Too many tries; wait {wait_s} s.", status=429, headers={"Retry-After": str(wait_s)})
+            return _page(
+                f"Too many tries; wait {wait_s} s.",
+                status=429,
+                headers={"Retry-After": str(wait_s)},
+            )
         async with self._one_at_a_time:  # each takes much memory and time, and that is its purpose
             cookie = await asyncio.to_thread(self._house.log_in, name, password)
         who = name if name.isprintable() and len(name) <= 40 else "somebody"
         status = 401 if cookie is None else 200
-        await self._auditor.note({"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address})
+        await self._auditor.note(
+            {"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address}
+        )
         if cookie is None:
             return _page("That name or password is wrong.")
         self._throttle.forgive(address)

@@ -1,4 +1,5 @@
-"""Roles, each of which may do what the one before it may and more; and a visitor, as the door has recognised him."""
+"""Roles, each of which may do what the one before it may and more; and a visitor, as the door has
+recognised him."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ class Visitor:
     role: Role
     """What he may do."""
     seat: str
-    """Where he sits: a browser that is logged in, or a program. Control of the robot belongs to a seat."""
+    """Where he sits: a browser that is logged in, or a program. Control of the robot belongs to a
+    seat."""
     logged_in: bool = True
     """Whether he has said who he is; in an open house nobody has."""
 
@@ -45,7 +47,8 @@ SCOPE_KEY = "bewarenav.visitor"
 
 
 async def _visitor(connection: HTTPConnection) -> Visitor:
-    # A coroutine on purpose: a plain function would wait for a thread of the pool, and the emergency stop with it.
+    # A coroutine on purpose: a plain function would wait for a thread of the pool, and the
+    # emergency stop with it.
     visitor: Visitor = connection.scope[SCOPE_KEY]
     return visitor
 

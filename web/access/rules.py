@@ -1,7 +1,7 @@
 """What each request needs, in one table: a role, and for what drives the robot, control of it.
 
-The door asks here before any handler runs. What changes something and is not listed needs an operator, so that a new route is
-closed to viewers until somebody decides otherwise.
+The door asks here before any handler runs. What changes something and is not listed needs an
+operator, so that a new route is closed to viewers until somebody decides otherwise.
 """
 
 from __future__ import annotations
@@ -15,10 +15,17 @@ _API = "/api/v1"
 SAFE = ("GET", "HEAD", "OPTIONS")
 STOP = f"{_API}/stop"
 LOGOUT = "/logout"
-_BY_ANYONE = {("POST", STOP), ("POST", f"{_API}/preview"), ("POST", LOGOUT), ("PUT", f"{_API}/me/password")}
+_BY_ANYONE = {
+    ("POST", STOP),
+    ("POST", f"{_API}/preview"),
+    ("POST", LOGOUT),
+    ("PUT", f"{_API}/me/password"),
+}
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
 _OPERATORS = re.compile(rf"{_API}/audit(/|$)")
-_DRIVES = re.compile(rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?")
+_DRIVES = re.compile(
+    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?"
+)
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """To stand still is always allowed."""
 

@@ -1,4 +1,5 @@
-"""Browsers that are logged in. A session ends by log-out, by idleness, by age, and when its user changes.
+"""Browsers that are logged in. A session ends by log-out, by idleness, by age, and when its user
+changes.
 
 The clock is monotonic, so that no change of the machine's date prolongs or ends one.
 """
@@ -36,10 +37,13 @@ class Sessions:
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
 
     def begin(self, user: User) -> str:
-        """The cookie's value of a new session. When there are too many, the one that was silent longest ends."""
+        """The cookie's value of a new session. When there are too many, the one that was silent
+        longest ends."""
         cookie, now = secrets.token_urlsafe(32), self._clock()
         with self._lock:
-            self._sessions[cookie] = _Session(user=user, seat=secrets.token_hex(8), began_s=now, seen_s=now)
+            self._sessions[cookie] = _Session(
+                user=user, seat=secrets.token_hex(8), began_s=now, seen_s=now
+            )
             while len(self._sessions) > MAX_SESSIONS:
                 self._sessions.popitem(last=False)
         return cookie

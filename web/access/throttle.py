@@ -1,4 +1,5 @@
-"""How often somebody may try a password: a few times at once, then once in a few seconds; per address and for all together."""
+"""How often somebody may try a password: a few times at once, then once in a few seconds; per
+address and for all together."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ _ALL = ""
 
 
 class Throttle:
-    """A leaky bucket per address. A try that succeeds gives its own back. Safe to use from any thread."""
+    """A leaky bucket per address. A try that succeeds gives its own back. Safe to use from any
+    thread."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -27,7 +29,10 @@ class Throttle:
         """0 and one try fewer, or whole seconds after which the next is allowed."""
         now = self._clock()
         with self._lock:
-            waits = [self._over_s(address, EVERY_S, now), self._over_s(_ALL, EVERY_S / FOR_ALL, now)]
+            waits = [
+                self._over_s(address, EVERY_S, now),
+                self._over_s(_ALL, EVERY_S / FOR_ALL, now),
+            ]
             if max(waits) > 0:
                 return math.ceil(max(waits))
             self._pour(address, EVERY_S, now)
@@ -42,7 +47,11 @@ class Throttle:
             self._full_until.pop(address, None)
 
     def _over_s(self, key: str, every_s: float, now: float) -> float:
-        return self._full_until.get(key, now) - now - (AT_ONCE - 1) * every_s * (FOR_ALL if key == _ALL else 1)
+        return (
+            self._full_until.get(key, now)
+            - now
+            - (AT_ONCE - 1) * every_s * (FOR_ALL if key == _ALL else 1)
+        )
 
     def _pour(self, key: str, every_s: float, now: float) -> None:
         self._full_until[key] = max(self._full_until.get(key, now), now) + every_s

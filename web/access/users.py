@@ -1,4 +1,5 @@
-"""Accounts: what is kept of a user, and how a password or a token becomes something that can be kept."""
+"""Accounts: what is kept of a user, and how a password or a token becomes something that can be
+kept."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ class User:
 
 
 class Users(Protocol):
-    """Where accounts are kept. `add`, `change` and `remove` raise `Refused` or `NotKnown`, all `StorageFailed`."""
+    """Where accounts are kept. `add`, `change` and `remove` raise `Refused` or `NotKnown`, all
+    `StorageFailed`."""
 
     def all(self) -> tuple[User, ...]:
         """By name."""
@@ -51,7 +53,8 @@ class Users(Protocol):
         token_hash: str | None = None,
         instead_of: str | None = None,
     ) -> User:
-        """What is said of one there is, and nothing else of him; `instead_of`: only as long as that is his password's hash."""
+        """What is said of one there is, and nothing else of him; `instead_of`: only as long as that
+        is his password's hash."""
 
     def remove(self, name: str) -> None:
         """One fewer."""
@@ -60,14 +63,18 @@ class Users(Protocol):
 def new_user(name: str, role: Role, password: str) -> User:
     """Raises `BadConfiguration` for a name or a password that will not do."""
     if NAME.fullmatch(name) is None:
-        raise BadConfiguration(f"user name {name!r:.60}: expected 1 to 40 letters, digits, dots, dashes, @ or _")
+        raise BadConfiguration(
+            f"user name {name!r:.60}: expected 1 to 40 letters, digits, dots, dashes, @ or _"
+        )
     return User(name=name, role=role, password_hash=hash_password(password))
 
 
 def hash_password(password: str) -> str:
     """For keeping; raises `BadConfiguration` when it is too short or too long."""
     if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
-        raise BadConfiguration(f"the password must have {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} characters")
+        raise BadConfiguration(
+            f"the password must have {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} characters"
+        )
     salt = secrets.token_bytes(16)
     return f"scrypt${_COST}${_BLOCK}${_PARALLEL}${_text(salt)}${_text(_scrypt(password, salt, _COST, _BLOCK, _PARALLEL))}"
 
@@ -75,7 +82,9 @@ def hash_password(password: str) -> str:
 def is_password(given: str, kept: str) -> bool:
     """Whether it is the password of which this is kept. Takes some 0.1 s, right or wrong."""
     _, cost, block, parallel, salt, digest = kept.split("$")
-    made = _scrypt(given[: LONGEST_PASSWORD + 1], base64.b64decode(salt), int(cost), int(block), int(parallel))
+    made = _scrypt(
+        given[: LONGEST_PASSWORD + 1], base64.b64decode(salt), int(cost), int(block), int(parallel)
+    )
     return hmac.compare_digest(made, base64.b64decode(digest))
 
 

@@ -1,4 +1,5 @@
-"""Who am I, and, for admins, who may come in. On a console without log-in there are no users to speak of."""
+"""Who am I, and, for admins, who may come in. On a console without log-in there are no users to
+speak of."""
 
 from __future__ import annotations
 
@@ -14,7 +15,9 @@ from web.problems import RESPONSES, JsonResponse
 from web.replies import TokenOut, UserOut, VisitorOut
 from web.schemas.access import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
 
-_REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (404, 409, 422, 503)}
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    status: RESPONSES[status] for status in (404, 409, 422, 503)
+}
 UserName = Annotated[str, Path(max_length=40)]
 
 
@@ -49,7 +52,9 @@ def access_router(house: House) -> APIRouter:
         known = user(visitor.name)
         if not is_password(body.present, known.password_hash):
             raise Refused("the present password is another")
-        change(known.name, password_hash=hash_password(body.password), instead_of=known.password_hash)
+        change(
+            known.name, password_hash=hash_password(body.password), instead_of=known.password_hash
+        )
 
     @router.get("/users", response_model=list[UserOut], responses={409: RESPONSES[409]})
     def list_users() -> list[UserOut]:
@@ -74,7 +79,9 @@ def access_router(house: House) -> APIRouter:
         """A new password for somebody; his sessions end."""
         return change(name, password_hash=hash_password(body.password))
 
-    @router.post("/users/{name}/token", status_code=201, response_model=TokenOut, responses=_REFUSALS)
+    @router.post(
+        "/users/{name}/token", status_code=201, response_model=TokenOut, responses=_REFUSALS
+    )
     def make_token(name: UserName) -> TokenOut:
         """A bearer token for programs, shown this once; the one before it is void."""
         token, token_hash = new_token()

@@ -63,12 +63,20 @@ def state_of(operations: Operations) -> StateOut:
 
 def mission_of(state: State) -> MissionOut:
     """The goals of a state."""
-    return MissionOut(phase=str(state.phase), queue=goals(state.queue), reached=goals(state.reached), loop=state.loop)
+    return MissionOut(
+        phase=str(state.phase),
+        queue=goals(state.queue),
+        reached=goals(state.reached),
+        loop=state.loop,
+    )
 
 
 def goals(values: Iterable[Goal]) -> list[GoalOut]:
     """Goals in order."""
-    return [GoalOut(id=goal.id, x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name) for goal in values]
+    return [
+        GoalOut(id=goal.id, x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)
+        for goal in values
+    ]
 
 
 def zone_of(zone: Zone) -> ZoneOut:
@@ -93,13 +101,19 @@ def zone_of(zone: Zone) -> ZoneOut:
 def zones_of(operations: Operations) -> ZonesOut:
     """All zones as a FeatureCollection, and what can be taken back."""
     history = operations.zones.history
-    return ZonesOut(features=[zone_of(zone) for zone in operations.zones.stored], undo=history.undo, redo=history.redo)
+    return ZonesOut(
+        features=[zone_of(zone) for zone in operations.zones.stored],
+        undo=history.undo,
+        redo=history.redo,
+    )
 
 
 def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
     if isinstance(shape, Circle):
         return CircleOut(coordinates=shape.centre, radius_m=shape.radius_m)
-    return None if shape is None else CorridorOut(coordinates=list(shape.line), width_m=shape.width_m)
+    return (
+        None if shape is None else CorridorOut(coordinates=list(shape.line), width_m=shape.width_m)
+    )
 
 
 def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
@@ -109,7 +123,8 @@ def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
 
 
 def track(points: npt.NDArray[np.float64]) -> list[tuple[float, float]]:
-    """A polyline, thinned to `MAX_TRACK` points, rounded to millimetres; points that are none are left out."""
+    """A polyline, thinned to `MAX_TRACK` points, rounded to millimetres; points that are none are
+    left out."""
     if len(points) > MAX_TRACK:
         points = points[np.linspace(0, len(points) - 1, MAX_TRACK).round().astype(int)]
     finite = points[np.isfinite(points).all(axis=1)]

@@ -16,7 +16,9 @@ from web.replies import BewareOut
 from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
 from web.schemas.fields import MAX_NAME
 
-_REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (409, 422, 503)}
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    status: RESPONSES[status] for status in (409, 422, 503)
+}
 
 
 def beware_router(operations: Operations) -> APIRouter:
@@ -29,7 +31,9 @@ def beware_router(operations: Operations) -> APIRouter:
 
     def conflict(given: int | None) -> Response:
         stored = operations.beware.list
-        return outdated("the beware list", given, beware_of(stored, operations).model_dump(), stored.version)
+        return outdated(
+            "the beware list", given, beware_of(stored, operations).model_dump(), stored.version
+        )
 
     @router.get("/beware", response_model=BewareOut)
     async def get_beware(response: Response) -> BewareOut:
@@ -37,15 +41,24 @@ def beware_router(operations: Operations) -> APIRouter:
         return answer(operations.beware.list, response)
 
     @router.put("/beware", response_model=BewareOut, responses=_REFUSALS)
-    def replace_beware(body: BewareListIn, response: Response, expected: ExpectedVersion) -> BewareOut | Response:
+    def replace_beware(
+        body: BewareListIn, response: Response, expected: ExpectedVersion
+    ) -> BewareOut | Response:
         """Put another list in force; it acts at once on everything the robot has seen."""
         entries = tuple(_entry(entry) for entry in body.classes)
         try:
-            return answer(operations.beware.replace(BewareList(classes=entries), expected_version=expected), response)
+            return answer(
+                operations.beware.replace(BewareList(classes=entries), expected_version=expected),
+                response,
+            )
         except Outdated:
             return conflict(expected)
 
-    @router.patch("/beware/{class_name:path}", response_model=BewareOut, responses={404: RESPONSES[404], **_REFUSALS})
+    @router.patch(
+        "/beware/{class_name:path}",
+        response_model=BewareOut,
+        responses={404: RESPONSES[404], **_REFUSALS},
+    )
     def edit_beware(
         class_name: Annotated[str, Path(max_length=MAX_NAME)],
         changes: BewarePatchIn,
@@ -54,19 +67,25 @@ def beware_router(operations: Operations) -> APIRouter:
     ) -> BewareOut | Response:
         """Change fields of one class, e.g. `{"enabled": false}`; the map follows within a tick.
 
-        With `If-Match` (the list's ETag), an edit of a list that somebody else has changed is refused.
+        With `If-Match` (the list's ETag), an edit of a list that somebody else has changed is
+        refused.
         """
         if class_name not in {entry.name for entry in operations.beware.list.classes}:
             raise HTTPException(404, "no class of the beware list has this name")
         try:
-            return answer(operations.beware.edit(class_name, _changes(changes), expected_version=expected), response)
+            return answer(
+                operations.beware.edit(class_name, _changes(changes), expected_version=expected),
+                response,
+            )
         except Outdated:
             return conflict(expected)
 
     @router.get("/beware.toml", response_class=Response)
     def get_beware_toml() -> Response:
         """The list as a file for `bewarenav drive --beware`."""
-        return Response(as_toml(operations.beware.list), media_type="application/toml; charset=utf-8")
+        return Response(
+            as_toml(operations.beware.list), media_type="application/toml; charset=utf-8"
+        )
 
     return router
 
@@ -87,7 +106,8 @@ def _entry(entry: BewareClassIn) -> BewareClass:
 
 
 def _changes(patch: BewarePatchIn) -> dict[str, object]:
-    # A missing field is unchanged; null means something for what may be absent, and for nothing else.
+    # A missing field is unchanged; null means something for what may be absent, and for nothing
+    # else.
     given = patch.model_dump(exclude_unset=True)
     return {name: value for name, value in given.items() if value is not None or name in OPTIONAL}
 

@@ -1,8 +1,9 @@
 """Who drives, and driving by hand.
 
-`WS control/live` is a page's sign of life: the console says twice a second who is in control, the page answers, and while a
-drive key is held it sends velocities. A page that is closed, frozen or cut off sends none, and a velocity lives 0.25 s. The
-emergency stop is heard on it too, from everybody who may look.
+`WS control/live` is a page's sign of life: the console says twice a second who is in control, the
+page answers, and while a drive key is held it sends velocities. A page that is closed, frozen or
+cut off sends none, and a velocity lives 0.25 s. The emergency stop is heard on it too, from
+everybody who may look.
 """
 
 from __future__ import annotations
@@ -29,12 +30,15 @@ from web.sockets import until_one_ends
 Action = Literal["take", "ask", "give"]
 BEAT_S, LOOK_S = 0.5, 0.05
 LATE_S = 0.25
-"""A velocity that was longer on its way than the quickest one is dropped: the operator has let go since."""
+"""A velocity that was longer on its way than the quickest one is dropped: the operator has let go
+since."""
 DRIFT = 1e-3
 """How much the clocks of page and console may run apart."""
 BAD_MESSAGE = 1007
 
-LiveMessage: TypeAdapter[Here | Halt | Drive] = TypeAdapter(Annotated[Here | Halt | Drive, Field(discriminator="type")])
+LiveMessage: TypeAdapter[Here | Halt | Drive] = TypeAdapter(
+    Annotated[Here | Halt | Drive, Field(discriminator="type")]
+)
 
 
 def control_router(operations: Operations, control: Control, auditor: Auditor) -> APIRouter:
@@ -46,7 +50,11 @@ def control_router(operations: Operations, control: Control, auditor: Auditor) -
         """Who drives, who has asked to, and who is asking this."""
         return _control_of(control, visitor)
 
-    @router.post("/control/{action}", response_model=ControlOut, responses={409: RESPONSES[409], 422: RESPONSES[422]})
+    @router.post(
+        "/control/{action}",
+        response_model=ControlOut,
+        responses={409: RESPONSES[409], 422: RESPONSES[422]},
+    )
     async def act(action: Action, visitor: CurrentVisitor) -> ControlOut:
         """Take control over, ask for it, or give it to whoever has asked (to nobody if nobody has)."""
         {"take": control.take, "ask": control.ask, "give": control.give}[action](visitor)
@@ -57,7 +65,9 @@ def control_router(operations: Operations, control: Control, auditor: Auditor) -
         await socket.accept()
         hand = Hand(operations, control, visitor)
         try:
-            await until_one_ends(_tell(socket, control, visitor), _listen(socket, operations, control, hand, auditor))
+            await until_one_ends(
+                _tell(socket, control, visitor), _listen(socket, operations, control, hand, auditor)
+            )
         except ValidationError:
             await socket.close(BAD_MESSAGE)
         finally:
@@ -94,9 +104,12 @@ class Hand:
             self._operations.drive(None)
 
     def _is_late(self, sent_s: float, now_s: float) -> bool:
-        # The two clocks have nothing in common but their pace: the quickest message so far says what is quick.
+        # The two clocks have nothing in common but their pace: the quickest message so far says
+        # what is quick.
         way_s, past_s = now_s - sent_s, now_s - self._heard_s
-        quickest_s = way_s if self._quickest_s is None else min(way_s, self._quickest_s + DRIFT * past_s)
+        quickest_s = (
+            way_s if self._quickest_s is None else min(way_s, self._quickest_s + DRIFT * past_s)
+        )
         self._quickest_s, self._heard_s = quickest_s, now_s
         return way_s - quickest_s > LATE_S
 
@@ -116,7 +129,9 @@ async def _tell(socket: WebSocket, control: Control, visitor: Visitor) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def _listen(socket: WebSocket, operations: Operations, control: Control, hand: Hand, auditor: Auditor) -> None:
+async def _listen(
+    socket: WebSocket, operations: Operations, control: Control, hand: Hand, auditor: Auditor
+) -> None:
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
@@ -127,7 +142,9 @@ async def _listen(socket: WebSocket, operations: Operations, control: Control, h
             hand.let_go()
             operations.stop(stopped_by(hand.visitor, heard.by))
             who, role = hand.visitor.name, str(hand.visitor.role)
-            await auditor.note({"who": who, "role": role, "method": "WS", "path": f"stop?by={heard.by}"})
+            await auditor.note(
+                {"who": who, "role": role, "method": "WS", "path": f"stop?by={heard.by}"}
+            )
         if isinstance(heard, Drive) and hand.visitor.role.may(Role.OPERATOR):
             drove = hand.drives
             try:
@@ -137,7 +154,14 @@ async def _listen(socket: WebSocket, operations: Operations, control: Control, h
                 await socket.send_text(json.dumps({"type": "refused", "message": str(refused)}))
             if hand.drives != drove:
                 what = "by hand: begins" if hand.drives else "by hand: ends"
-                await auditor.note({"who": hand.visitor.name, "role": str(hand.visitor.role), "method": "WS", "path": what})
+                await auditor.note(
+                    {
+                        "who": hand.visitor.name,
+                        "role": str(hand.visitor.role),
+                        "method": "WS",
+                        "path": what,
+                    }
+                )
 
 
 def _control_of(control: Control, visitor: Visitor) -> ControlOut:
@@ -156,4 +180,8 @@ def _control_of(control: Control, visitor: Visitor) -> ControlOut:
 
 
 def _visitor_of(visitor: Any) -> VisitorOut | None:
-    return None if visitor is None else VisitorOut(name=visitor.name, role=str(visitor.role), logged_in=visitor.logged_in)
+    return (
+        None
+        if visitor is None
+        else VisitorOut(name=visitor.name, role=str(visitor.role), logged_in=visitor.logged_in)
+    )

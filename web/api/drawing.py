@@ -1,4 +1,5 @@
-"""What helps to draw zones: what a draft would lead to, zones from files and to files, zones from the camera's picture."""
+"""What helps to draw zones: what a draft would lead to, zones from files and to files, zones from
+the camera's picture."""
 
 from __future__ import annotations
 
@@ -41,22 +42,31 @@ def drawing_router(operations: Operations) -> APIRouter:
             raise HTTPException(404, "the camera has delivered no picture yet")
         return picture
 
-    @router.post("/preview", response_model=PreviewOut, responses={**_BY_STATUS[409], **_BY_STATUS[422]})
+    @router.post(
+        "/preview", response_model=PreviewOut, responses={**_BY_STATUS[409], **_BY_STATUS[422]}
+    )
     def preview(draft: PreviewIn) -> PreviewOut:
-        """The path from here if the draft zone stood or the draft goal were the present one; nothing is applied.
+        """The path from here if the draft zone stood or the draft goal were the present one;
+        nothing is applied.
 
-        `present` is the path without the draft zone, `change_m` and `change_s` what the draft would cost. Without a path,
-        `cut_by` names the zones that cut the goal off.
+        `present` is the path without the draft zone, `change_m` and `change_s` what the draft would
+        cost. Without a path, `cut_by` names the zones that cut the goal off.
         """
         return _preview_of(operations.preview(draft.draft()))
 
     @router.post("/zones/import", status_code=201, response_model=ZonesOut, responses=_IMPORTS)
     def import_zones(collection: ZoneImportIn) -> ZonesOut:
-        """Add the zones of a GeoJSON FeatureCollection in metres of the map frame, all or none, as one edit."""
+        """Add the zones of a GeoJSON FeatureCollection in metres of the map frame, all or none, as
+        one edit."""
         operations.zones.add_all([feature.draft() for feature in collection.features])
         return zones_of(operations)
 
-    @router.post("/zones/import-mask", status_code=201, response_model=ZonesOut, responses={**_BY_STATUS[404], **_IMPORTS})
+    @router.post(
+        "/zones/import-mask",
+        status_code=201,
+        response_model=ZonesOut,
+        responses={**_BY_STATUS[404], **_IMPORTS},
+    )
     def import_mask(mask: MaskImportIn) -> ZonesOut:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
         try:
@@ -66,16 +76,25 @@ def drawing_router(operations: Operations) -> APIRouter:
         spec = newest().grid.spec
         cells = prior_layer(read(mask.yaml.encode(errors="replace"), picture, "mask"), spec)
         if not cells.any():
-            raise BadConfiguration("the mask keeps nothing out; expected occupied, that is dark, pixels on the map")
+            raise BadConfiguration(
+                "the mask keeps nothing out; expected occupied, that is dark, pixels on the map"
+            )
         polygons = polygons_of(cells, spec)
         short = mask.name[: MAX_NAME - 5]
-        names = [mask.name] if len(polygons) == 1 else [f"{short} {number}" for number in range(1, len(polygons) + 1)]
-        operations.zones.add_all([ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)])
+        names = (
+            [mask.name]
+            if len(polygons) == 1
+            else [f"{short} {number}" for number in range(1, len(polygons) + 1)]
+        )
+        operations.zones.add_all(
+            [ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)]
+        )
         return zones_of(operations)
 
     @router.get("/zones.pgm", response_class=Response, responses=_BY_STATUS[404])
     def get_mask() -> Response:
-        """The keep-outs that are switched on as a Nav2 keep-out mask: 0 kept out, 254 free, row 0 at the top."""
+        """The keep-outs that are switched on as a Nav2 keep-out mask: 0 kept out, 254 free, row 0
+        at the top."""
         spec = newest().grid.spec
         cells = closed_cells(operations.zones.stored, spec)
         image = drawn(occupied=cells, known=np.ones_like(cells), spec=spec).image
@@ -84,13 +103,20 @@ def drawing_router(operations: Operations) -> APIRouter:
     @router.get("/zones.yaml", response_class=Response, responses=_BY_STATUS[404])
     def get_mask_yaml() -> Response:
         """Nav2's description of `zones.pgm`."""
-        return Response(yaml_text(description_of(newest().grid.spec), "zones.pgm"), media_type="application/yaml")
+        return Response(
+            yaml_text(description_of(newest().grid.spec), "zones.pgm"),
+            media_type="application/yaml",
+        )
 
-    @router.post("/camera/region", response_model=RegionOut, responses={**_BY_STATUS[404], **_BY_STATUS[422]})
+    @router.post(
+        "/camera/region", response_model=RegionOut, responses={**_BY_STATUS[404], **_BY_STATUS[422]}
+    )
     def region(pixel: PixelIn) -> RegionOut:
-        """What is seen at a place of the camera's picture, and its outline on the floor, as a zone could have it.
+        """What is seen at a place of the camera's picture, and its outline on the floor, as a zone
+        could have it.
 
-        A thing that is recognised is taken by its pixels, any other by what stands connected with it in depth.
+        A thing that is recognised is taken by its pixels, any other by what stands connected with
+        it in depth.
         """
         picture, beware = newest(), operations.beware.list
         if picture.depth_m is None:
@@ -104,11 +130,22 @@ def drawing_router(operations: Operations) -> APIRouter:
             intrinsics=picture.intrinsics,
             T_map_camera=picture.T_map_camera,
         )
-        outlines, _ = cv2.findContours(found.pixels.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        outlines, _ = cv2.findContours(
+            found.pixels.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+        )
         ring = max(outlines, key=cv2.contourArea).reshape(-1, 2) + 0.5
-        name = next((entry.label or entry.name for entry in beware.classes if entry.class_id == found.class_id), None)
+        name = next(
+            (
+                entry.label or entry.name
+                for entry in beware.classes
+                if entry.class_id == found.class_id
+            ),
+            None,
+        )
         return RegionOut(
-            name=name, footprint=list(found.footprint), outline=track(ring / np.array([width, height], dtype=np.float64))
+            name=name,
+            footprint=list(found.footprint),
+            outline=track(ring / np.array([width, height], dtype=np.float64)),
         )
 
     return router
@@ -128,7 +165,12 @@ def _preview_of(preview: Preview) -> PreviewOut:
 
 def _way_of(path: PathPreview) -> WayOut:
     found = not isinstance(path.outcome, NoPath)
-    return WayOut(found=found, length_m=_finite(path.length_m), time_s=_finite(path.time_s), path=track(path.points))
+    return WayOut(
+        found=found,
+        length_m=_finite(path.length_m),
+        time_s=_finite(path.time_s),
+        path=track(path.points),
+    )
 
 
 def _finite(value: float | None) -> float | None:

@@ -32,8 +32,12 @@ class JournalOut(BaseModel):
     """A part of the log, oldest first."""
 
     newest: int = Field(description="id of the newest entry; ask again with `since` at this")
-    oldest: int = Field(description="id of the oldest entry that is still kept; ask with `before` to get there")
-    start: int = Field(description="which start of the console this is: entries with a smaller one are from earlier")
+    oldest: int = Field(
+        description="id of the oldest entry that is still kept; ask with `before` to get there"
+    )
+    start: int = Field(
+        description="which start of the console this is: entries with a smaller one are from earlier"
+    )
     entries: list[EntryOut]
 
 
@@ -51,14 +55,20 @@ class RuleOut(BaseModel):
     key: str = Field(description="`class:<id>`, `zone:<id>` or `wall`")
     name: str
     along_m: Figure = Field(description="metres of the path that lie against it")
-    saves_m: Figure = Field(description="how much shorter the path would be without it; null when not known")
+    saves_m: Figure = Field(
+        description="how much shorter the path would be without it; null when not known"
+    )
 
 
 class LiftOut(BaseModel):
     """What would have to go for a path to open."""
 
-    keys: list[str] | None = Field(description="a smallest set of rules; null when none opens a path, or none was found")
-    exact: bool = Field(description="whether that is proven; false when the search was given up at its bound")
+    keys: list[str] | None = Field(
+        description="a smallest set of rules; null when none opens a path, or none was found"
+    )
+    exact: bool = Field(
+        description="whether that is proven; false when the search was given up at its bound"
+    )
     at_least: int = Field(description="no smaller number of rules opens a path")
 
 
@@ -72,22 +82,30 @@ class ExplanationOut(BaseModel):
     path: list[Place]
     stretches: list[StretchOut]
     rules: list[RuleOut]
-    all_cost_m: Figure = Field(description="how much shorter the path would be with every rule lifted")
+    all_cost_m: Figure = Field(
+        description="how much shorter the path would be with every rule lifted"
+    )
     lift: LiftOut | None = Field(description="only without a path")
 
 
 class ArcOut(BaseModel):
     """One motion that the robot can choose."""
 
-    points: list[Place] = Field(description="as far as the body can be driven along it, metres of the map frame")
-    touch: Place | None = Field(description="where it would touch something; null for an arc that is free to its end")
+    points: list[Place] = Field(
+        description="as far as the body can be driven along it, metres of the map frame"
+    )
+    touch: Place | None = Field(
+        description="where it would touch something; null for an arc that is free to its end"
+    )
 
 
 class CandidatesOut(BaseModel):
     """What the robot chooses its next motion from."""
 
     arcs: list[ArcOut]
-    chosen: int | None = Field(description="index of the arc that is driven; null while it does something else or stands")
+    chosen: int | None = Field(
+        description="index of the arc that is driven; null while it does something else or stands"
+    )
 
 
 class WithoutIn(BaseModel):
@@ -148,7 +166,9 @@ class WrongIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    class_name: Name | None = Field(None, description="of the beware list; null when it is nothing of it")
+    class_name: Name | None = Field(
+        None, description="of the beware list; null when it is nothing of it"
+    )
 
 
 class SnapshotOut(BaseModel):
@@ -162,6 +182,10 @@ class ExampleIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    snapshot: Annotated[int, Field(strict=True, ge=0, le=2**53)] = Field(description="as `POST sightings/snapshots` gave it")
+    snapshot: Annotated[int, Field(strict=True, ge=0, le=2**53)] = Field(
+        description="as `POST sightings/snapshots` gave it"
+    )
     class_name: Name
-    box: tuple[Pixel, Pixel, Pixel, Pixel] = Field(description="left, top, right, bottom in pixels of the camera's picture")
+    box: tuple[Pixel, Pixel, Pixel, Pixel] = Field(
+        description="left, top, right, bottom in pixels of the camera's picture"
+    )

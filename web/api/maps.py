@@ -8,7 +8,17 @@ from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.perception.people.track import Track
 from web.api.answers import finite, track, zone_of
-from web.pictures import Newest, camera_jpg, cells_png, cloud_ply, floor_view, map_pgm, map_png, map_yaml, overlaid
+from web.pictures import (
+    Newest,
+    camera_jpg,
+    cells_png,
+    cloud_ply,
+    floor_view,
+    map_pgm,
+    map_png,
+    map_yaml,
+    overlaid,
+)
 from web.port import Operations
 from web.problems import RESPONSES, JsonResponse
 from web.replies import MapOut, PathOut, PersonOut, TilesOut
@@ -53,15 +63,22 @@ def maps_router(operations: Operations) -> APIRouter:
         """All layers as a picture, north up, two pixels per cell and side."""
         picture, beware = newest(), operations.beware.list
         key = (picture.grid_version, beware.version)
-        return _tagged(request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png")
+        return _tagged(
+            request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png"
+        )
 
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
-    def get_tiles(since: Annotated[int, Query(ge=0, le=2**53, description="version of the answer before")] = 0) -> TilesOut:
+    def get_tiles(
+        since: Annotated[
+            int, Query(ge=0, le=2**53, description="version of the answer before")
+        ] = 0,
+    ) -> TilesOut:
         """Which tiles of the map have changed since an answer before; row 0 lies at the smallest y."""
         picture = newest()
         version, versions = tiles.follow(picture, operations.beware.list)
         spec = picture.grid_spec
-        # A version from before a restart of the console is newer than the newest: then everything is.
+        # A version from before a restart of the console is newer than the newest: then everything
+        # is.
         changed = list(newer(versions, since if since <= version else 0))
         return TilesOut(
             version=version,
@@ -73,10 +90,12 @@ def maps_router(operations: Operations) -> APIRouter:
 
     @router.get("/map/tiles/{row}/{col}.png", response_class=_Png, responses=_NOTHING_YET)
     def get_tile(row: TileIndex, col: TileIndex) -> Response:
-        """The cells of one tile, a pixel a cell, its uppermost row at the top, for a page that paints the map itself.
+        """The cells of one tile, a pixel a cell, its uppermost row at the top, for a page that
+        paints the map itself.
 
-        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16 prior map. Green and blue
-        hold the class ids of the beware list of what is there, 0 for none.
+        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone,
+        16 prior map. Green and blue hold the class ids of the beware list of what is there, 0 for
+        none.
         """
         picture = newest()
         if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
@@ -99,7 +118,9 @@ def maps_router(operations: Operations) -> APIRouter:
         cloud = operations.cloud()
         if cloud is None:
             raise HTTPException(404, "the map has no points yet")
-        return Response(ply.get(cloud.serial, lambda: cloud_ply(cloud)), media_type="application/octet-stream")
+        return Response(
+            ply.get(cloud.serial, lambda: cloud_ply(cloud)), media_type="application/octet-stream"
+        )
 
     @router.get("/path", response_model=PathOut, responses=_NOTHING_YET)
     def get_path() -> PathOut:
@@ -116,13 +137,18 @@ def maps_router(operations: Operations) -> APIRouter:
         )
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
-    def get_camera(overlay: Annotated[Literal["none", "segmentation"], Query()] = "none") -> Response:
-        """What the camera sees; with `overlay=segmentation`, each enabled class is tinted, surer is stronger, and named."""
+    def get_camera(
+        overlay: Annotated[Literal["none", "segmentation"], Query()] = "none",
+    ) -> Response:
+        """What the camera sees; with `overlay=segmentation`, each enabled class is tinted, surer is
+        stronger, and named."""
         picture, beware = newest(), operations.beware.list
         if overlay == "none":
             data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
         else:
-            data = labelled.get((picture.serial, beware.version), lambda: camera_jpg(overlaid(picture, beware)))
+            data = labelled.get(
+                (picture.serial, beware.version), lambda: camera_jpg(overlaid(picture, beware))
+            )
         return Response(data, media_type="image/jpeg")
 
     @router.get("/runs")
@@ -141,7 +167,12 @@ def maps_router(operations: Operations) -> APIRouter:
 
 def _person(track: Track) -> PersonOut:
     return PersonOut(
-        id=track.id, x_m=track.x_m, y_m=track.y_m, vx_mps=track.vx_mps, vy_mps=track.vy_mps, radius_m=track.radius_m
+        id=track.id,
+        x_m=track.x_m,
+        y_m=track.y_m,
+        vx_mps=track.vx_mps,
+        vy_mps=track.vy_mps,
+        radius_m=track.radius_m,
     )
 
 
@@ -157,4 +188,6 @@ def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) 
     tag = '"{}-{}"'.format(*key)
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
-    return Response(make(), media_type=media_type, headers={"ETag": tag, "Cache-Control": "no-cache"})
+    return Response(
+        make(), media_type=media_type, headers={"ETag": tag, "Cache-Control": "no-cache"}
+    )

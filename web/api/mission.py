@@ -1,7 +1,8 @@
 """State, goals, missions and the stop.
 
-The stop's handlers are coroutines on purpose: a plain function waits for a thread of the pool, and the pool may be busy with
-pictures. They answer when the intent is posted, which takes no longer than a function call.
+The stop's handlers are coroutines on purpose: a plain function waits for a thread of the pool, and
+the pool may be busy with pictures. They answer when the intent is posted, which takes no longer
+than a function call.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def mission_router(operations: Operations) -> APIRouter:
 
     @router.get("/state", response_model=StateOut)
     async def get_state() -> StateOut:
-        """Everything small that is shown, in one consistent snapshot; the reasons of a stop with the worst first."""
+        """Everything small that is shown, in one consistent snapshot; the reasons of a stop with
+        the worst first."""
         return state_of(operations)
 
     @router.get("/goals", response_model=MissionOut)
@@ -36,11 +38,14 @@ def mission_router(operations: Operations) -> APIRouter:
 
     @router.post("/goals", status_code=201, response_model=GoalOut, responses=_refusals(409, 422))
     def add_goal(goal: GoalIn) -> GoalOut:
-        """Queue a goal; refused outside the map and inside an obstacle or zone that is known already.
+        """Queue a goal; refused outside the map and inside an obstacle or zone that is known
+        already.
 
         Such a refusal names the `nearest` place where the robot could stand.
         """
-        return goals([operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)])[0]
+        return goals(
+            [operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)]
+        )[0]
 
     @router.put("/goals/order", response_model=MissionOut, responses=_refusals(409, 422))
     def order_goals(order: GoalOrderIn) -> MissionOut:
@@ -68,7 +73,10 @@ def mission_router(operations: Operations) -> APIRouter:
     def list_missions() -> list[SavedMissionOut]:
         """Goals that are kept under a name."""
         saved = operations.goals.missions().items()
-        return [SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop) for name, mission in saved]
+        return [
+            SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop)
+            for name, mission in saved
+        ]
 
     @router.put("/missions/{name:path}", status_code=204, responses=_refusals(409, 422, 503))
     def save_mission(name: Annotated[Name, Path()]) -> Response:
@@ -76,9 +84,12 @@ def mission_router(operations: Operations) -> APIRouter:
         operations.goals.save(name)
         return Response(status_code=204)
 
-    @router.post("/missions/{name:path}/load", response_model=MissionOut, responses=_refusals(404, 409, 422))
+    @router.post(
+        "/missions/{name:path}/load", response_model=MissionOut, responses=_refusals(404, 409, 422)
+    )
     def load_mission(name: Annotated[Name, Path()]) -> MissionOut:
-        """Put kept goals in the place of those that wait; the mission then stands and waits for its start."""
+        """Put kept goals in the place of those that wait; the mission then stands and waits for its
+        start."""
         operations.goals.load(name)
         return mission_of(operations.state())
 
@@ -95,9 +106,11 @@ def mission_router(operations: Operations) -> APIRouter:
         return mission_of(operations.state())
 
     @router.post("/stop", response_model=StateOut)
-    async def stop(visitor: CurrentVisitor, by: Annotated[str, Query(max_length=MAX_NAME)] = "REST") -> StateOut:
-        """Emergency stop, for everybody who may look. It holds until it is reset, whatever else is asked for. `by` says by what
-        means, for the operators' eyes.
+    async def stop(
+        visitor: CurrentVisitor, by: Annotated[str, Query(max_length=MAX_NAME)] = "REST"
+    ) -> StateOut:
+        """Emergency stop, for everybody who may look. It holds until it is reset, whatever else is
+        asked for. `by` says by what means, for the operators' eyes.
         """
         by = by if by.isprintable() and by.strip() else "REST"
         operations.stop(stopped_by(visitor, by))
@@ -105,7 +118,8 @@ def mission_router(operations: Operations) -> APIRouter:
 
     @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))
     async def reset_stop() -> StateOut:
-        """Release the emergency stop. The mission stays paused until it is started or resumed again."""
+        """Release the emergency stop. The mission stays paused until it is started or resumed
+        again."""
         operations.reset_stop()
         return state_of(operations)
 

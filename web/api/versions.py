@@ -1,4 +1,5 @@
-"""ETag and If-Match: an edit says which version it was made from, and a lost update becomes a refusal."""
+"""ETag and If-Match: an edit says which version it was made from, and a lost update becomes a
+refusal."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ def _expected(
         return None
     matched = _ETAG.fullmatch(if_match.strip())
     if matched is None:
-        raise HTTPException(400, 'If-Match must be one strong ETag of this resource, e.g. "3", or *')
+        raise HTTPException(
+            400, 'If-Match must be one strong ETag of this resource, e.g. "3", or *'
+        )
     return int(matched[1])
 
 

@@ -1,7 +1,7 @@
 """`WS /api/v1/viewer/{page_id}`: what a console page and its 3D view tell each other.
 
-The page sends its mode and draft, the view sends clicks and drags as points on the floor. Nothing here acts on the robot: the
-page turns a click into a request to the same routes that programs use.
+The page sends its mode and draft, the view sends clicks and drags as points on the floor. Nothing
+here acts on the robot: the page turns a click into a request to the same routes that programs use.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
         mailbox = PageLink(asyncio.get_running_loop())
         viewer.links.put(page_id, mailbox)
         try:
-            await until_one_ends(_tell(socket, mailbox), _listen(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR)))
+            await until_one_ends(
+                _tell(socket, mailbox),
+                _listen(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR)),
+            )
         except ValidationError:
             # Only a page of another version or a stranger says what is not understood.
             await socket.close(BAD_MESSAGE)
@@ -58,5 +61,7 @@ async def _listen(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool
         if message["type"] == "websocket.disconnect":
             return
         wish = PageMessage.validate_json(message.get("text") or "")
-        if acts or not isinstance(wish, Show):  # the scene is shown alike to everybody, so it is not a viewer's to change
+        if acts or not isinstance(
+            wish, Show
+        ):  # the scene is shown alike to everybody, so it is not a viewer's to change
             viewer.receive(page_id, wish)

@@ -40,9 +40,15 @@ def zones_router(operations: Operations) -> APIRouter:
         """All stored zones as a GeoJSON FeatureCollection, in metres of the map frame."""
         return zones_of(operations)
 
-    @router.post("/zones", status_code=201, response_model=ZoneOut, responses={**_BY_STATUS[422], **_BY_STATUS[503]})
+    @router.post(
+        "/zones",
+        status_code=201,
+        response_model=ZoneOut,
+        responses={**_BY_STATUS[422], **_BY_STATUS[503]},
+    )
     def add_zone(zone: ZoneIn, response: Response) -> ZoneOut:
-        """Store a zone, given as a GeoJSON Feature or as a bare geometry with a name; it binds the robot at once.
+        """Store a zone, given as a GeoJSON Feature or as a bare geometry with a name; it binds the
+        robot at once.
 
         The geometry is a Polygon, a Point with `radius_m`, or a LineString with `width_m`.
         """
@@ -58,8 +64,11 @@ def zones_router(operations: Operations) -> APIRouter:
         return zone_of(zone)
 
     @router.put("/zones/{zone_id}", response_model=ZoneOut, responses=_EDITS)
-    def replace_zone(zone_id: str, zone: ZoneIn, response: Response, expected: ExpectedVersion) -> ZoneOut | Response:
-        """Change a zone. With `If-Match`, an edit of a version that somebody else has changed is refused."""
+    def replace_zone(
+        zone_id: str, zone: ZoneIn, response: Response, expected: ExpectedVersion
+    ) -> ZoneOut | Response:
+        """Change a zone. With `If-Match`, an edit of a version that somebody else has changed is
+        refused."""
         find(zone_id)
         try:
             stored = operations.zones.replace(zone_id, zone.draft(), expected_version=expected)
@@ -78,13 +87,17 @@ def zones_router(operations: Operations) -> APIRouter:
             return conflict(zone_id, expected)
         return Response(status_code=204)
 
-    @router.post("/zones/undo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
+    @router.post(
+        "/zones/undo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]}
+    )
     def undo() -> ZonesOut:
         """Take the newest edit of the zones back, whoever made it."""
         operations.zones.undo()
         return zones_of(operations)
 
-    @router.post("/zones/redo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]})
+    @router.post(
+        "/zones/redo", response_model=ZonesOut, responses={**_BY_STATUS[409], **_BY_STATUS[503]}
+    )
     def redo() -> ZonesOut:
         """Do again what was taken back last."""
         operations.zones.redo()
@@ -93,21 +106,35 @@ def zones_router(operations: Operations) -> APIRouter:
     @router.get("/zone-sets")
     def list_sets() -> list[ZoneSetOut]:
         """Zones that are kept under a name, e.g. for the night."""
-        return [ZoneSetOut(name=name, zones=len(zones)) for name, zones in operations.zones.sets().items()]
+        return [
+            ZoneSetOut(name=name, zones=len(zones))
+            for name, zones in operations.zones.sets().items()
+        ]
 
-    @router.put("/zone-sets/{name:path}", status_code=204, responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]})
+    @router.put(
+        "/zone-sets/{name:path}",
+        status_code=204,
+        responses={**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]},
+    )
     def save_set(name: SetName) -> Response:
         """Keep the present zones under a name."""
         operations.zones.save_set(name)
         return Response(status_code=204)
 
-    @router.post("/zone-sets/{name:path}/use", response_model=ZonesOut, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    @router.post(
+        "/zone-sets/{name:path}/use",
+        response_model=ZonesOut,
+        responses={**_BY_STATUS[404], **_BY_STATUS[503]},
+    )
     def use_set(name: SetName) -> ZonesOut:
-        """Let a set's zones bind the robot in the place of the present ones, as one edit that can be taken back."""
+        """Let a set's zones bind the robot in the place of the present ones, as one edit that can
+        be taken back."""
         operations.zones.use_set(name)
         return zones_of(operations)
 
-    @router.delete("/zone-sets/{name:path}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]})
+    @router.delete(
+        "/zone-sets/{name:path}", status_code=204, responses={**_BY_STATUS[404], **_BY_STATUS[503]}
+    )
     def delete_set(name: SetName) -> Response:
         """Forget a set; the present zones stay."""
         operations.zones.delete_set(name)

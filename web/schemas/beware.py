@@ -17,7 +17,9 @@ Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=36
 class ColourRuleIn(Closed):
     """Pixels of a colour, in HSV."""
 
-    hue_deg: tuple[Degrees, Degrees] = Field(description="first and last hue, going up; may wrap around red")
+    hue_deg: tuple[Degrees, Degrees] = Field(
+        description="first and last hue, going up; may wrap around red"
+    )
     min_saturation: Share = 0.5
     min_value: Share = 0.2
     max_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=3.0)] = 0.05
@@ -34,8 +36,12 @@ class BewareClassIn(Closed):
     min_confidence: Share = 0.5
     colour: ColourRuleIn | None = None
     min_height_m: Relief | None = Field(None, description="what is flatter is only a picture of it")
-    max_height_m: Relief | None = Field(None, description="what has something higher above it is a part of that")
-    min_size_m: Relief | None = Field(None, description="what of it is seen at once and is shorter is only a speck")
+    max_height_m: Relief | None = Field(
+        None, description="what has something higher above it is a part of that"
+    )
+    min_size_m: Relief | None = Field(
+        None, description="what of it is seen at once and is shorter is only a speck"
+    )
     label: Name | None = Field(None, description="what the console calls it")
     display: StrictStr | None = Field(None, description="ignored: the console's own colour")
     found_by: StrictStr | None = Field(None, description="ignored: what finds it here")
@@ -49,7 +55,8 @@ class BewareListIn(Closed):
 
 
 class BewarePatchIn(Closed):
-    """The fields of one class that change; null takes away `colour`, the heights, `min_size_m` or `label`."""
+    """The fields of one class that change; null takes away `colour`, the heights, `min_size_m` or
+    `label`."""
 
     enabled: StrictBool | None = None
     margin_m: Margin | None = None

@@ -35,9 +35,12 @@ class PreviewIn(Closed):
     polygon: Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)] | None = Field(
         None, description="corners of a keep-out; `zone` says more"
     )
-    zone: ZoneIn | None = Field(None, description="a zone as it would be stored; wins over `polygon`")
+    zone: ZoneIn | None = Field(
+        None, description="a zone as it would be stored; wins over `polygon`"
+    )
     replaces: Annotated[StrictStr, Field(max_length=MAX_NAME)] | None = Field(
-        None, description="id of the stored zone that the draft takes the place of, or that would be deleted"
+        None,
+        description="id of the stored zone that the draft takes the place of, or that would be deleted",
     )
 
     def draft(self) -> PreviewDraft:

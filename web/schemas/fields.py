@@ -1,4 +1,5 @@
-"""What the bodies of requests are made of: finite numbers within bounds, printable names, and no unknown keys."""
+"""What the bodies of requests are made of: finite numbers within bounds, printable names, and no
+unknown keys."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ FAR_M = 1e6
 
 
 def _printable(text: str) -> str:
-    """Control characters and lone surrogates would break logs, labels and every later answer that shows the name."""
+    """Control characters and lone surrogates would break logs, labels and every later answer that
+    shows the name."""
     if not text.isprintable() or not text.strip():
         raise ValueError("must be printable text and not blank")
     return text
@@ -26,7 +28,11 @@ Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)
 Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
 Corner = tuple[Metres, Metres]
 Radians = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100.0, le=100.0)]
-Label = Annotated[StrictStr, Field(max_length=MAX_NAME), AfterValidator(lambda text: _printable(text) if text else text)]
+Label = Annotated[
+    StrictStr,
+    Field(max_length=MAX_NAME),
+    AfterValidator(lambda text: _printable(text) if text else text),
+]
 
 
 class Closed(BaseModel):

@@ -16,7 +16,9 @@ class GoalIn(Closed):
 
     x_m: Metres = Field(description="x in metres of the map frame")
     y_m: Metres = Field(description="y in metres of the map frame")
-    yaw_rad: Radians | None = Field(None, description="heading to stand in, counter-clockwise from x; null for any")
+    yaw_rad: Radians | None = Field(
+        None, description="heading to stand in, counter-clockwise from x; null for any"
+    )
     name: Label = Field("", description="what the operator calls it")
 
 
@@ -31,7 +33,9 @@ class GoalPatchIn(Closed):
     def changes(self) -> dict[str, object]:
         """What was given."""
         given = self.model_dump(exclude_unset=True)
-        return {name: value for name, value in given.items() if value is not None or name == "yaw_rad"}
+        return {
+            name: value for name, value in given.items() if value is not None or name == "yaw_rad"
+        }
 
 
 class GoalOrderIn(Closed):

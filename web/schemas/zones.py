@@ -1,4 +1,5 @@
-"""Zones as they may come in: GeoJSON in metres of the map frame, a bare geometry, or files of other programs."""
+"""Zones as they may come in: GeoJSON in metres of the map frame, a bare geometry, or files of other
+programs."""
 
 from __future__ import annotations
 
@@ -12,7 +13,9 @@ from web.drafts import ZoneDraft
 from web.schemas.fields import Closed, Corner, Margin, Metres, Name
 
 Seconds = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e11)]
-Speed = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=MIN_LIMIT_MPS, le=MAX_LIMIT_MPS)]
+Speed = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=MIN_LIMIT_MPS, le=MAX_LIMIT_MPS)
+]
 Colour = Annotated[StrictStr, Field(pattern=r"^#[0-9a-f]{6}$")]
 MAX_IMPORT = 500
 MAX_FILE = 900_000
@@ -20,10 +23,14 @@ MAX_FILE = 900_000
 
 
 class PolygonIn(Closed):
-    """GeoJSON Polygon with one ring, in metres of the map frame; the first corner may be repeated at the end."""
+    """GeoJSON Polygon with one ring, in metres of the map frame; the first corner may be repeated
+    at the end."""
 
     type: Literal["Polygon"]
-    coordinates: Annotated[list[Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)]], Field(min_length=1, max_length=1)]
+    coordinates: Annotated[
+        list[Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)]],
+        Field(min_length=1, max_length=1),
+    ]
 
     def shape(self) -> None:
         """It was drawn corner by corner."""
@@ -78,9 +85,15 @@ class ZoneRulesIn(Closed):
     kind: ZoneKind = Field(ZoneKind.KEEP_OUT, description="what it demands")
     max_speed_mps: Speed | None = Field(None, description="the limit of a speed limit")
     colour: Colour | None = Field(None, description="#rrggbb; null for the console's own")
-    expires_at_s: Seconds | None = Field(None, description="when it is switched off, seconds since 1970 by the robot's clock")
-    expires_in_s: Seconds | None = Field(None, description="the same from now on; wins over expires_at_s")
-    drawn: DrawnIn | None = Field(None, description="what a Polygon was made of; dropped when its corners were moved")
+    expires_at_s: Seconds | None = Field(
+        None, description="when it is switched off, seconds since 1970 by the robot's clock"
+    )
+    expires_in_s: Seconds | None = Field(
+        None, description="the same from now on; wins over expires_at_s"
+    )
+    drawn: DrawnIn | None = Field(
+        None, description="what a Polygon was made of; dropped when its corners were moved"
+    )
 
     def drafted(self, geometry: GeometryIn) -> ZoneDraft:
         """What the system stores."""
@@ -147,7 +160,8 @@ class _Open(BaseModel):
 
 
 class ImportedPropertiesIn(ZoneRulesIn):
-    """Properties of a Feature of another program: all but the known ones are left out, and even a name may be missing."""
+    """Properties of a Feature of another program: all but the known ones are left out, and even a
+    name may be missing."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -176,6 +190,10 @@ class ZoneImportIn(_Open):
 class MaskImportIn(Closed):
     """A Nav2 keep-out mask: what its two files hold."""
 
-    yaml: Annotated[StrictStr, Field(max_length=20_000)] = Field(description="text of the YAML file")
-    picture: Annotated[StrictStr, Field(max_length=MAX_FILE)] = Field(description="the PGM or PNG file, base64")
+    yaml: Annotated[StrictStr, Field(max_length=20_000)] = Field(
+        description="text of the YAML file"
+    )
+    picture: Annotated[StrictStr, Field(max_length=MAX_FILE)] = Field(
+        description="the PGM or PNG file, base64"
+    )
     name: Name = "Mask"

@@ -47,8 +47,12 @@ class FloorLayer:
             return
         image[..., 3] = (image[..., 3] * strength).astype(np.uint8)
         metre = spec.resolution_m
-        x, y = spec.origin_x_m + (left + right) / 2 * metre, spec.origin_y_m + (top + bottom) / 2 * metre
-        # Pictures lie with their rows going down, −y; half a turn about x lays them face up on the floor.
+        x, y = (
+            spec.origin_x_m + (left + right) / 2 * metre,
+            spec.origin_y_m + (top + bottom) / 2 * metre,
+        )
+        # Pictures lie with their rows going down, −y; half a turn about x lays them face up on the
+        # floor.
         self._images[tile] = self._server.scene.add_image(
             f"/floor/{tile[0]}_{tile[1]}",
             image,

@@ -1,4 +1,5 @@
-"""The scene, one class per layer. A layer looks at the newest snapshot and sends only what has changed since the last."""
+"""The scene, one class per layer. A layer looks at the newest snapshot and sends only what has
+changed since the last."""
 
 from __future__ import annotations
 

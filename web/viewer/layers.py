@@ -45,7 +45,11 @@ class RobotLayer:
         if text != self._text:
             self._text = text
             self._server.scene.add_label(
-                "/robot/base/state", text, position=(0.0, 0.0, 0.95), anchor="bottom-center", font_screen_scale=0.9
+                "/robot/base/state",
+                text,
+                position=(0.0, 0.0, 0.95),
+                anchor="bottom-center",
+                font_screen_scale=0.9,
             )
         if state.pose != self._pose and _is_finite(state.pose):
             self._pose = state.pose
@@ -69,12 +73,16 @@ class CameraLayer:
     def push(self, snapshot: Snapshot) -> None:
         """Picture and place in one go: one without the other would lie."""
         picture, colour = snapshot.picture, snapshot.faded(palette.DRAFT, "camera")
-        if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(picture.T_map_camera).all():
+        if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(
+            picture.T_map_camera
+        ).all():
             return
         self._serial, self._colour = picture.serial, colour
         wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
         position = picture.T_map_camera[:3, 3]
-        image = faded(_shrunk(overlaid(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0))
+        image = faded(
+            _shrunk(overlaid(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0)
+        )
         if self._frustum is None:
             intrinsics = picture.intrinsics
             self._frustum = self._server.scene.add_camera_frustum(
@@ -150,7 +158,11 @@ class _Line:
 
     def show(self, points: Floats, z: float, colour: palette.Rgb, thickness: float) -> None:
         """(N, 2) points in metres of the map frame; fewer than two hide it."""
-        if self._shown is not None and colour == self._shown[1] and np.array_equal(points, self._shown[0]):
+        if (
+            self._shown is not None
+            and colour == self._shown[1]
+            and np.array_equal(points, self._shown[0])
+        ):
             return
         self._shown = (points, colour)
         finite = points[np.isfinite(points).all(axis=1)]
@@ -159,7 +171,9 @@ class _Line:
                 self._node.remove()
                 self._node = None
             return
-        self._node = self._server.scene.add_line_segments(self._name, ribbon(finite, z), colour, thickness=thickness)
+        self._node = self._server.scene.add_line_segments(
+            self._name, ribbon(finite, z), colour, thickness=thickness
+        )
 
 
 def _is_finite(pose: Pose2) -> bool:

@@ -1,4 +1,5 @@
-"""Which console page a viewer belongs to, and the thread-safe way from a click in the one to the other."""
+"""Which console page a viewer belongs to, and the thread-safe way from a click in the one to the
+other."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ MAX_WAITING = 64
 
 
 class PageLink:
-    """Messages for one page: posted from viser's thread, taken on the web server's loop. Old ones give way to new ones."""
+    """Messages for one page: posted from viser's thread, taken on the web server's loop. Old ones
+    give way to new ones."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop

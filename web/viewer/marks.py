@@ -48,9 +48,17 @@ class GoalLayer:
         scene, at = self._server.scene, (goal.x_m, goal.y_m, 0.0)
         vertices, faces = flag()
         mesh = scene.add_mesh_simple(
-            f"/goals/{key}", vertices, faces, color=colour, side="double", flat_shading=True, position=at
+            f"/goals/{key}",
+            vertices,
+            faces,
+            color=colour,
+            side="double",
+            flat_shading=True,
+            position=at,
         )
-        label = scene.add_label(f"/goals/{key}/label", text, position=(0.0, 0.0, 1.05), anchor="bottom-center")
+        label = scene.add_label(
+            f"/goals/{key}/label", text, position=(0.0, 0.0, 1.05), anchor="bottom-center"
+        )
         return [label, mesh]
 
 
@@ -79,7 +87,10 @@ class ZoneLayer:
                     self._nodes[key] = self._add(zone, strength)
 
     def _add(self, zone: Zone, strength: float) -> list[Any]:
-        scene, colour = self._server.scene, palette.zone_colour(zone) if zone.enabled else palette.DRIVEN
+        scene, colour = (
+            self._server.scene,
+            palette.zone_colour(zone) if zone.enabled else palette.DRIVEN,
+        )
         opacity = strength * (0.35 if zone.enabled else 0.12)
         corners = np.array(zone.polygon)
         vertices, faces = triangulated(corners, ZONE_Z)
@@ -87,7 +98,19 @@ class ZoneLayer:
         limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
         text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
         return [
-            scene.add_label(f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"),
-            scene.add_line_segments(f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06),
-            scene.add_mesh_simple(base, vertices, faces, color=colour, opacity=opacity, side="double", cast_shadow=False),
+            scene.add_label(
+                f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
+            ),
+            scene.add_line_segments(
+                f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06
+            ),
+            scene.add_mesh_simple(
+                base,
+                vertices,
+                faces,
+                color=colour,
+                opacity=opacity,
+                side="double",
+                cast_shadow=False,
+            ),
         ]

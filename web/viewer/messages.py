@@ -1,4 +1,5 @@
-"""What a console page tells its 3D view: the mode, the draft it is working on, where to look, what to show."""
+"""What a console page tells its 3D view: the mode, the draft it is working on, where to look, what
+to show."""
 
 from __future__ import annotations
 
@@ -9,7 +10,19 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from navcore.mission.zone import MAX_CORNERS
 from web.schemas.fields import MAX_NAME, Corner, Share
 
-Layer = Literal["cloud", "floor", "robot", "camera", "path", "waypoints", "driven", "candidates", "goals", "zones", "people"]
+Layer = Literal[
+    "cloud",
+    "floor",
+    "robot",
+    "camera",
+    "path",
+    "waypoints",
+    "driven",
+    "candidates",
+    "goals",
+    "zones",
+    "people",
+]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 Mode = Literal["navigate", "goal", "draw", "edit"]
 

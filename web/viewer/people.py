@@ -39,7 +39,9 @@ class PeopleLayer:
         self._shown = (people, colour)
         if people:
             segments = np.concatenate([outline_and_way(track) for track in people])
-            self._node = self._server.scene.add_line_segments("/people/ways", segments, colour, thickness=0.05)
+            self._node = self._server.scene.add_line_segments(
+                "/people/ways", segments, colour, thickness=0.05
+            )
         elif self._node is not None:
             self._node.remove()
             self._node = None
@@ -48,6 +50,8 @@ class PeopleLayer:
 def outline_and_way(track: Track) -> npt.NDArray[np.float32]:
     """(N, 2, 3) segments of the ring that he fills and of his predicted way."""
     angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
-    ring = np.array([track.x_m, track.y_m]) + track.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
+    ring = np.array([track.x_m, track.y_m]) + track.radius_m * np.column_stack(
+        [np.cos(angles), np.sin(angles)]
+    )
     way = np.array([track.at(0.0), track.at(AHEAD_S)])
     return np.concatenate([ribbon(closed(ring), ROUND_Z), ribbon(way, ROUND_Z)])

@@ -1,4 +1,5 @@
-"""From a ray of the pointer to a point on the floor. Rays come from a browser: nothing about them is taken for granted."""
+"""From a ray of the pointer to a point on the floor. Rays come from a browser: nothing about them
+is taken for granted."""
 
 from __future__ import annotations
 
@@ -16,12 +17,17 @@ STEEPEST_HORIZON = 1e-4
 
 
 def floor_point(origin: Sequence[float], direction: Sequence[float]) -> Point | None:
-    """Where a ray meets the plane z = 0, in metres; None for a ray that is not finite, horizontal, or leads away from it."""
+    """Where a ray meets the plane z = 0, in metres; None for a ray that is not finite, horizontal,
+    or leads away from it."""
     try:
         start, way = np.asarray(origin, dtype=np.float64), np.asarray(direction, dtype=np.float64)
     except (TypeError, ValueError):
         return None
-    if start.shape != (3,) or way.shape != (3,) or not (np.isfinite(start).all() and np.isfinite(way).all()):
+    if (
+        start.shape != (3,)
+        or way.shape != (3,)
+        or not (np.isfinite(start).all() and np.isfinite(way).all())
+    ):
         return None
     length = float(np.abs(way).max())
     if length == 0 or abs(way[2] / length) < STEEPEST_HORIZON:

@@ -17,7 +17,9 @@ def triangulated(corners: Floats, z: float) -> tuple[Floats, Faces]:
     """Vertices (N, 3) and faces (M, 3) of a simple polygon given by its corners (N, 2)."""
     ends = np.array([len(corners)], dtype=np.uint32)
     faces = mapbox_earcut.triangulate_float64(np.ascontiguousarray(corners, dtype=np.float64), ends)
-    return np.column_stack([corners, np.full(len(corners), z)]), np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
+    return np.column_stack([corners, np.full(len(corners), z)]), np.asarray(
+        faces, dtype=np.uint32
+    ).reshape(-1, 3)
 
 
 def closed(corners: Floats) -> Floats:
@@ -44,7 +46,10 @@ def flag() -> tuple[Floats, Faces]:
     pole = [(-0.02, 0.0, 0.0), (0.02, 0.0, 0.0), (0.02, 0.0, 1.0), (-0.02, 0.0, 1.0)]
     cross = [(0.0, -0.02, 0.0), (0.0, 0.02, 0.0), (0.0, 0.02, 1.0), (0.0, -0.02, 1.0)]
     pennant = [(0.02, 0.0, 1.0), (0.02, 0.0, 0.66), (0.5, 0.0, 0.83)]
-    foot = [(0.22 * np.cos(a), 0.22 * np.sin(a), 0.06) for a in np.linspace(0, 2 * np.pi, 12, endpoint=False)]
+    foot = [
+        (0.22 * np.cos(a), 0.22 * np.sin(a), 0.06)
+        for a in np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ]
     vertices = np.array([*pole, *cross, *pennant, *foot])
     disc = [(11, 11 + i, 12 + i) for i in range(1, 11)]
     faces = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7), (8, 9, 10), *disc]
@@ -54,6 +59,8 @@ def flag() -> tuple[Floats, Faces]:
 @cache
 def knob() -> tuple[Floats, Faces]:
     """An octahedron, the handle of a corner."""
-    vertices = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
+    vertices = np.array(
+        [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64
+    )
     faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
     return vertices, np.array(faces, dtype=np.uint32)

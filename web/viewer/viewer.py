@@ -1,4 +1,5 @@
-"""The 3D view: a viser server on the loopback, the thread that feeds it, and the sketches of its clients."""
+"""The 3D view: a viser server on the loopback, the thread that feeds it, and the sketches of its
+clients."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ log = logging.getLogger(__name__)
 
 PERIOD_S = 0.1
 JOIN_S = 2.0
-# What a viewer of this console may say: where it looks, and what was pressed. Uploads, widgets and the public tunnel are deaf.
+# What a viewer of this console may say: where it looks, and what was pressed. Uploads, widgets and
+# the public tunnel are deaf.
 _HEARD = (
     _messages.ViewerCameraMessage,
     _messages.ScenePointerMessage,
@@ -66,7 +68,9 @@ class Viewer:
         _restrict(self._server)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
-        self._roots = {name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS}
+        self._roots = {
+            name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS
+        }
         self._roots["candidates"].visible = False
         self._cloud = CloudLayer(self._server)
         self._layers = self._built_layers()
@@ -146,11 +150,14 @@ class Viewer:
         with self._lock:
             self._clients.pop(client.client_id, None)
             page_id, _ = self._sketches.pop(client.client_id, ("", None))
-            another = any(owner == page_id for owner, _ in self._sketches.values())  # reloaded: it joined before this one left
+            another = any(
+                owner == page_id for owner, _ in self._sketches.values()
+            )  # reloaded: it joined before this one left
         self.links.post(page_id, {"type": "viewer", "connected": another})
 
     def _page_of(self, client: viser.ClientHandle) -> str:
-        """The page that the proxy named when it opened this client's connection; empty for a viewer on its own."""
+        """The page that the proxy named when it opened this client's connection; empty for a viewer
+        on its own."""
         connection = self._server._websock_server._live_connections.get(client.client_id)
         request = None if connection is None else connection.request
         page_id = "" if request is None else request.headers.get(PAGE_ID_HEADER, "")
@@ -195,7 +202,13 @@ class Viewer:
         cloud = self._operations.cloud()
         if cloud is not None:
             self._guarded(
-                "cloud", partial(self._cloud.push, cloud, self._show.cloud_colour, self._show.strength.get("cloud", 1.0))
+                "cloud",
+                partial(
+                    self._cloud.push,
+                    cloud,
+                    self._show.cloud_colour,
+                    self._show.strength.get("cloud", 1.0),
+                ),
             )
 
     def _candidates(self) -> Candidates | None:
@@ -215,7 +228,10 @@ class Viewer:
         robot = RobotLayer(self._server)
         self._guarded("robot body", self._add_body)
         server = self._server
-        ways, marks = (CameraLayer(server), PathLayer(server)), (GoalLayer(server), ZoneLayer(server), PeopleLayer(server))
+        ways, marks = (
+            (CameraLayer(server), PathLayer(server)),
+            (GoalLayer(server), ZoneLayer(server), PeopleLayer(server)),
+        )
         return (FloorLayer(server), robot, *ways, CandidateLayer(server), *marks)
 
     def _add_body(self) -> None:
@@ -229,9 +245,13 @@ class Viewer:
             except Exception:
                 log.exception("3D view: %s could not be drawn, a box stands for the robot", urdf)
         size = (profile.length_m, profile.width_m, 0.35)
-        self._server.scene.add_box("/robot/base/body", palette.DRAFT, size, position=(0.0, 0.0, 0.2))
+        self._server.scene.add_box(
+            "/robot/base/body", palette.DRAFT, size, position=(0.0, 0.0, 0.2)
+        )
         nose = (profile.length_m / 2, 0.0, 0.3)
-        self._server.scene.add_box("/robot/base/nose", (20, 20, 20), (0.08, profile.width_m * 0.6, 0.12), position=nose)
+        self._server.scene.add_box(
+            "/robot/base/nose", (20, 20, 20), (0.08, profile.width_m * 0.6, 0.12), position=nose
+        )
 
     # ------------------------------------------------------------------------------------------------------- camera
 
@@ -250,7 +270,10 @@ class Viewer:
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
             cos, sin = math.cos(yaw), math.sin(yaw)
-            eye, target = (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2), (x + cos, y + sin, 0.0)
+            eye, target = (
+                (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2),
+                (x + cos, y + sin, 0.0),
+            )
         if at == "place" and place is not None:
             eye, target = (place[0], place[1] - 3.5, 4.0), (*place, 0.0)
         with client.atomic():
@@ -267,7 +290,10 @@ def _overview(picture: Picture) -> tuple[Place, Place]:
     seen = np.argwhere(picture.seen)
     x, y, width, height = _extent(spec)
     if len(seen):
-        (low, left), (high, right) = spec.centres(seen).min(axis=0)[::-1], spec.centres(seen).max(axis=0)[::-1]
+        (low, left), (high, right) = (
+            spec.centres(seen).min(axis=0)[::-1],
+            spec.centres(seen).max(axis=0)[::-1],
+        )
         x, y, width, height = (left + right) / 2, (low + high) / 2, right - left, high - low
     away = min(max(width, 1.3 * height, 9.0), 40.0)
     return (x - 0.1 * away, y - 0.6 * away, 0.58 * away), (x, y - 0.1 * away, 0.0)
@@ -287,19 +313,22 @@ def _extent(spec: GridSpec) -> tuple[float, float, float, float]:
 
 
 def _restrict(server: viser.ViserServer) -> None:
-    """Take from every client the messages this console has no use for, the request of a public tunnel first of all."""
+    """Take from every client the messages this console has no use for, the request of a public
+    tunnel first of all."""
 
     def deafen(listener: Any) -> None:
         for kind in [kind for kind in listener._incoming_handlers if kind not in _HEARD]:
             listener.unregister_handler(kind)
 
     deafen(server._websock_server)
-    # viser makes the handlers of a client in a callback of the same list, so this one comes after them.
+    # viser makes the handlers of a client in a callback of the same list, so this one comes after
+    # them.
     server._websock_server.on_client_connect(deafen)
 
 
 class _Quiet:
-    """viser reports its private address on the terminal; the operator must not mistake it for the console's."""
+    """viser reports its private address on the terminal; the operator must not mistake it for the
+    console's."""
 
     def __enter__(self) -> None:
         self._was = rich.get_console().quiet

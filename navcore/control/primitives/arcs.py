@@ -1,4 +1,5 @@
-"""The motion primitives, arcs of constant curvature, and how well each of their poses serves a path."""
+"""The motion primitives, arcs of constant curvature, and how well each of their poses serves a
+path."""
 
 from __future__ import annotations
 
@@ -14,12 +15,14 @@ from navcore.geometry.polyline import metres_along, points_at
 Points = npt.NDArray[np.float64]
 
 ALONG_M = np.concatenate([[0.01, 0.02, 0.03], np.arange(1, 41) * 0.04])
-"""Where along an arc the footprint is looked at: close together at first, because there it may be close to something."""
+"""Where along an arc the footprint is looked at: close together at first, because there it may be
+close to something."""
 
 
 @cache
 def arcs() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """(A,) curvatures in 1/m and (A, S, 3) poses (x, y, heading) along them in the base frame, from one step on."""
+    """(A,) curvatures in 1/m and (A, S, 3) poses (x, y, heading) along them in the base frame, from
+    one step on."""
     spread = np.linspace(-1.0, 1.0, 41)
     curvatures = 3.0 * spread * np.abs(spread)
     along = ALONG_M
@@ -33,7 +36,8 @@ def arcs() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
 def along(
     path: Points, poses: npt.NDArray[np.float64], lookahead_m: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """For each of (A, S, 3) poses: metres gained along the path, metres aside of it, radians askew to it; each (A, S)."""
+    """For each of (A, S, 3) poses: metres gained along the path, metres aside of it, radians askew
+    to it; each (A, S)."""
     metres = metres_along(path)
     stations = np.linspace(0.0, min(metres[-1], 1.5 * lookahead_m), 32)
     marks = points_at(path, metres, stations)
@@ -49,9 +53,14 @@ def along(
 def _beside(
     marks: Points, headings: Points, poses: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """For each of (A, S, 3) poses the nearest of (M, 2) marks, the distance to it and the angle to its heading."""
+    """For each of (A, S, 3) poses the nearest of (M, 2) marks, the distance to it and the angle to
+    its heading."""
     arcs, steps = poses.shape[0], poses.shape[1]
-    nearest, aside, askew = np.empty((arcs, steps), np.int64), np.empty((arcs, steps)), np.empty((arcs, steps))
+    nearest, aside, askew = (
+        np.empty((arcs, steps), np.int64),
+        np.empty((arcs, steps)),
+        np.empty((arcs, steps)),
+    )
     for a in range(arcs):
         for s in range(steps):
             least, at = np.inf, 0

@@ -1,9 +1,11 @@
-"""Falco's motion primitives: 343 paths in 7 groups, turned to 36 headings, and a table of which of them a point blocks.
+"""Falco's motion primitives: 343 paths in 7 groups, turned to 36 headings, and a table of which of
+them a point blocks.
 
-Zhang, Hu, Chadha, Singh: Falco: Fast likelihood-based collision avoidance with extension to human-guided navigation, 2020.
-What is different here: the table is made for the oriented footprint, with its heading along the path, and not for a disc, once
-for each scale, so that the body stays as large as it is where the paths shrink; and no path is driven backwards, over ground
-that the camera does not see.
+Zhang, Hu, Chadha, Singh: Falco: Fast likelihood-based collision avoidance with extension to
+human-guided navigation, 2020. What is different here: the table is made for the oriented footprint,
+with its heading along the path, and not for a disc, once for each scale, so that the body stays as
+large as it is where the paths shrink; and no path is driven backwards, over ground that the camera
+does not see.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ RADII_M = np.linspace(0.0, 3.0, 301)
 SCALES = (1.25, 1.0, 0.75)
 """By which the paths are stretched …"""
 TRIES = ((0, 4.25), (1, 3.4), (2, 2.55), (2, 2.05), (2, 1.55), (2, 1.05))
-"""… and as far as which things count: index of the scale, and metres; each is tried where nothing is free with those before."""
+"""… and as far as which things count: index of the scale, and metres; each is tried where nothing
+is free with those before."""
 WIDEST_RAD = math.radians(50.0)
 """A path that ends so far off the way asked for serves it no more."""
 VOXEL_M = 0.025
@@ -46,10 +49,12 @@ BENDS_1PM = 3.0
 
 @cache
 def fan() -> Floats:
-    """(343, 301, 3) x, y and heading at each of `RADII_M` along the paths, at scale 1, in the frame that they start in.
+    """(343, 301, 3) x, y and heading at each of `RADII_M` along the paths, at scale 1, in the frame
+    that they start in.
 
-    A path is a polar curve. Its angle grows linearly to one of seven at 1 m, which is the group; from there a cubic, which
-    joins it without a kink, leads through one of seven angles at 2 m and of seven at 3 m.
+    A path is a polar curve. Its angle grows linearly to one of seven at 1 m, which is the group;
+    from there a cubic, which joins it without a kink, leads through one of seven angles at 2 m and
+    of seven at 3 m.
     """
     spread = SPREAD_RAD * np.linspace(-1.0, 1.0, GROUPS)
     first = spread[:, None, None] + np.zeros((GROUPS, GROUPS, GROUPS))
@@ -94,8 +99,11 @@ class Table:
 
 
 @numba.njit(cache=True, nogil=True)
-def _cover(blocks: Bits, low: Floats, poses: Floats, half_length: float, half_width: float, room: float) -> None:
-    """Set the bit of each path at each cell whose middle comes nearer than the room to the body at any of (P, S, 3) poses."""
+def _cover(
+    blocks: Bits, low: Floats, poses: Floats, half_length: float, half_width: float, room: float
+) -> None:
+    """Set the bit of each path at each cell whose middle comes nearer than the room to the body at
+    any of (P, S, 3) poses."""
     columns, rows = blocks.shape[0], blocks.shape[1]
     for p in range(poses.shape[0]):
         swept = np.zeros((columns, rows), dtype=np.bool_)
@@ -138,12 +146,19 @@ def blocked_paths(points: Floats, heading_rad: float, blocks: Bits, low: Floats)
 
 @numba.njit(cache=True, nogil=True)
 def scores(
-    points: Floats, headings: Floats, allowed: npt.NDArray[np.bool_], blocks: Bits, low: Floats, ends: Floats, aim_rad: float
+    points: Floats,
+    headings: Floats,
+    allowed: npt.NDArray[np.bool_],
+    blocks: Bits,
+    low: Floats,
+    ends: Floats,
+    aim_rad: float,
 ) -> Floats:
-    """(H, 343) how likely each path that no point blocks leads to where it is aimed at; 0 for all others.
+    """(H, 343) how likely each path that no point blocks leads to where it is aimed at; 0 for all
+    others.
 
-    It counts less the farther off it ends, and the farther the robot would have to turn for it, from 10 to 1 at a right angle,
-    to the fourth power.
+    It counts less the farther off it ends, and the farther the robot would have to turn for it,
+    from 10 to 1 at a right angle, to the fourth power.
     """
     found = np.zeros((len(headings), PATHS))
     for h in range(len(headings)):
@@ -160,20 +175,23 @@ def scores(
 
 
 @numba.njit(cache=True, nogil=True)
-def pursuits(paths: Floats, step_m: float, along: Floats, lookahead_m: float) -> tuple[Floats, Floats]:
-    """(A,) bend in 1/m that each of (A, M, 2) paths is followed with at first, and (A, S, 3) poses on the way along it.
+def pursuits(
+    paths: Floats, step_m: float, along: Floats, lookahead_m: float
+) -> tuple[Floats, Floats]:
+    """(A,) bend in 1/m that each of (A, M, 2) paths is followed with at first, and (A, S, 3) poses
+    on the way along it.
 
-    Pure pursuit from the origin, facing x, towards what lies `lookahead_m` further along a path whose points are `step_m`
-    apart; the poses are so many metres `along` the way that is driven.
+    Pure pursuit from the origin, facing x, towards what lies `lookahead_m` further along a path
+    whose points are `step_m` apart; the poses are so many metres `along` the way that is driven.
     """
     bends, poses = np.empty(len(paths)), np.empty((len(paths), len(along), 3))
     for a in range(len(paths)):
         x = y = heading = before = 0.0
         at, last = 0, paths.shape[1] - 1
         for s in range(len(along)):
-            while at < last and math.hypot(paths[a, at + 1, 0] - x, paths[a, at + 1, 1] - y) <= math.hypot(
-                paths[a, at, 0] - x, paths[a, at, 1] - y
-            ):
+            while at < last and math.hypot(
+                paths[a, at + 1, 0] - x, paths[a, at + 1, 1] - y
+            ) <= math.hypot(paths[a, at, 0] - x, paths[a, at, 1] - y):
                 at += 1
             target = min(at + int(lookahead_m / step_m), last)
             dx, dy = paths[a, target, 0] - x, paths[a, target, 1] - y
@@ -184,7 +202,10 @@ def pursuits(paths: Floats, step_m: float, along: Floats, lookahead_m: float) ->
             way, before = along[s] - before, along[s]
             turned = bend * way
             chord = way * (1.0 - turned * turned / 24.0)  # 2 sin(turned / 2) / bend
-            x, y = x + chord * math.cos(heading + turned / 2), y + chord * math.sin(heading + turned / 2)
+            x, y = (
+                x + chord * math.cos(heading + turned / 2),
+                y + chord * math.sin(heading + turned / 2),
+            )
             heading += turned
             poses[a, s] = x, y, heading
     return bends, poses
@@ -192,7 +213,11 @@ def pursuits(paths: Floats, step_m: float, along: Floats, lookahead_m: float) ->
 
 def warm() -> None:
     """Compile what is compiled, before the robot moves."""
-    blocks, low, one = np.zeros((9, 9, WORDS), dtype=np.uint64), np.full(2, -4 * VOXEL_M), np.zeros(1)
+    blocks, low, one = (
+        np.zeros((9, 9, WORDS), dtype=np.uint64),
+        np.full(2, -4 * VOXEL_M),
+        np.zeros(1),
+    )
     _cover(blocks, low, np.zeros((1, 1, 3)), VOXEL_M, VOXEL_M, VOXEL_M)
     scores(np.zeros((1, 2)), one, np.ones(1, dtype=np.bool_), blocks, low, ends_rad(), 0.0)
     pursuits(np.zeros((1, 2, 2)), 1.0, one, 0.5)

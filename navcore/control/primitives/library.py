@@ -1,4 +1,5 @@
-"""What the local planner chooses its next motion from: arcs, or what comes of pursuing Falco's paths."""
+"""What the local planner chooses its next motion from: arcs, or what comes of pursuing Falco's
+paths."""
 
 from __future__ import annotations
 
@@ -53,14 +54,18 @@ def likeliest(
     room_m: float,
     speed: float,
 ) -> Primitives:
-    """Of Falco's paths, as they would be driven, the best seven of each of the seven groups that most probably lead on.
+    """Of Falco's paths, as they would be driven, the best seven of each of the seven groups that
+    most probably lead on.
 
-    None where none is free. `points` are (N, 2) obstacles in the base frame, `body_m` half the length and width, to be kept
-    `room_m` away from them; `may_turn_to` says of each of the 36 headings whether the robot can turn to it in place. The paths
-    are the longer, and things count from the farther away, the faster it is: `speed` is the share of its full one. Which of
-    them is driven is decided by what the body does on the way along them.
+    None where none is free. `points` are (N, 2) obstacles in the base frame, `body_m` half the
+    length and width, to be kept `room_m` away from them; `may_turn_to` says of each of the 36
+    headings whether the robot can turn to it in place. The paths are the longer, and things count
+    from the farther away, the faster it is: `speed` is the share of its full one. Which of them is
+    driven is decided by what the body does on the way along them.
     """
-    tables = [Table.of(*body_m, room_m, scale) for scale in SCALES]  # all at first, while the robot stands
+    tables = [
+        Table.of(*body_m, room_m, scale) for scale in SCALES
+    ]  # all at first, while the robot stands
     away, path_away = np.hypot(*points.T), np.hypot(*path.T)
     for scale_at, range_m in TRIES[first_try(speed) :]:
         scale, table = SCALES[scale_at], tables[scale_at]
@@ -68,7 +73,9 @@ def likeliest(
         # What stands beyond the goal is in nobody's way.
         counts = points[away < min(range_m, path_away[-1] + math.hypot(*body_m))]
         towards = math.atan2(aim[1], aim[0])
-        found = scores(counts, HEADINGS_RAD, may_turn_to, table.blocks, table.low_m, ends_rad(), towards)
+        found = scores(
+            counts, HEADINGS_RAD, may_turn_to, table.blocks, table.low_m, ends_rad(), towards
+        )
         found = found.reshape(-1, IN_GROUP)
         groups = np.argsort(-found.sum(axis=1), kind="stable")[:GROUPS, None]
         paths = np.argsort(-found[groups[:, 0]], axis=1, kind="stable")[:, :GROUPS]
@@ -83,9 +90,14 @@ def first_try(speed: float) -> int:
     return sum(speed * SCALES[0] < scale for scale in SCALES[:-1])
 
 
-def _pursued(groups: npt.NDArray[np.int64], paths: npt.NDArray[np.int64], scale: float) -> Primitives:
-    """What comes of pursuing the paths of so many groups, 7 for each heading, and numbers within them."""
-    turned = _turned(fan()[groups % GROUPS * IN_GROUP + paths, ::5, :2] * scale, HEADINGS_RAD[groups // GROUPS])
+def _pursued(
+    groups: npt.NDArray[np.int64], paths: npt.NDArray[np.int64], scale: float
+) -> Primitives:
+    """What comes of pursuing the paths of so many groups, 7 for each heading, and numbers within
+    them."""
+    turned = _turned(
+        fan()[groups % GROUPS * IN_GROUP + paths, ::5, :2] * scale, HEADINGS_RAD[groups // GROUPS]
+    )
     bends, poses = pursuits(turned, scale * float(RADII_M[5]), ALONG_M, LOOKAHEAD_M)
     return Primitives(bends_1pm=bends, poses=poses, pursued=True)
 

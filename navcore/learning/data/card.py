@@ -1,4 +1,5 @@
-"""What a labelled data set is: splits, kinds of files, its card, and what fits together in one sample."""
+"""What a labelled data set is: splits, kinds of files, its card, and what fits together in one
+sample."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ class DatasetCard:
     class_names: tuple[str, ...]
     """Of the labels 1, 2, …; void has no name."""
     depth: DepthStatistics
-    """Mean and standard deviation over the measured pixels of the train split (of all pictures if there is no such split)."""
+    """Mean and standard deviation over the measured pixels of the train split (of all pictures if
+    there is no such split)."""
     counts: Counts = Counts()
     """How many pictures each split has."""
     sizes: tuple[tuple[int, int], ...] = ()
@@ -94,18 +96,33 @@ class DepthSums:
         """Raises `BadConfiguration` where nothing was measured or everything is equally far."""
         variance = (self.squares * self.pixels - self.total**2) / max(1, self.pixels) ** 2
         if variance <= 0:
-            raise BadConfiguration(f"data set: depth has no spread over {self.pixels} measured pixels; is it depth at all?")
-        return DepthStatistics(mean=self.total / self.pixels, std=math.sqrt(variance), units_per_m=units_per_m, raw=raw)
+            raise BadConfiguration(
+                f"data set: depth has no spread over {self.pixels} measured pixels; is it depth at all?"
+            )
+        return DepthStatistics(
+            mean=self.total / self.pixels, std=math.sqrt(variance), units_per_m=units_per_m, raw=raw
+        )
 
 
-def check_sample(rgb: RgbArray, depth: DepthArray, labels: LabelArray, num_classes: int, where: str) -> None:
-    """Raise `BadConfiguration` unless the three are of the right types and one size, and no label is beyond the classes."""
+def check_sample(
+    rgb: RgbArray, depth: DepthArray, labels: LabelArray, num_classes: int, where: str
+) -> None:
+    """Raise `BadConfiguration` unless the three are of the right types and one size, and no label
+    is beyond the classes."""
     found = [(rgb.dtype, rgb.shape), (depth.dtype, depth.shape), (labels.dtype, labels.shape)]
     height, width = depth.shape if depth.ndim == 2 else (0, 0)
-    expected = [(np.uint8, (height, width, 3)), (np.uint16, (height, width)), (np.uint8, (height, width))]
+    expected = [
+        (np.uint8, (height, width, 3)),
+        (np.uint16, (height, width)),
+        (np.uint8, (height, width)),
+    ]
     if found != expected or not depth.size:
-        given = ", ".join(f"{kind} {dtype} {shape}" for kind, (dtype, shape) in zip(KINDS, found, strict=True))
-        raise BadConfiguration(f"{where}: {given}; expected uint8 (H, W, 3), uint16 (H, W) and uint8 (H, W) of one size")
+        given = ", ".join(
+            f"{kind} {dtype} {shape}" for kind, (dtype, shape) in zip(KINDS, found, strict=True)
+        )
+        raise BadConfiguration(
+            f"{where}: {given}; expected uint8 (H, W, 3), uint16 (H, W) and uint8 (H, W) of one size"
+        )
     check_labels(labels, num_classes, where)
 
 

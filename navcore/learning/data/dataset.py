@@ -1,10 +1,12 @@
-"""Labelled RGB-D pictures on the disk, in the layout in which the official ESANet code reads SUN RGB-D.
+"""Labelled RGB-D pictures on the disk, in the layout in which the official ESANet code reads SUN
+RGB-D.
 
     train_rgb.txt  train_depth.txt  train_label.txt    one path per line, relative to the folder; likewise test_*.txt
     valid_rgb.txt  …                                   ours: the split by which the best epoch is chosen
     dataset.json                                       ours: the card, without which class names and depth must be told
 
-Colours are PNG or JPEG, depth is 16-bit PNG (0 = not measured), labels are `.npy` uint8: 0 = void, else class + 1.
+Colours are PNG or JPEG, depth is 16-bit PNG (0 = not measured), labels are `.npy` uint8: 0 = void,
+else class + 1.
 """
 
 from __future__ import annotations
@@ -65,8 +67,11 @@ class Dataset:
         return PurePosixPath(self.files[split][index][0]).stem
 
     def read(self, split: Split, index: int) -> Sample:
-        """One picture of the disk; raises `BadConfiguration` naming the file that is damaged or does not fit."""
-        rgb_path, depth_path, label_path = (_inside(self.folder, path) for path in self.files[split][index])
+        """One picture of the disk; raises `BadConfiguration` naming the file that is damaged or
+        does not fit."""
+        rgb_path, depth_path, label_path = (
+            _inside(self.folder, path) for path in self.files[split][index]
+        )
         rgb, depth, labels = read_rgb(rgb_path), read_depth(depth_path), read_labels(label_path)
         check_sample(rgb, depth, labels, len(self.card.class_names), str(rgb_path))
         return Sample(rgb=rgb, depth=depth, labels=labels)
@@ -79,11 +84,14 @@ class Dataset:
         return labels
 
 
-def load_dataset(folder: Path, *, class_names: Sequence[str] | None = None, depth: DepthStatistics | None = None) -> Dataset:
+def load_dataset(
+    folder: Path, *, class_names: Sequence[str] | None = None, depth: DepthStatistics | None = None
+) -> Dataset:
     """Read the card and the lists of a data set and see that every file is there.
 
-    A data set in the official layout has no card: then `class_names` and `depth` are needed; `measure_depth` finds the
-    latter out. Raises `BadConfiguration` naming the file and what is wrong with it.
+    A data set in the official layout has no card: then `class_names` and `depth` are needed;
+    `measure_depth` finds the latter out. Raises `BadConfiguration` naming the file and what is
+    wrong with it.
     """
     folder = folder.resolve()
     files: dict[Split, tuple[Files, ...]] = {split: _read_lists(folder, split) for split in SPLITS}
@@ -100,15 +108,19 @@ def load_dataset(folder: Path, *, class_names: Sequence[str] | None = None, dept
 
 
 def dataset_for(folder: Path, *, class_names: Sequence[str], depth: DepthStatistics) -> Dataset:
-    """A data set for a network of these classes: its labels are the network's numbers, its depth in the network's units.
+    """A data set for a network of these classes: its labels are the network's numbers, its depth in
+    the network's units.
 
-    Raises `BadConfiguration` where the data set's own card says otherwise, else as `load_dataset` does.
+    Raises `BadConfiguration` where the data set's own card says otherwise, else as `load_dataset`
+    does.
     """
     dataset = load_dataset(folder, class_names=class_names, depth=depth)
     path = dataset.folder / CARD_NAME
     if path.is_file():
         own = _read_card(path)
-        if [name.casefold() for name in own.class_names] != [name.casefold() for name in class_names]:
+        if [name.casefold() for name in own.class_names] != [
+            name.casefold() for name in class_names
+        ]:
             raise BadConfiguration(
                 f"{path}: the classes are {', '.join(own.class_names)}; the network's are {', '.join(class_names)}: labels are "
                 "numbers, so names and order must be the same"
@@ -128,16 +140,24 @@ def measure_depth(folder: Path, *, units_per_m: float) -> DepthStatistics:
     return sums.statistics(units_per_m=units_per_m)
 
 
-def _card(folder: Path, counts: Counts, class_names: Sequence[str] | None, depth: DepthStatistics | None) -> DatasetCard:
+def _card(
+    folder: Path, counts: Counts, class_names: Sequence[str] | None, depth: DepthStatistics | None
+) -> DatasetCard:
     """The card of the folder, what is told taking precedence."""
     path = folder / CARD_NAME
     if path.is_file():
         card = _read_card(path)
         if card.counts != counts:
-            raise BadConfiguration(f"{path}: counts {card.counts}, the lists have {counts}: one of them is from elsewhere")
-        return dataclasses.replace(card, class_names=tuple(class_names or card.class_names), depth=depth or card.depth)
+            raise BadConfiguration(
+                f"{path}: counts {card.counts}, the lists have {counts}: one of them is from elsewhere"
+            )
+        return dataclasses.replace(
+            card, class_names=tuple(class_names or card.class_names), depth=depth or card.depth
+        )
     if class_names is None or depth is None:
-        raise BadConfiguration(f"{path}: no such file; without it say the class names and the depth statistics")
+        raise BadConfiguration(
+            f"{path}: no such file; without it say the class names and the depth statistics"
+        )
     return DatasetCard(class_names=tuple(class_names), depth=depth, counts=counts)
 
 
@@ -158,12 +178,16 @@ def _read_lists(folder: Path, split: Split) -> tuple[Files, ...]:
     missing = [path for path in paths if not path.is_file()]
     if missing:
         if len(missing) < len(paths):
-            raise BadConfiguration(f"{missing[0]}: no such file; the other lists of {split} are there")
+            raise BadConfiguration(
+                f"{missing[0]}: no such file; the other lists of {split} are there"
+            )
         return ()
     lists = [_read_text(path, MAX_LIST_BYTES).splitlines() for path in paths]
     lengths = [len(lines) for lines in lists]
     if len(set(lengths)) != 1 or lengths[0] > MAX_PICTURES:
-        raise BadConfiguration(f"{paths[0]}: {split} lists {lengths} colours, depths and labels; expected as many of each")
+        raise BadConfiguration(
+            f"{paths[0]}: {split} lists {lengths} colours, depths and labels; expected as many of each"
+        )
     return tuple(zip(*lists, strict=True))
 
 

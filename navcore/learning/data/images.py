@@ -1,9 +1,11 @@
-"""Pictures and label arrays on the disk, read with their sizes known before any memory is spent on them."""
+"""Pictures and label arrays on the disk, read with their sizes known before any memory is spent on
+them."""
 
 from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import BinaryIO
 
 import cv2
 import numpy as np
@@ -30,7 +32,8 @@ def read_rgb(path: Path) -> RgbArray:
 
 
 def read_depth(path: Path) -> DepthArray:
-    """(H, W) uint16 in data set units, 0 = not measured, from a 16-bit PNG; raises `BadConfiguration`."""
+    """(H, W) uint16 in data set units, 0 = not measured, from a 16-bit PNG; raises
+    `BadConfiguration`."""
     return decode_depth(read_bytes(path), str(path))
 
 
@@ -38,12 +41,15 @@ def read_grey(path: Path) -> LabelArray:
     """(H, W) uint8 from an 8-bit PNG of one channel; raises `BadConfiguration` naming the file."""
     picture = _decode(read_bytes(path), str(path), cv2.IMREAD_UNCHANGED)
     if picture.dtype != np.uint8 or picture.ndim != 2:
-        raise BadConfiguration(f"{path}: {picture.dtype} {picture.shape}, expected an 8-bit PNG of one channel")
+        raise BadConfiguration(
+            f"{path}: {picture.dtype} {picture.shape}, expected an 8-bit PNG of one channel"
+        )
     return np.asarray(picture, dtype=np.uint8)
 
 
 def decode_rgb(content: bytes, where: str) -> RgbArray:
-    """(H, W, 3) uint8 in RGB order out of the bytes of a PNG or JPEG; raises `BadConfiguration` naming `where`."""
+    """(H, W, 3) uint8 in RGB order out of the bytes of a PNG or JPEG; raises `BadConfiguration`
+    naming `where`."""
     picture = _decode(content, where, cv2.IMREAD_COLOR)
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
@@ -52,28 +58,36 @@ def decode_depth(content: bytes, where: str) -> DepthArray:
     """(H, W) uint16 out of the bytes of a 16-bit PNG; raises `BadConfiguration` naming `where`."""
     picture = _decode(content, where, cv2.IMREAD_UNCHANGED)
     if picture.dtype != np.uint16 or picture.ndim != 2:
-        raise BadConfiguration(f"{where}: {picture.dtype} {picture.shape}, expected depth as a 16-bit PNG of one channel")
+        raise BadConfiguration(
+            f"{where}: {picture.dtype} {picture.shape}, expected depth as a 16-bit PNG of one channel"
+        )
     return np.asarray(picture, dtype=np.uint16)
 
 
 def read_labels(path: Path) -> LabelArray:
-    """(H, W) uint8, 0 = void, else class + 1, from a `.npy` of small whole numbers; raises `BadConfiguration`."""
+    """(H, W) uint8, 0 = void, else class + 1, from a `.npy` of small whole numbers; raises
+    `BadConfiguration`."""
     try:
         with path.open("rb") as file:
             shape, dtype = _npy_header(file, path)
             if len(shape) != 2 or dtype.kind not in "iu" or not _fits(*shape):
-                raise BadConfiguration(f"{path}: {dtype} {shape}, expected labels as whole numbers (height, width)")
+                raise BadConfiguration(
+                    f"{path}: {dtype} {shape}, expected labels as whole numbers (height, width)"
+                )
             file.seek(0)
             labels: npt.NDArray[np.integer] = np.load(file, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise BadConfiguration(f"{path}: the labels cannot be read: {error!s:.200}") from None
     if labels.dtype != np.uint8 and not 0 <= int(labels.min()) <= int(labels.max()) <= 255:
-        raise BadConfiguration(f"{path}: labels reach from {labels.min()} to {labels.max()}, expected 0 to 255")
+        raise BadConfiguration(
+            f"{path}: labels reach from {labels.min()} to {labels.max()}, expected 0 to 255"
+        )
     return np.ascontiguousarray(labels, dtype=np.uint8)
 
 
 def write_rgb(path: Path, rgb: RgbArray, *, jpeg_quality: int | None = None) -> None:
-    """Write (H, W, 3) RGB as PNG, or as JPEG of that quality with full colour resolution; raises `StorageFailed`."""
+    """Write (H, W, 3) RGB as PNG, or as JPEG of that quality with full colour resolution; raises
+    `StorageFailed`."""
     bgr = np.ascontiguousarray(rgb[..., ::-1])
     if jpeg_quality is None:
         _write(path, ".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 3])
@@ -88,7 +102,8 @@ def write_grey(path: Path, picture: DepthArray | LabelArray) -> None:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's content; raises `BadConfiguration` when it is missing or larger than a picture can be."""
+    """The file's content; raises `BadConfiguration` when it is missing or larger than a picture can
+    be."""
     return read_whole(path, at_most=MAX_FILE_BYTES)
 
 
@@ -115,10 +130,18 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
 def _decode(content: bytes, where: str, flags: int) -> npt.NDArray[np.integer]:
     size = picture_size(content)
     if size is None or not _fits(*size):
-        said = "it is neither PNG nor JPEG, or cut off" if size is None else f"it claims {size[0]} × {size[1]} pixels"
-        raise BadConfiguration(f"{where}: {said}; expected a PNG or JPEG of at most {MAX_PIXELS} pixels")
+        said = (
+            "it is neither PNG nor JPEG, or cut off"
+            if size is None
+            else f"it claims {size[0]} × {size[1]} pixels"
+        )
+        raise BadConfiguration(
+            f"{where}: {said}; expected a PNG or JPEG of at most {MAX_PIXELS} pixels"
+        )
     try:
-        picture = cv2.imdecode(np.frombuffer(content, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+        picture = cv2.imdecode(
+            np.frombuffer(content, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION
+        )
     except cv2.error:
         picture = None
     if picture is None:
@@ -130,12 +153,16 @@ def _fits(height: int, width: int) -> bool:
     return 0 < height <= MAX_SIDE_PX and 0 < width <= MAX_SIDE_PX and height * width <= MAX_PIXELS
 
 
-def _npy_header(file: object, path: Path) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
-    version = np.lib.format.read_magic(file)  # type: ignore[arg-type]
+def _npy_header(file: BinaryIO, path: Path) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+    version = np.lib.format.read_magic(file)
     if version == (1, 0):
-        shape, _, dtype = np.lib.format.read_array_header_1_0(file, max_header_size=_NPY_HEADER_BYTES)  # type: ignore[arg-type]
+        shape, _, dtype = np.lib.format.read_array_header_1_0(
+            file, max_header_size=_NPY_HEADER_BYTES
+        )
     elif version == (2, 0):
-        shape, _, dtype = np.lib.format.read_array_header_2_0(file, max_header_size=_NPY_HEADER_BYTES)  # type: ignore[arg-type]
+        shape, _, dtype = np.lib.format.read_array_header_2_0(
+            file, max_header_size=_NPY_HEADER_BYTES
+        )
     else:
         raise BadConfiguration(f"{path}: a .npy file of version {version}, expected 1.0 or 2.0")
     return tuple(shape), dtype
@@ -146,4 +173,6 @@ def _write(path: Path, suffix: str, picture: npt.NDArray[np.integer], options: l
     try:
         path.write_bytes(content.tobytes())
     except OSError as error:
-        raise StorageFailed(f"{path}: the picture cannot be written: {error.strerror or error}") from error
+        raise StorageFailed(
+            f"{path}: the picture cannot be written: {error.strerror or error}"
+        ) from error

@@ -1,7 +1,9 @@
-"""Labels that people drew elsewhere: CVAT's "Segmentation mask 1.1" archives and labelme's polygons, as samples.
+"""Labels that people drew elsewhere: CVAT's "Segmentation mask 1.1" archives and labelme's
+polygons, as samples.
 
-Both give colours and labels; depth comes from a folder of 16-bit PNGs of the same names. What is in the files is not trusted:
-sizes are bounded before anything is unpacked, nothing is unpacked onto the disk, and no path is followed out of a folder.
+Both give colours and labels; depth comes from a folder of 16-bit PNGs of the same names. What is in
+the files is not trusted: sizes are bounded before anything is unpacked, nothing is unpacked onto
+the disk, and no path is followed out of a folder.
 """
 
 from __future__ import annotations
@@ -21,13 +23,27 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import MAX_CLASSES, Sample, Split
-from navcore.learning.data.images import MAX_FILE_BYTES, LabelArray, RgbArray, decode_rgb, read_bytes, read_depth, read_rgb
+from navcore.learning.data.images import (
+    MAX_FILE_BYTES,
+    LabelArray,
+    RgbArray,
+    decode_rgb,
+    read_bytes,
+    read_depth,
+    read_rgb,
+)
 
 MAX_ENTRIES = 200_000
 MAX_POINTS = 100_000
 """Of one polygon."""
 MASKS, PICTURES, SETS = "SegmentationClass/", "JPEGImages/", "ImageSets/Segmentation/"
-_SPLIT_OF: dict[str, Split] = {"train": "train", "val": "valid", "valid": "valid", "validation": "valid", "test": "test"}
+_SPLIT_OF: dict[str, Split] = {
+    "train": "train",
+    "val": "valid",
+    "valid": "valid",
+    "validation": "valid",
+    "test": "test",
+}
 BACKGROUND = "background"
 _VOID_NAMES = ("void", "unlabeled", "_background_", "__ignore__")
 
@@ -45,23 +61,38 @@ class Labelled:
 
 
 class CvatArchive:
-    """A CVAT "Segmentation mask 1.1" zip: labelmap.txt, coloured masks, lists of names, and perhaps the pictures."""
+    """A CVAT "Segmentation mask 1.1" zip: labelmap.txt, coloured masks, lists of names, and perhaps
+    the pictures."""
 
-    def __init__(self, path: Path, *, depth_dir: Path, rgb_dir: Path | None = None, keep_background: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        depth_dir: Path,
+        rgb_dir: Path | None = None,
+        keep_background: bool = False,
+    ) -> None:
         """Raises `BadConfiguration` naming the file and what is wrong with it.
 
-        `rgb_dir` is where the pictures are if the archive was exported without them. The label `background`, which CVAT
-        gives to all that nobody drew on, is void, unless `keep_background` makes it a class of its own.
+        `rgb_dir` is where the pictures are if the archive was exported without them. The label
+        `background`, which CVAT gives to all that nobody drew on, is void, unless `keep_background`
+        makes it a class of its own.
         """
         self.path, self._depth_dir, self._rgb_dir = path, depth_dir, rgb_dir
         try:
             self._archive = zipfile.ZipFile(path)
         except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-            raise BadConfiguration(f"{path}: not readable as a zip archive: {error!s:.200}") from None
+            raise BadConfiguration(
+                f"{path}: not readable as a zip archive: {error!s:.200}"
+            ) from None
         entries = self._archive.infolist()
         if len(entries) > MAX_ENTRIES:
-            raise BadConfiguration(f"{path}: {len(entries)} entries, at most {MAX_ENTRIES} are read")
-        self._entries = {_safe(entry.filename, str(path)): entry for entry in entries if not entry.is_dir()}
+            raise BadConfiguration(
+                f"{path}: {len(entries)} entries, at most {MAX_ENTRIES} are read"
+            )
+        self._entries = {
+            _safe(entry.filename, str(path)): entry for entry in entries if not entry.is_dir()
+        }
         colours = self._labelmap()
         kept = {
             name: colour
@@ -69,21 +100,31 @@ class CvatArchive:
             if keep_background or name.casefold() not in (BACKGROUND, *_VOID_NAMES)
         }
         if not 0 < len(kept) <= MAX_CLASSES:
-            raise BadConfiguration(f"{path}: labelmap.txt names {len(kept)} classes, expected 1 to {MAX_CLASSES}")
+            raise BadConfiguration(
+                f"{path}: labelmap.txt names {len(kept)} classes, expected 1 to {MAX_CLASSES}"
+            )
         self.class_names = tuple(kept)
         self._void = {_packed(colour) for name, colour in colours.items() if name not in kept} | {0}
-        self._labels = {_packed(colour): number for number, colour in enumerate(kept.values(), start=1)}
+        self._labels = {
+            _packed(colour): number for number, colour in enumerate(kept.values(), start=1)
+        }
 
     def __iter__(self) -> Iterator[Labelled]:
         """The pictures that have a mask, by name."""
         splits = self._splits()
-        masks = sorted(key for key in self._entries if key.startswith(MASKS) and key.endswith(".png"))
+        masks = sorted(
+            key for key in self._entries if key.startswith(MASKS) and key.endswith(".png")
+        )
         if not masks:
-            raise BadConfiguration(f'{self.path}: no mask in {MASKS}; export as "Segmentation mask 1.1"')
+            raise BadConfiguration(
+                f'{self.path}: no mask in {MASKS}; export as "Segmentation mask 1.1"'
+            )
         for key in masks:
             name = key[len(MASKS) : -len(".png")]
             labels = self._mask(key)
-            sample = _sample(self._rgb(name), _depth(self._depth_dir, name), labels, f"{self.path}: {name}")
+            sample = _sample(
+                self._rgb(name), _depth(self._depth_dir, name), labels, f"{self.path}: {name}"
+            )
             yield Labelled(split=splits.get(name, "train"), name=flat(name), sample=sample)
 
     def _mask(self, key: str) -> LabelArray:
@@ -91,7 +132,11 @@ class CvatArchive:
         mask = decode_rgb(self._bytes(key), f"{self.path}: {key}").astype(np.int64)
         packed = (mask[..., 0] << 16) | (mask[..., 1] << 8) | mask[..., 2]
         found, where = np.unique(packed, return_inverse=True)
-        unknown = [value for value in found.tolist() if value not in self._labels and value not in self._void]
+        unknown = [
+            value
+            for value in found.tolist()
+            if value not in self._labels and value not in self._void
+        ]
         if unknown:
             colour = ",".join(map(str, unknown[0].to_bytes(3, "big")))
             raise BadConfiguration(f"{self.path}: {key}: colour {colour} is not in labelmap.txt")
@@ -101,9 +146,13 @@ class CvatArchive:
     def _rgb(self, name: str) -> RgbArray:
         for ending in (".jpg", ".jpeg", ".png"):
             if f"{PICTURES}{name}{ending}" in self._entries:
-                return decode_rgb(self._bytes(f"{PICTURES}{name}{ending}"), f"{self.path}: {name}{ending}")
+                return decode_rgb(
+                    self._bytes(f"{PICTURES}{name}{ending}"), f"{self.path}: {name}{ending}"
+                )
         if self._rgb_dir is None:
-            raise BadConfiguration(f"{self.path}: no picture {PICTURES}{name}; export with pictures, or say where they are")
+            raise BadConfiguration(
+                f"{self.path}: no picture {PICTURES}{name}; export with pictures, or say where they are"
+            )
         return read_rgb(_found(self._rgb_dir, name, (".jpg", ".jpeg", ".png")))
 
     def _labelmap(self) -> dict[str, tuple[int, int, int]]:
@@ -114,8 +163,12 @@ class CvatArchive:
                 continue
             name, _, rest = line.partition(":")
             parts = rest.partition(":")[0].split(",")
-            if len(parts) != 3 or not all(part.strip().isdecimal() and len(part) < 8 and int(part) < 256 for part in parts):
-                raise BadConfiguration(f"{self.path}: labelmap.txt: {line!r:.120}, expected name:r,g,b:parts:actions")
+            if len(parts) != 3 or not all(
+                part.strip().isdecimal() and len(part) < 8 and int(part) < 256 for part in parts
+            ):
+                raise BadConfiguration(
+                    f"{self.path}: labelmap.txt: {line!r:.120}, expected name:r,g,b:parts:actions"
+                )
             red, green, blue = (int(part) for part in parts)
             colours[name.strip()] = (red, green, blue)
         if len(set(colours.values())) != len(colours):
@@ -127,7 +180,9 @@ class CvatArchive:
         for key in self._entries:
             if key.startswith(SETS) and key.endswith(".txt"):
                 split = _SPLIT_OF.get(PurePosixPath(key).stem.casefold(), "train")
-                splits |= {line.strip(): split for line in self._text(key).splitlines() if line.strip()}
+                splits |= {
+                    line.strip(): split for line in self._text(key).splitlines() if line.strip()
+                }
         return splits
 
     def _text(self, key: str) -> str:
@@ -137,22 +192,35 @@ class CvatArchive:
             raise BadConfiguration(f"{self.path}: {key}: not UTF-8 text") from None
 
     def _bytes(self, key: str) -> bytes:
-        """Unpacked in memory, and no more of it than a picture can have, whatever the archive's index claims."""
+        """Unpacked in memory, and no more of it than a picture can have, whatever the archive's
+        index claims."""
         entry = self._entries.get(key)
         if entry is None:
-            raise BadConfiguration(f'{self.path}: {key} is missing; export as "Segmentation mask 1.1"')
+            raise BadConfiguration(
+                f'{self.path}: {key} is missing; export as "Segmentation mask 1.1"'
+            )
         try:
             with self._archive.open(entry) as file:
                 content = file.read(MAX_FILE_BYTES + 1)
-        except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, ValueError) as error:
+        except (
+            OSError,
+            zipfile.BadZipFile,
+            RuntimeError,
+            NotImplementedError,
+            EOFError,
+            ValueError,
+        ) as error:
             raise BadConfiguration(f"{self.path}: {key} is damaged: {error!s:.200}") from None
         if len(content) > MAX_FILE_BYTES:
-            raise BadConfiguration(f"{self.path}: {key} unpacks to more than {MAX_FILE_BYTES} bytes")
+            raise BadConfiguration(
+                f"{self.path}: {key} unpacks to more than {MAX_FILE_BYTES} bytes"
+            )
         return content
 
 
 class LabelmeFolder:
-    """A folder of labelme JSON files: polygons (and rectangles) per picture, later ones over earlier ones."""
+    """A folder of labelme JSON files: polygons (and rectangles) per picture, later ones over
+    earlier ones."""
 
     def __init__(
         self,
@@ -163,22 +231,35 @@ class LabelmeFolder:
         split: Split = "train",
         keep_background: bool = False,
     ) -> None:
-        """Raises `BadConfiguration`. Without `class_names` the classes are the labels that occur, in alphabetical order.
+        """Raises `BadConfiguration`. Without `class_names` the classes are the labels that occur,
+        in alphabetical order.
 
-        What nobody drew on is void, or with `keep_background` of the class `background`, which then comes first.
+        What nobody drew on is void, or with `keep_background` of the class `background`, which then
+        comes first.
         """
-        self.folder, self._depth_dir, self._split, self._keeps = folder, depth_dir, split, keep_background
+        self.folder, self._depth_dir, self._split, self._keeps = (
+            folder,
+            depth_dir,
+            split,
+            keep_background,
+        )
         self._files = sorted(folder.glob("*.json"))
         if not self._files:
             raise BadConfiguration(f"{folder}: no labelme file (*.json) is there")
         if len(self._files) > MAX_ENTRIES:
             raise BadConfiguration(f"{folder}: more than {MAX_ENTRIES} files")
-        occurring = {shape["label"] for path in self._files for shape in _shapes(path)} - set(_VOID_NAMES)
+        occurring = {shape["label"] for path in self._files for shape in _shapes(path)} - set(
+            _VOID_NAMES
+        )
         names = tuple(class_names) or tuple(sorted(occurring))
-        self.class_names = (BACKGROUND, *names) if keep_background and BACKGROUND not in names else names
+        self.class_names = (
+            (BACKGROUND, *names) if keep_background and BACKGROUND not in names else names
+        )
         if not 0 < len(self.class_names) <= MAX_CLASSES or not occurring <= set(self.class_names):
             unknown = ", ".join(sorted(occurring - set(self.class_names)))
-            raise BadConfiguration(f"{folder}: labels {unknown!r:.200} are not among the classes; expected 1 to {MAX_CLASSES}")
+            raise BadConfiguration(
+                f"{folder}: labels {unknown!r:.200} are not among the classes; expected 1 to {MAX_CLASSES}"
+            )
 
     def __iter__(self) -> Iterator[Labelled]:
         """The pictures, by name."""
@@ -192,7 +273,9 @@ class LabelmeFolder:
     def _rgb(self, path: Path, document: dict[str, Any]) -> RgbArray:
         if isinstance(document.get("imageData"), str):
             try:
-                return decode_rgb(base64.b64decode(document["imageData"], validate=True), f"{path}: imageData")
+                return decode_rgb(
+                    base64.b64decode(document["imageData"], validate=True), f"{path}: imageData"
+                )
             except (binascii.Error, ValueError):
                 raise BadConfiguration(f"{path}: imageData is not base64") from None
         named = document.get("imagePath")
@@ -202,16 +285,22 @@ class LabelmeFolder:
 
     def _drawn(self, path: Path, shape: tuple[int, ...]) -> LabelArray:
         """(H, W) with each polygon filled."""
-        labels = np.full(shape, self.class_names.index(BACKGROUND) + 1 if self._keeps else 0, dtype=np.uint8)
+        labels = np.full(
+            shape, self.class_names.index(BACKGROUND) + 1 if self._keeps else 0, dtype=np.uint8
+        )
         for drawn in _shapes(path):
-            number = 0 if drawn["label"] in _VOID_NAMES else self.class_names.index(drawn["label"]) + 1
+            number = (
+                0 if drawn["label"] in _VOID_NAMES else self.class_names.index(drawn["label"]) + 1
+            )
             cv2.fillPoly(labels, [_polygon(path, drawn)], number)
         return labels
 
 
 def flat(name: str) -> str:
     """A name that is no path: folders of the source become part of it."""
-    kept = "".join(sign if sign.isascii() and (sign.isalnum() or sign in "._-") else "_" for sign in name)
+    kept = "".join(
+        sign if sign.isascii() and (sign.isalnum() or sign in "._-") else "_" for sign in name
+    )
     return kept.lstrip("._-")[:100] or "picture"
 
 
@@ -224,19 +313,30 @@ def _polygon(path: Path, drawn: dict[str, Any]) -> npt.NDArray[np.int32]:
         good = good and bool(np.isfinite(corners).all()) and float(np.abs(corners).max()) < 1e5
     except (ValueError, TypeError, OverflowError):
         good = False
-    if not good or kind not in ("polygon", "rectangle") or len(corners) < (3 if kind == "polygon" else 2):
-        raise BadConfiguration(f"{path}: shape {drawn['label']!r:.60} of type {kind!r:.40}: expected a polygon or a rectangle")
+    if (
+        not good
+        or kind not in ("polygon", "rectangle")
+        or len(corners) < (3 if kind == "polygon" else 2)
+    ):
+        raise BadConfiguration(
+            f"{path}: shape {drawn['label']!r:.60} of type {kind!r:.40}: expected a polygon or a rectangle"
+        )
     if kind == "rectangle":
         (x0, y0), (x1, y1) = corners[:2]
         corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-    # A pixel's index is where its upper left corner is; cv2 fills the pixels that the outline touches.
+    # A pixel's index is where its upper left corner is; cv2 fills the pixels that the outline
+    # touches.
     return np.asarray(np.floor(corners), dtype=np.int32)
 
 
 def _shapes(path: Path) -> list[dict[str, Any]]:
     shapes = _document(path).get("shapes")
-    if not isinstance(shapes, list) or not all(isinstance(shape, dict) and _named(shape) for shape in shapes):
-        raise BadConfiguration(f"{path}: not a labelme file: expected `shapes`, each with a `label`")
+    if not isinstance(shapes, list) or not all(
+        isinstance(shape, dict) and _named(shape) for shape in shapes
+    ):
+        raise BadConfiguration(
+            f"{path}: not a labelme file: expected `shapes`, each with a `label`"
+        )
     return shapes
 
 
@@ -257,7 +357,9 @@ def _document(path: Path) -> dict[str, Any]:
 def _sample(rgb: RgbArray, depth: npt.NDArray[np.uint16], labels: LabelArray, where: str) -> Sample:
     shapes = {"colours": rgb.shape[:2], "depth": depth.shape, "labels": labels.shape}
     if len(set(shapes.values())) != 1:
-        raise BadConfiguration(f"{where}: sizes differ: {', '.join(f'{kind} {shape}' for kind, shape in shapes.items())}")
+        raise BadConfiguration(
+            f"{where}: sizes differ: {', '.join(f'{kind} {shape}' for kind, shape in shapes.items())}"
+        )
     return Sample(rgb=rgb, depth=depth, labels=labels)
 
 
@@ -272,7 +374,9 @@ def _found(folder: Path, name: str, endings: Sequence[str]) -> Path:
             path = _within(folder, _safe(stem + ending, str(folder)))
             if path.is_file():
                 return path
-    raise BadConfiguration(f"{folder}: no file for picture {name!r:.120}; expected {name}{endings[0]}")
+    raise BadConfiguration(
+        f"{folder}: no file for picture {name!r:.120}; expected {name}{endings[0]}"
+    )
 
 
 def _within(folder: Path, relative: str) -> Path:
@@ -285,7 +389,14 @@ def _within(folder: Path, relative: str) -> Path:
 def _safe(name: str, where: str) -> str:
     """The name, which must be a path downwards on every system."""
     path = PurePosixPath(name)
-    if not name or "\0" in name or path.is_absolute() or ".." in path.parts or "\\" in name or PureWindowsPath(name).drive:
+    if (
+        not name
+        or "\0" in name
+        or path.is_absolute()
+        or ".." in path.parts
+        or "\\" in name
+        or PureWindowsPath(name).drive
+    ):
         raise BadConfiguration(f"{where}: names {name!r:.200}, expected a path inside")
     return name
 

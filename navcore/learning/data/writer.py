@@ -1,4 +1,5 @@
-"""Write a data set as `navcore.learning.dataset` reads it; the lists and the card come last, so a half-written one is none."""
+"""Write a data set as `navcore.learning.dataset` reads it; the lists and the card come last, so a
+half-written one is none."""
 
 from __future__ import annotations
 
@@ -12,7 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from navcore.errors import BadConfiguration, StorageFailed
-from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums, Files, Split, check_sample
+from navcore.learning.data.card import (
+    CARD_NAME,
+    KINDS,
+    SPLITS,
+    Counts,
+    DatasetCard,
+    DepthSums,
+    Files,
+    Split,
+    check_sample,
+)
 from navcore.learning.data.images import DepthArray, LabelArray, RgbArray, write_grey, write_rgb
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 
@@ -31,12 +42,15 @@ class DatasetWriter:
         source: Mapping[str, object] | None = None,
         jpeg_quality: int | None = None,
     ) -> None:
-        """`folder` is made; it must be empty. Colours are kept exactly (PNG) unless a `jpeg_quality` is said.
+        """`folder` is made; it must be empty. Colours are kept exactly (PNG) unless a
+        `jpeg_quality` is said.
 
         Raises `BadConfiguration` or `StorageFailed`.
         """
         unmeasured = DepthStatistics(mean=0.0, std=1.0, units_per_m=units_per_m)
-        self._card = DatasetCard(class_names=tuple(class_names), depth=unmeasured, source=dict(source or {}))
+        self._card = DatasetCard(
+            class_names=tuple(class_names), depth=unmeasured, source=dict(source or {})
+        )
         self._folder, self._jpeg_quality = folder, jpeg_quality
         self._files: dict[Split, list[Files]] = {split: [] for split in SPLITS}
         self._names: set[tuple[str, str]] = set()
@@ -45,15 +59,23 @@ class DatasetWriter:
         self._finished = False
         _make_empty(folder)
 
-    def add(self, split: Split, name: str, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray) -> None:
-        """Write one picture: (H, W, 3) uint8, (H, W) uint16 in the data set's unit with 0 = not measured, (H, W) uint8.
+    def add(
+        self, split: Split, name: str, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray
+    ) -> None:
+        """Write one picture: (H, W, 3) uint8, (H, W) uint16 in the data set's unit with 0 = not
+        measured, (H, W) uint8.
 
-        Labels are 0 = void, else class + 1. Raises `BadConfiguration` for a name, shape or label that will not do.
+        Labels are 0 = void, else class + 1. Raises `BadConfiguration` for a name, shape or label
+        that will not do.
         """
         self._check(split, name)
         check_sample(rgb, depth_mm, labels, len(self._card.class_names), f"{split}/{name}")
         ending = "png" if self._jpeg_quality is None else "jpg"
-        files = (f"{split}/rgb/{name}.{ending}", f"{split}/depth/{name}.png", f"{split}/label/{name}.npy")
+        files = (
+            f"{split}/rgb/{name}.{ending}",
+            f"{split}/depth/{name}.png",
+            f"{split}/label/{name}.npy",
+        )
         write_rgb(self._folder / files[0], rgb, jpeg_quality=self._jpeg_quality)
         write_grey(self._folder / files[1], depth_mm)
         _write_labels(self._folder / files[2], labels)
@@ -76,18 +98,27 @@ class DatasetWriter:
         )
         for split, files in self._files.items():
             for column, kind in enumerate(KINDS):
-                write_text(self._folder / f"{split}_{kind}.txt", "".join(f"{triple[column]}\n" for triple in files))
+                write_text(
+                    self._folder / f"{split}_{kind}.txt",
+                    "".join(f"{triple[column]}\n" for triple in files),
+                )
         write_text(self._folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
         self._finished = True
         return card
 
     def _check(self, split: str, name: str) -> None:
         if self._finished:
-            raise BadConfiguration(f"{self._folder}: the data set is finished; nothing can be added")
+            raise BadConfiguration(
+                f"{self._folder}: the data set is finished; nothing can be added"
+            )
         if split not in SPLITS:
-            raise BadConfiguration(f"data set: split {split!r:.40}, expected one of {', '.join(SPLITS)}")
+            raise BadConfiguration(
+                f"data set: split {split!r:.40}, expected one of {', '.join(SPLITS)}"
+            )
         if not _NAME.fullmatch(name):
-            raise BadConfiguration(f"data set: {name!r:.120} is no name for a picture: expected letters, digits and . _ -")
+            raise BadConfiguration(
+                f"data set: {name!r:.120} is no name for a picture: expected letters, digits and . _ -"
+            )
         if (split, name.casefold()) in self._names:
             raise BadConfiguration(f"data set: {split} has a picture {name!r} already")
 
@@ -102,7 +133,8 @@ class DatasetWriter:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a text file; what was at `target` stays intact until the new one is whole. Raises `StorageFailed`."""
+    """Write a text file; what was at `target` stays intact until the new one is whole. Raises
+    `StorageFailed`."""
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
         try:
@@ -134,4 +166,6 @@ def _write_labels(path: Path, labels: LabelArray) -> None:
     try:
         np.save(path, np.ascontiguousarray(labels), allow_pickle=False)
     except OSError as error:
-        raise StorageFailed(f"{path}: the labels cannot be written: {error.strerror or error}") from error
+        raise StorageFailed(
+            f"{path}: the labels cannot be written: {error.strerror or error}"
+        ) from error

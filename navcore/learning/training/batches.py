@@ -1,4 +1,5 @@
-"""Batches of tensors out of a data set: which pictures, in which order, and each of them decoded only once."""
+"""Batches of tensors out of a data set: which pictures, in which order, and each of them decoded
+only once."""
 
 from __future__ import annotations
 
@@ -15,7 +16,12 @@ from navcore.learning.data.card import Sample, Split
 from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.augmentation import augmented, resized
 from navcore.learning.training.recipe import Augmentation
-from navcore.perception.esanet.network.preprocess import DepthStatistics, Size, normalise_depth, normalise_rgb
+from navcore.perception.esanet.network.preprocess import (
+    DepthStatistics,
+    Size,
+    normalise_depth,
+    normalise_rgb,
+)
 
 _MEGABYTE = 1 << 20
 
@@ -33,7 +39,8 @@ class Batch:
 
 
 class Pictures:
-    """The pictures of one split; as many as fit in `cache_mb` megabytes are kept decoded. Threads may share it."""
+    """The pictures of one split; as many as fit in `cache_mb` megabytes are kept decoded. Threads
+    may share it."""
 
     def __init__(self, dataset: Dataset, split: Split, *, cache_mb: int) -> None:
         self.dataset, self.split = dataset, split
@@ -50,7 +57,9 @@ class Pictures:
         if sample is None:
             sample = self.dataset.read(self.split, index)
             size_bytes = sample.rgb.nbytes + sample.depth.nbytes + sample.labels.nbytes
-            if size_bytes <= self._room_bytes:  # two threads may both find room for a last one; that is no harm
+            if (
+                size_bytes <= self._room_bytes
+            ):  # two threads may both find room for a last one; that is no harm
                 self._room_bytes -= size_bytes
                 self._kept[index] = sample
         return sample
@@ -59,14 +68,20 @@ class Pictures:
 def epoch_batches(
     count: int, batch: int, *, seed: int, epoch: int, rank: int = 0, ranks: int = 1
 ) -> list[npt.NDArray[np.int64]]:
-    """The indexes of each step's pictures: a fresh order every epoch, without the rest that fills no batch.
+    """The indexes of each step's pictures: a fresh order every epoch, without the rest that fills
+    no batch.
 
-    Each rank gets its own part of every batch, so that all of them together take the steps that one would take alone.
+    Each rank gets its own part of every batch, so that all of them together take the steps that one
+    would take alone.
     """
     if batch % ranks:
-        raise BadConfiguration(f"training: a batch of {batch} cannot be split among {ranks} processes")
+        raise BadConfiguration(
+            f"training: a batch of {batch} cannot be split among {ranks} processes"
+        )
     if batch // ranks < 2:
-        raise BadConfiguration(f"training: a batch of {batch} leaves {ranks} processes one picture each; batch norm needs two")
+        raise BadConfiguration(
+            f"training: a batch of {batch} leaves {ranks} processes one picture each; batch norm needs two"
+        )
     if count < batch:
         raise BadConfiguration(f"training: {count} pictures do not fill one batch of {batch}")
     order = np.random.default_rng([seed, epoch]).permutation(count).astype(np.int64)
@@ -86,7 +101,13 @@ def training_batch(
 ) -> Batch:
     """Random variations of these pictures, which depend on nothing but seed, epoch and index."""
     samples = [
-        augmented(pictures[int(index)], size, changes, np.random.default_rng([seed, epoch, int(index)]), crop=crop)
+        augmented(
+            pictures[int(index)],
+            size,
+            changes,
+            np.random.default_rng([seed, epoch, int(index)]),
+            crop=crop,
+        )
         for index in indexes
     ]
     return as_batch(samples, pictures.dataset.card.depth)
@@ -100,8 +121,12 @@ def plain_batch(samples: Sequence[Sample], size: Size, statistics: DepthStatisti
 def as_batch(samples: Sequence[Sample], statistics: DepthStatistics) -> Batch:
     """Samples of one size, normalised and stacked."""
     rgb = np.stack([normalise_rgb(sample.rgb) for sample in samples])
-    depth = np.stack([normalise_depth(sample.depth.astype(np.float32), statistics) for sample in samples])
+    depth = np.stack(
+        [normalise_depth(sample.depth.astype(np.float32), statistics) for sample in samples]
+    )
     labels = np.stack([sample.labels for sample in samples])
     return Batch(
-        rgb=torch.from_numpy(rgb).permute(0, 3, 1, 2), depth=torch.from_numpy(depth)[:, None], labels=torch.from_numpy(labels)
+        rgb=torch.from_numpy(rgb).permute(0, 3, 1, 2),
+        depth=torch.from_numpy(depth)[:, None],
+        labels=torch.from_numpy(labels),
     )

@@ -1,4 +1,5 @@
-"""Where a training run stands, on the disk after every epoch, so that a killed one goes on as if nothing had happened."""
+"""Where a training run stands, on the disk after every epoch, so that a killed one goes on as if
+nothing had happened."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ class RunState:
 
 
 def write_state(path: Path, state: RunState) -> None:
-    """Replace the file in one go; a kill at any moment leaves the old or the new one. Raises `StorageFailed`."""
+    """Replace the file in one go; a kill at any moment leaves the old or the new one. Raises
+    `StorageFailed`."""
     content = {**{name: getattr(state, name) for name in state.__slots__}, "format": _FORMAT}
     content["history"] = [dataclasses.asdict(epoch) for epoch in state.history]
     partial = path.with_name(f".{path.name}.partial")
@@ -66,29 +68,41 @@ def write_state(path: Path, state: RunState) -> None:
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
-    except (OSError, RuntimeError) as error:  # torch's zip writer wraps a full disk in a RuntimeError
-        raise StorageFailed(f"{path}: the training's state cannot be written: {error!s:.200}") from error
+    except (
+        OSError,
+        RuntimeError,
+    ) as error:  # torch's zip writer wraps a full disk in a RuntimeError
+        raise StorageFailed(
+            f"{path}: the training's state cannot be written: {error!s:.200}"
+        ) from error
 
 
 def read_state(path: Path, identity: str) -> RunState:
-    """Read what `write_state` wrote for the same recipe and data; executes nothing that is in the file.
+    """Read what `write_state` wrote for the same recipe and data; executes nothing that is in the
+    file.
 
     Raises `BadConfiguration` for a file of another run, a damaged or a foreign one.
     """
     try:
         if path.stat().st_size > MAX_STATE_BYTES:
-            raise BadConfiguration(f"{path}: more than {MAX_STATE_BYTES} bytes, too many for a training's state")
+            raise BadConfiguration(
+                f"{path}: more than {MAX_STATE_BYTES} bytes, too many for a training's state"
+            )
         content = torch.load(path, map_location="cpu", weights_only=True)
         known = isinstance(content, dict) and content.pop("format") == _FORMAT
     except BadConfiguration:
         raise
     except Exception as error:  # a damaged pickle can make the reader fail in any way
-        raise BadConfiguration(f"{path}: the training cannot be resumed: {type(error).__name__}: {error!s:.200}") from None
+        raise BadConfiguration(
+            f"{path}: the training cannot be resumed: {type(error).__name__}: {error!s:.200}"
+        ) from None
     if not known or set(content) != set(RunState.__slots__):
         raise BadConfiguration(f"{path}: not the state of a training run of this version")
     if content["identity"] != identity:
         raise BadConfiguration(
             f"{path}: is of a run with another recipe or other data; resume it with the same, or train elsewhere"
         )
-    content["history"] = [from_table(Epoch, epoch, f"{path}: history") for epoch in content["history"]]
+    content["history"] = [
+        from_table(Epoch, epoch, f"{path}: history") for epoch in content["history"]
+    ]
     return RunState(**content)

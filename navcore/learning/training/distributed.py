@@ -13,7 +13,8 @@ from torch import nn
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranks:
-    """This process among those of the run; whoever starts them has set up torch's process group before."""
+    """This process among those of the run; whoever starts them has set up torch's process group
+    before."""
 
     rank: int = 0
     """Number of this process. The first one alone writes files."""
@@ -42,7 +43,8 @@ class Ranks:
         return float(tensor) / self.count
 
     def average_buffers(self, network: nn.Module) -> None:
-        """Make the running means of the batch norms, which each process has of its own pictures, the same everywhere."""
+        """Make the running means of the batch norms, which each process has of its own pictures,
+        the same everywhere."""
         if self.count == 1:
             return
         for buffer in network.buffers():

@@ -42,8 +42,8 @@ def evaluate(
 ) -> npt.NDArray[np.int64]:
     """(C, C) confusion matrix over the split, row = true class; void is left out.
 
-    The logits are resized to the labels, not the labels to the logits. Each rank looks at its share; the sum is everybody's.
-    `seen` hears how many pictures were looked at.
+    The logits are resized to the labels, not the labels to the logits. Each rank looks at its
+    share; the sum is everybody's. `seen` hears how many pictures were looked at.
     """
     ranks = ranks or Ranks()
     num_classes = len(pictures.dataset.card.class_names)
@@ -74,7 +74,9 @@ def device_of(network: nn.Module) -> torch.device:
 def _classes(logits: Tensor, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
     """(C, h, w) → (H, W)."""
     if logits.shape[1:] != shape:
-        logits = functional.interpolate(logits[None], size=shape, mode="bilinear", align_corners=False)[0]
+        logits = functional.interpolate(
+            logits[None], size=shape, mode="bilinear", align_corners=False
+        )[0]
     return logits.argmax(dim=0).to(torch.uint8).cpu().numpy()
 
 
@@ -83,7 +85,10 @@ def logits_of(network: nn.Module, batch: Batch, looking: Looking) -> Tensor:
     device = device_of(network)
     rgb, depth = batch.rgb.to(device), batch.depth.to(device)
     network.eval()
-    with torch.inference_mode(), torch.autocast(device.type, torch.bfloat16, enabled=looking.bfloat16):
+    with (
+        torch.inference_mode(),
+        torch.autocast(device.type, torch.bfloat16, enabled=looking.bfloat16),
+    ):
         logits: Tensor = network(rgb, depth).float().contiguous()
         if looking.mirrored_too:
             logits = logits + network(rgb.flip(3), depth.flip(3)).float().flip(3)

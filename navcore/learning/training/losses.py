@@ -1,4 +1,5 @@
-"""What the network is taught by: class-weighted cross entropy at four scales (Seichter et al. 2021, section IV).
+"""What the network is taught by: class-weighted cross entropy at four scales (Seichter et al. 2021,
+section IV).
 
 Where a recipe asks for it, also by the measure it is judged by (`jaccard_loss`).
 """
@@ -18,14 +19,20 @@ VOID = 0
 _IGNORED = -1
 
 
-def pyramid_losses(logits: Sequence[Tensor], labels: Tensor, class_weights: Tensor) -> tuple[Tensor, ...]:
+def pyramid_losses(
+    logits: Sequence[Tensor], labels: Tensor, class_weights: Tensor
+) -> tuple[Tensor, ...]:
     """One loss per scale; the training loss is their plain sum.
 
-    `logits`: (B, C, h, w) each, the first at the size of `labels`. `labels`: (B, H, W) integers, 0 = void, else class + 1.
-    `class_weights`: (C,). Coarser scales learn from the labels resized by nearest.
+    `logits`: (B, C, h, w) each, the first at the size of `labels`. `labels`: (B, H, W) integers, 0
+    = void, else class + 1. `class_weights`: (C,). Coarser scales learn from the labels resized by
+    nearest.
     """
     targets = _targets(labels, logits[0])
-    return tuple(weighted_cross_entropy(at_scale, _resized(targets, at_scale), class_weights) for at_scale in logits)
+    return tuple(
+        weighted_cross_entropy(at_scale, _resized(targets, at_scale), class_weights)
+        for at_scale in logits
+    )
 
 
 def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tensor) -> Tensor:
@@ -34,7 +41,9 @@ def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tenso
     `logits` (B, C, h, w), `targets` (B, h, w) int64 with −1 = void, `class_weights` (C,).
     """
     weights = class_weights.to(logits)
-    total = functional.cross_entropy(logits, targets, weights, ignore_index=_IGNORED, reduction="sum")
+    total = functional.cross_entropy(
+        logits, targets, weights, ignore_index=_IGNORED, reduction="sum"
+    )
     labelled = targets != _IGNORED
     weight = weights[targets.clamp(min=0)][labelled].sum()
     # A picture without labels would be 0 / 0, and one NaN would end the training.
@@ -42,10 +51,12 @@ def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tenso
 
 
 def jaccard_loss(logits: Tensor, labels: Tensor) -> Tensor:
-    """1 − the mean IoU that the probabilities would have, over the classes in these pictures (Rahman & Wang, ISVC 2016).
+    """1 − the mean IoU that the probabilities would have, over the classes in these pictures
+    (Rahman & Wang, ISVC 2016).
 
-    A class counts the same however few its pixels are, and missing one of them costs what one too many does: cross entropy
-    alone leaves thin things to the background. `logits` (B, C, H, W), `labels` (B, H, W) as above; 0 where nothing is labelled.
+    A class counts the same however few its pixels are, and missing one of them costs what one too
+    many does: cross entropy alone leaves thin things to the background. `logits` (B, C, H, W),
+    `labels` (B, H, W) as above; 0 where nothing is labelled.
     """
     targets = _targets(labels, logits)
     known = targets != _IGNORED
@@ -63,14 +74,17 @@ def jaccard_loss(logits: Tensor, labels: Tensor) -> Tensor:
 
 
 def _targets(labels: Tensor, logits: Tensor) -> Tensor:
-    """(B, H, W) int64 classes of the network, −1 for void; raises `BadFrame` for labels that do not fit the logits."""
+    """(B, H, W) int64 classes of the network, −1 for void; raises `BadFrame` for labels that do not
+    fit the logits."""
     if labels.shape != (logits.shape[0], *logits.shape[2:]):
         raise BadFrame(
             f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: batch, height, width differ"
         )
     targets = labels.long() - 1
     if targets.numel() and not -1 <= int(targets.min()) <= int(targets.max()) < logits.shape[1]:
-        raise BadFrame(f"labels reach from {int(labels.min())} to {int(labels.max())}, expected 0 (void) to {logits.shape[1]}")
+        raise BadFrame(
+            f"labels reach from {int(labels.min())} to {int(labels.max())}, expected 0 (void) to {logits.shape[1]}"
+        )
     return targets
 
 

@@ -14,13 +14,18 @@ IntArray = npt.NDArray[np.integer]
 FloatArray = npt.NDArray[np.float64]
 
 
-def confusion_matrix(labels: IntArray, predicted: IntArray, num_classes: int) -> npt.NDArray[np.int64]:
+def confusion_matrix(
+    labels: IntArray, predicted: IntArray, num_classes: int
+) -> npt.NDArray[np.int64]:
     """(C, C) pixels, row = true class, column = predicted class; add up over pictures.
 
-    `labels`: any shape, 0 = void (left out), else class + 1. `predicted`: the same shape, class 0 … C−1.
+    `labels`: any shape, 0 = void (left out), else class + 1. `predicted`: the same shape, class 0 …
+    C−1.
     """
     if labels.shape != predicted.shape:
-        raise BadFrame(f"labels have shape {labels.shape}, the prediction {predicted.shape}; expected the same")
+        raise BadFrame(
+            f"labels have shape {labels.shape}, the prediction {predicted.shape}; expected the same"
+        )
     _check_range("labels", labels, num_classes)
     _check_range("prediction", predicted, num_classes - 1)
     known = labels > 0
@@ -29,7 +34,8 @@ def confusion_matrix(labels: IntArray, predicted: IntArray, num_classes: int) ->
 
 
 def ious(confusion: IntArray) -> FloatArray:
-    """(C,) intersection over union per class: TP / (TP + FP + FN); NaN for a class without true pixels."""
+    """(C,) intersection over union per class: TP / (TP + FP + FN); NaN for a class without true
+    pixels."""
     hits = np.diag(confusion).astype(np.float64)
     truth = confusion.sum(axis=1)
     union = truth + confusion.sum(axis=0) - hits
@@ -68,7 +74,8 @@ def count_pixels(pictures: Iterable[IntArray], num_classes: int) -> PixelCounts:
 
 
 def median_frequency_weights(counts: PixelCounts) -> FloatArray:
-    """(C,) w = median(f) / f with f = pixels of the class / pixels of the pictures showing it (Eigen & Fergus 2015).
+    """(C,) w = median(f) / f with f = pixels of the class / pixels of the pictures showing it
+    (Eigen & Fergus 2015).
 
     A class that never occurs gets weight 0 and does not enter the median.
     """
@@ -81,11 +88,14 @@ def median_frequency_weights(counts: PixelCounts) -> FloatArray:
 
 
 def logarithmic_weights(counts: PixelCounts, *, softening: float = 1.02) -> FloatArray:
-    """(C,) w = 1 / ln(c + p) with p = share of the class among all labelled pixels (Paszke et al. 2016)."""
+    """(C,) w = 1 / ln(c + p) with p = share of the class among all labelled pixels (Paszke et al.
+    2016)."""
     share: FloatArray = counts.of_class / max(1, int(counts.of_class.sum()))
     return 1.0 / np.log(softening + share)
 
 
 def _check_range(name: str, values: IntArray, largest: int) -> None:
     if values.size and not 0 <= int(values.min()) <= int(values.max()) <= largest:
-        raise BadFrame(f"{name}: reaches from {int(values.min())} to {int(values.max())}, expected 0 to {largest}")
+        raise BadFrame(
+            f"{name}: reaches from {int(values.min())} to {int(values.max())}, expected 0 to {largest}"
+        )

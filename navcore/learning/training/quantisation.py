@@ -13,7 +13,8 @@ from navcore.perception.esanet.network.model import EsaNet
 from navcore.perception.esanet.network.quantisation import measured_ranges, quantised
 
 MEASURED_ON = 32
-"""Pictures that the ranges are taken from, spread over the split: the largest of each lie close to one another."""
+"""Pictures that the ranges are taken from, spread over the split: the largest of each lie close to
+one another."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +30,8 @@ class Quantisation:
 
 
 def quantise(network: EsaNet, pictures: Pictures, looking: Looking) -> Quantisation:
-    """Measure the ranges on some pictures, and the mean IoU on all of them. The network is left as it is."""
+    """Measure the ranges on some pictures, and the mean IoU on all of them. The network is left as
+    it is."""
     statistics = pictures.dataset.card.depth
     chosen = np.unique(np.linspace(0, len(pictures) - 1, MEASURED_ON).astype(int))
     batches = (plain_batch([pictures[int(index)]], looking.size, statistics) for index in chosen)

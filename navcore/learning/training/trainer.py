@@ -1,7 +1,7 @@
 """Teaching the network: `Training.run` is the whole of it, epoch by epoch.
 
-Every random choice follows from the recipe's seed, the epoch and the picture's index, never from what happened before, so a
-resumed run draws what the uninterrupted one draws.
+Every random choice follows from the recipe's seed, the epoch and the picture's index, never from
+what happened before, so a resumed run draws what the uninterrupted one draws.
 """
 
 from __future__ import annotations
@@ -26,7 +26,12 @@ from navcore.learning.training.distributed import Ranks
 from navcore.learning.training.evaluation import Looking, evaluate
 from navcore.learning.training.initial_weights import fresh_network, taught_network
 from navcore.learning.training.losses import jaccard_loss, pyramid_losses
-from navcore.learning.training.metrics import count_pixels, logarithmic_weights, mean_iou, median_frequency_weights
+from navcore.learning.training.metrics import (
+    count_pixels,
+    logarithmic_weights,
+    mean_iou,
+    median_frequency_weights,
+)
 from navcore.learning.training.recipe import Recipe, learning_rate, momentum
 from navcore.perception.esanet import EsaNet
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, digest, save
@@ -35,12 +40,14 @@ _STEPS_TAKEN = "encoder_rgb.bn1.num_batches_tracked"
 MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
 Indexes = npt.NDArray[np.int64]
 MapBatches = Callable[[Callable[[Indexes], Batch], Iterable[Indexes]], Iterator[Batch]]
-"""As `map`; the application may prepare batches ahead of time in threads, which this package does not start."""
+"""As `map`; the application may prepare batches ahead of time in threads, which this package does
+not start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """What a run needs to know of the machine; nothing of it changes what is learned, but for rounding."""
+    """What a run needs to know of the machine; nothing of it changes what is learned, but for
+    rounding."""
 
     device: torch.device
     """Where to compute."""
@@ -75,41 +82,69 @@ class Training:
     """One run: a network, its optimiser, and how far they have come."""
 
     def __init__(
-        self, recipe: Recipe, dataset: Dataset, out: Path, surroundings: Surroundings, *, start: TrainedNetwork | None = None
+        self,
+        recipe: Recipe,
+        dataset: Dataset,
+        out: Path,
+        surroundings: Surroundings,
+        *,
+        start: TrainedNetwork | None = None,
     ) -> None:
-        """From `start`, else from nothing; raises `BadConfiguration` when recipe, data and start do not fit together."""
+        """From `start`, else from nothing; raises `BadConfiguration` when recipe, data and start do
+        not fit together."""
         self.recipe, self.dataset, self.out, self._at = recipe, dataset, out, surroundings
         if recipe.selection != "last" and not dataset.count(recipe.selection):
             raise BadConfiguration(
                 f"training: selection: the data set has no {recipe.selection} pictures; say another split, or last"
             )
         if len(dataset.card.class_names) < 2:
-            raise BadConfiguration("training: the data set has one class: nothing that it could be told from")
-        self.identity = recipe.identity(dataset.card, digest(start.network.state_dict(), {}) if start else None)
+            raise BadConfiguration(
+                "training: the data set has one class: nothing that it could be told from"
+            )
+        self.identity = recipe.identity(
+            dataset.card, digest(start.network.state_dict(), {}) if start else None
+        )
         self._pictures = Pictures(dataset, "train", cache_mb=surroundings.cache_mb)
-        self._selection = None if recipe.selection == "last" else _selection(dataset, recipe.selection)
+        self._selection = (
+            None if recipe.selection == "last" else _selection(dataset, recipe.selection)
+        )
         self.steps = len(self._batches(0))
         card = self.card()
-        network = taught_network(start, recipe, card) if start else fresh_network(recipe, card.num_classes)
+        network = (
+            taught_network(start, recipe, card)
+            if start
+            else fresh_network(recipe, card.num_classes)
+        )
         self.network = network.to(surroundings.device)
         self.network = self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.SGD(
-            self.network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay
+            self.network.parameters(),
+            lr=1.0,
+            momentum=0.9,
+            nesterov=True,
+            weight_decay=recipe.weight_decay,
         )
-        self._class_weights = torch.from_numpy(class_weights(recipe, dataset)).float().to(surroundings.device)
+        self._class_weights = (
+            torch.from_numpy(class_weights(recipe, dataset)).float().to(surroundings.device)
+        )
         self.state = RunState(identity=self.identity, network={}, optimiser={})
         if recipe.averaging:
-            self.state.average = {key: value.clone() for key, value in self.network.state_dict().items()}
+            self.state.average = {
+                key: value.clone() for key, value in self.network.state_dict().items()
+            }
 
     def resume(self) -> None:
         """Go on where the run in this folder was interrupted; at most one epoch is lost."""
         self.state = read_state(self.out / STATE_NAME, self.identity)
         self.network.load_state_dict(self.state.network)
         self._optimiser.load_state_dict(self.state.optimiser)
-        self.state.average = {key: value.to(self._at.device) for key, value in self.state.average.items()}
+        self.state.average = {
+            key: value.to(self._at.device) for key, value in self.state.average.items()
+        }
 
     def run(self, watch: Watcher = lambda news: None, *, until: int | None = None) -> RunState:
-        """Train to the last epoch (or epoch `until`); after each the state is on the disk, and the best network too."""
+        """Train to the last epoch (or epoch `until`); after each the state is on the disk, and the
+        best network too."""
         learner = self._learner()
         for number in range(len(self.state.history) + 1, (until or self.recipe.epochs) + 1):
             loss, rate = self._epoch(learner, number, watch)
@@ -137,12 +172,16 @@ class Training:
         """Mean loss and last learning rate."""
         self.network.train()
         losses = []
-        batches = self._at.map_batches(lambda indexes: self._batch(indexes, number), self._batches(number))
+        batches = self._at.map_batches(
+            lambda indexes: self._batch(indexes, number), self._batches(number)
+        )
         for step, batch in enumerate(batches, start=1):
             rate = self._set_rate(number, step)
             loss = self._step(learner, batch)
             if not math.isfinite(loss):
-                raise BadConfiguration(f"training: the loss is {loss} in epoch {number}; lower learning_rate")
+                raise BadConfiguration(
+                    f"training: the loss is {loss} in epoch {number}; lower learning_rate"
+                )
             losses.append(loss)
             watch(Step(epoch=number, step=step, steps=self.steps, loss=loss))
         return self._at.ranks.mean(sum(losses) / len(losses), self._at.device), rate
@@ -150,7 +189,13 @@ class Training:
     def _step(self, learner: nn.Module, batch: Batch) -> float:
         """One step of the optimiser; returns the loss."""
         self._optimiser.zero_grad()
-        loss = training_loss(learner, batch, self._class_weights, bfloat16=self._at.bfloat16, jaccard=self.recipe.jaccard)
+        loss = training_loss(
+            learner,
+            batch,
+            self._class_weights,
+            bfloat16=self._at.bfloat16,
+            jaccard=self.recipe.jaccard,
+        )
         torch.autograd.backward(loss)
         self._optimiser.step()
         if self.recipe.averaging:
@@ -158,7 +203,8 @@ class Training:
         return loss.item()
 
     def _average(self) -> None:
-        """Move the averaged weights a little towards the present ones; at the start faster, to forget the initial ones."""
+        """Move the averaged weights a little towards the present ones; at the start faster, to
+        forget the initial ones."""
         taken = int(self.network.state_dict()[_STEPS_TAKEN])
         share = 1 - min(self.recipe.averaging, (1 + taken) / (10 + taken))
         for key, value in self.network.state_dict().items():
@@ -179,9 +225,13 @@ class Training:
         return rate
 
     def _validate(self, number: int) -> float | None:
-        if self._selection is None or (number % self.recipe.validate_every and number != self.recipe.epochs):
+        if self._selection is None or (
+            number % self.recipe.validate_every and number != self.recipe.epochs
+        ):
             return None
-        looking = Looking(size=self.recipe.size, batch=self.recipe.batch, bfloat16=self._at.bfloat16)
+        looking = Looking(
+            size=self.recipe.size, batch=self.recipe.batch, bfloat16=self._at.bfloat16
+        )
         return mean_iou(evaluate(self._candidate(), self._selection, looking, ranks=self._at.ranks))
 
     def _candidate(self) -> EsaNet:
@@ -193,12 +243,16 @@ class Training:
         return candidate.to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
 
     def _keep(self, epoch: Epoch) -> None:
-        """Take the epoch into the state and put it on the disk: first the network if it is the best, then the state."""
+        """Take the epoch into the state and put it on the disk: first the network if it is the
+        best, then the state."""
         state = self.state
         state.history.append(epoch)
         better = epoch.miou is not None and epoch.miou > state.best_miou
         if better or self._selection is None:
-            state.best_epoch, state.best_miou = epoch.number, -1.0 if epoch.miou is None else epoch.miou
+            state.best_epoch, state.best_miou = (
+                epoch.number,
+                -1.0 if epoch.miou is None else epoch.miou,
+            )
         state.network, state.optimiser = self.network.state_dict(), self._optimiser.state_dict()
         if self._at.ranks.first:
             if state.best_epoch == epoch.number:
@@ -207,7 +261,8 @@ class Training:
         self._at.ranks.wait()
 
     def _learner(self) -> nn.Module:
-        """What the batches go through: the network itself, or wrapped so that all processes' gradients are averaged."""
+        """What the batches go through: the network itself, or wrapped so that all processes'
+        gradients are averaged."""
         if self._at.ranks.count == 1:
             return self.network
         return DistributedDataParallel(self.network, forward_sync_buffers=False)
@@ -215,23 +270,36 @@ class Training:
     def _batches(self, number: int) -> list[Indexes]:
         ranks = self._at.ranks
         count, seed = len(self._pictures), self.recipe.seed
-        return epoch_batches(count, self.recipe.batch, seed=seed, epoch=number, rank=ranks.rank, ranks=ranks.count)
+        return epoch_batches(
+            count, self.recipe.batch, seed=seed, epoch=number, rank=ranks.rank, ranks=ranks.count
+        )
 
     def _batch(self, indexes: Indexes, number: int) -> Batch:
         recipe = self.recipe
         return training_batch(
-            self._pictures, indexes, recipe.size, recipe.augmentation, seed=recipe.seed, epoch=number, crop=recipe.crop
+            self._pictures,
+            indexes,
+            recipe.size,
+            recipe.augmentation,
+            seed=recipe.seed,
+            epoch=number,
+            crop=recipe.crop,
         )
 
 
 def _selection(dataset: Dataset, split: Split) -> Pictures:
     if not any(dataset.read_labels(split, index).any() for index in range(dataset.count(split))):
-        raise BadConfiguration(f"training: selection: nothing is labelled in the {split} pictures; say another split, or last")
+        raise BadConfiguration(
+            f"training: selection: nothing is labelled in the {split} pictures; say another split, or last"
+        )
     return Pictures(dataset, split, cache_mb=256)
 
 
-def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool, jaccard: float = 0.0) -> Tensor:
-    """The sum of the four scales' losses, and of the finest one's Jaccard loss so many times: a scalar with its gradient."""
+def training_loss(
+    learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool, jaccard: float = 0.0
+) -> Tensor:
+    """The sum of the four scales' losses, and of the finest one's Jaccard loss so many times: a
+    scalar with its gradient."""
     device = weights.device
     rgb = batch.rgb.to(device).contiguous(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
@@ -245,11 +313,19 @@ def training_loss(learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16
 
 
 def class_weights(recipe: Recipe, dataset: Dataset) -> npt.NDArray[np.float64]:
-    """(C,) weights in the loss; a class that the train split never shows gets none, or by `none` all get 1."""
+    """(C,) weights in the loss; a class that the train split never shows gets none, or by `none`
+    all get 1."""
     num_classes = len(dataset.card.class_names)
     if recipe.class_weights == "none":
         return np.ones(num_classes)
-    counts = count_pixels((dataset.read_labels("train", index) for index in range(dataset.count("train"))), num_classes)
-    weights = median_frequency_weights(counts) if recipe.class_weights == "median" else logarithmic_weights(counts)
+    counts = count_pixels(
+        (dataset.read_labels("train", index) for index in range(dataset.count("train"))),
+        num_classes,
+    )
+    weights = (
+        median_frequency_weights(counts)
+        if recipe.class_weights == "median"
+        else logarithmic_weights(counts)
+    )
     powered: npt.NDArray[np.float64] = weights**recipe.weight_power
     return powered

@@ -1,4 +1,5 @@
-"""ESANet: RGB-D semantic segmentation (Seichter et al. 2021), compatible with the official repository's checkpoints."""
+"""ESANet: RGB-D semantic segmentation (Seichter et al. 2021), compatible with the official
+repository's checkpoints."""
 
 from navcore.perception.esanet.network.model import EsaNet, build
 

@@ -13,7 +13,12 @@ from navcore.perception.esanet.inference.argmax import most_likely
 from navcore.perception.esanet.inference.engine import Inference, check_logits
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.model import STRIDE
-from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size, check_size
+from navcore.perception.esanet.network.preprocess import (
+    DepthStatistics,
+    Preprocessor,
+    Size,
+    check_size,
+)
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
@@ -23,10 +28,11 @@ OFFICIAL_SIZE = Size(height=480, width=640)
 
 
 class NetworkSegmenter:
-    """Labels by what a network sees, whichever engine runs it; satisfies `navcore.segment.Segmenter`.
+    """Labels by what a network sees, whichever engine runs it; satisfies
+    `navcore.segment.Segmenter`.
 
-    A class of the network means the entry of the beware list that has its name, whatever the case of the letters, or the
-    name that `aliases` (network class → entry) gives it.
+    A class of the network means the entry of the beware list that has its name, whatever the case
+    of the letters, or the name that `aliases` (network class → entry) gives it.
     """
 
     def __init__(
@@ -46,7 +52,8 @@ class NetworkSegmenter:
         self._depth, self._prepare = depth, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Labels of the frame's size; a pixel's confidence is the probability of its most likely class, listed or not."""
+        """Labels of the frame's size; a pixel's confidence is the probability of its most likely
+        class, listed or not."""
         rgb, depth = self._prepare(frame.rgb, frame.depth_m * np.float32(self._depth.units_per_m))
         logits = self._inference.logits(rgb, depth)
         check_logits(logits, len(self.class_names), rgb, self._inference.name)
@@ -56,10 +63,15 @@ class NetworkSegmenter:
 
     def finds(self, entry: BewareClass) -> LabelSource:
         """Whether the network has a class for it."""
-        return LabelSource.NETWORK if entry.name.casefold() in self._entry_names else LabelSource.NOTHING
+        return (
+            LabelSource.NETWORK
+            if entry.name.casefold() in self._entry_names
+            else LabelSource.NOTHING
+        )
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
-        """(C,) class id of the beware list by output of the network; of two entries of one name the first wins."""
+        """(C,) class id of the beware list by output of the network; of two entries of one name the
+        first wins."""
         ids = {entry.name.casefold(): entry.class_id for entry in reversed(beware.classes)}
         return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
 
@@ -68,7 +80,11 @@ class EsaNetSegmenter(NetworkSegmenter):
     """A trained network on torch, on the device it lies on."""
 
     def __init__(
-        self, trained: TrainedNetwork, *, size: Size = OFFICIAL_SIZE, aliases: Mapping[str, str] | None = None
+        self,
+        trained: TrainedNetwork,
+        *,
+        size: Size = OFFICIAL_SIZE,
+        aliases: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(
             TorchInference(trained.network),
@@ -83,5 +99,7 @@ def _entry_names(class_names: tuple[str, ...], aliases: Mapping[str, str]) -> tu
     """What the outputs are called in the beware list, letters folded."""
     for name in aliases:
         if name not in class_names:
-            raise BadConfiguration(f"ESANet: alias of {name!r:.60}, which is no class of the network: {', '.join(class_names)}")
+            raise BadConfiguration(
+                f"ESANet: alias of {name!r:.60}, which is no class of the network: {', '.join(class_names)}"
+            )
     return tuple(aliases.get(name, name).casefold() for name in class_names)

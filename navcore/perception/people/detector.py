@@ -1,8 +1,10 @@
-"""What of a picture could be a person: upright clusters of a person's size in plan, and whether they stand where floor was.
+"""What of a picture could be a person: upright clusters of a person's size in plan, and whether
+they stand where floor was.
 
-The picture is put on a coarse grid about the camera, in the map frame. The grid remembers for some seconds where the floor was
-seen and since when a cell has held something: what has been there for long is a wall or a chair and belongs to no cluster, and
-what holds floor that was seen a moment ago has come there by itself.
+The picture is put on a coarse grid about the camera, in the map frame. The grid remembers for some
+seconds where the floor was seen and since when a cell has held something: what has been there for
+long is a wall or a chair and belongs to no cluster, and what holds floor that was seen a moment ago
+has come there by itself.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ FLOOR_M = 0.06
 HELD = 4
 """Pixels above the floor that make a cell held."""
 FIXED_S = 2.0
-"""What a cell has held for so long stands there for good: nobody who walks covers one for as long."""
+"""What a cell has held for so long stands there for good: nobody who walks covers one for as long.
+"""
 FRESH_S = 4.0
 """A cell is fresh where floor was seen so shortly before it was held."""
 FILL_M = 0.6
@@ -46,13 +49,15 @@ RADIUS_M = 0.3
 UPRIGHT_M = 0.5
 """Nobody is lower."""
 FACE_M, ROUND_FACE = 0.1, 0.785
-"""The side of somebody that is seen is so far before his middle; that of something round, by so much of its radius."""
+"""The side of somebody that is seen is so far before his middle; that of something round, by so
+much of its radius."""
 EDGE = 0.7
 """Of a cell: what lies in two cells so and so far apart is this much wider, in the mean."""
 NEARLY = 0.85
 """Of a disc; single cells are missed by the rows of pixels, and hidden by noise."""
 SHARE = 0.04
-"""Of the pixels that 1 m × 1 m would take up at the same distance, at least; a person seen whole has some ten times as many."""
+"""Of the pixels that 1 m × 1 m would take up at the same distance, at least; a person seen whole
+has some ten times as many."""
 
 Cells = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -81,7 +86,8 @@ class Cluster:
 
 
 class PersonDetector:
-    """Remembers, cell by cell about the camera, when floor was seen and since when something has been there."""
+    """Remembers, cell by cell about the camera, when floor was seen and since when something has
+    been there."""
 
     def __init__(self) -> None:
         self._owner: Cells = np.full((SIDE, SIDE), -1, dtype=np.int64)
@@ -89,7 +95,9 @@ class PersonDetector:
         self._held_s: Floats = np.full((SIDE, SIDE), np.inf)
         self._now_s = np.nan  # equal to no time at which floor was seen, nor to none
 
-    def look(self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None) -> list[Cluster]:
+    def look(
+        self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None
+    ) -> list[Cluster]:
         """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person.
 
         `ground_m` (H, W) is the height of the ground, 0 by default.
@@ -98,9 +106,19 @@ class PersonDetector:
         t, lens, now_s = frame.T_map_camera, frame.intrinsics, frame.stamp_ns / 1e9
         origin = np.floor(t[:2, 3] / CELL_M).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))
-        _bin(frame.depth_m, ground_m, named, t, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), origin, counts, sums)
+        _bin(
+            frame.depth_m,
+            ground_m,
+            named,
+            t,
+            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
+            origin,
+            counts,
+            sums,
+        )
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
-        # Floor beside something may be its foot, scattered: only what lies amid floor is surely free.
+        # Floor beside something may be its foot, scattered: only what lies amid floor is surely
+        # free.
         floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
         amid = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
         self._now_s = now_s
@@ -108,9 +126,12 @@ class PersonDetector:
         loose = ((kinds == _LOOSE) | (kinds == _FRESH)).view(np.uint8)
         eye, focal = t[:2, 3], lens.fx * lens.fy / 2
         found, crowded = _clusters(loose, kinds, counts, sums, origin, eye, focal)
-        parts, _ = _clusters((crowded & (kinds == _FRESH)).view(np.uint8), kinds, counts, sums, origin, eye, focal)
+        parts, _ = _clusters(
+            (crowded & (kinds == _FRESH)).view(np.uint8), kinds, counts, sums, origin, eye, focal
+        )
         return [
-            dataclasses.replace(one, cut=not looks_at(frame, one.x_m, one.y_m, _half_width_m(one))) for one in found + parts
+            dataclasses.replace(one, cut=not looks_at(frame, one.x_m, one.y_m, _half_width_m(one)))
+            for one in found + parts
         ]
 
     def keep_loose(self, cells: Cells, now_s: float) -> None:
@@ -127,10 +148,13 @@ class PersonDetector:
         """(N, 2) the cells (K, 2) and those beside them, without what stands there for good."""
         beside = np.argwhere(np.ones((3, 3))) - 1
         wide = np.unique((cells[:, None] + beside[None]).reshape(-1, 2), axis=0)
-        return np.asarray(wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S])
+        return np.asarray(
+            wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S]
+        )
 
     def is_free_floor(self, places: Floats) -> npt.NDArray[np.bool_]:
-        """(N,) at which of (N, 2) places of the map frame the newest frame shows floor amid floor, and nothing above it.
+        """(N,) at which of (N, 2) places of the map frame the newest frame shows floor amid floor,
+        and nothing above it.
 
         They lie no farther from the camera than the grid reaches.
         """
@@ -156,10 +180,15 @@ def cells_within(x_m: float, y_m: float, radius_m: float) -> Cells:
 
 
 def looks_at(frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
-    """Whether somebody who stood at a place would be before the camera and in its range, with all his width."""
-    x, _, depth = frame.T_map_camera[:3, :3].T @ (np.array([x_m, y_m, 0.5]) - frame.T_map_camera[:3, 3])
+    """Whether somebody who stood at a place would be before the camera and in its range, with all
+    his width."""
+    x, _, depth = frame.T_map_camera[:3, :3].T @ (
+        np.array([x_m, y_m, 0.5]) - frame.T_map_camera[:3, 3]
+    )
     lens = frame.intrinsics
-    left, right = ((x + aside) * lens.fx + lens.cx * depth for aside in (-half_width_m, half_width_m))
+    left, right = (
+        (x + aside) * lens.fx + lens.cx * depth for aside in (-half_width_m, half_width_m)
+    )
     return bool(0 < depth <= RANGE_M and left >= 0 and right < lens.width * depth)
 
 
@@ -177,7 +206,8 @@ def _clusters(
     eye: Floats,
     focal: float,
 ) -> tuple[list[Cluster], npt.NDArray[np.bool_]]:
-    """The person-sized components of a mask, and the cells of those that are too large; `focal` is pixels per steradian."""
+    """The person-sized components of a mask, and the cells of those that are too large; `focal` is
+    pixels per steradian."""
     total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
     for name in range(1, total):
@@ -197,7 +227,12 @@ def _clusters(
         cells = np.argwhere(part) + np.array([top + origin[1], left + origin[0]])
         radius_m = _radius_m(cells, (x_m - eye[0]) / range_m, (y_m - eye[1]) / range_m)
         # Who is no wider than a person is as deep as one; what is wider is taken to be round.
-        away = (FACE_M + (radius_m - RADIUS_M) * (ROUND_FACE * LARGEST_M / 2 - FACE_M) / (LARGEST_M / 2 - RADIUS_M)) / range_m
+        away = (
+            FACE_M
+            + (radius_m - RADIUS_M)
+            * (ROUND_FACE * LARGEST_M / 2 - FACE_M)
+            / (LARGEST_M / 2 - RADIUS_M)
+        ) / range_m
         found.append(
             Cluster(
                 x_m=float(x_m + away * (x_m - eye[0])),
@@ -229,7 +264,8 @@ def _bin(
     counts: npt.NDArray[np.int32],
     sums: Floats,
 ) -> None:
-    """Count, in each cell, pixels of bodies, of people and of floor; add up x and y and find the top. Every other column."""
+    """Count, in each cell, pixels of bodies, of people and of floor; add up x and y and find the
+    top. Every other column."""
     height, width = depth_m.shape
     for j in range(0, width, 2):
         a, floor_before, before_x, before_y = (j - lens[2]) / lens[0], False, 0.0, 0.0

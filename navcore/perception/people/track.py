@@ -1,4 +1,5 @@
-"""Somebody who is followed: where he is, how he walks, and how sure that is; a Kalman filter at constant velocity."""
+"""Somebody who is followed: where he is, how he walks, and how sure that is; a Kalman filter at
+constant velocity."""
 
 from __future__ import annotations
 
@@ -25,21 +26,27 @@ STANDS_S = 1.0
 WIDTH_SHARE = 0.3
 """Of a new width in that which he is taken to have."""
 PACE_SHARE = 0.2
-"""Of a new speed in the pace that somebody is taken to walk at, so that one hasty estimate does not make him a runner."""
+"""Of a new speed in the pace that somebody is taken to walk at, so that one hasty estimate does not
+make him a runner."""
 LABELLED = 0.3
 """With this share of his pixels labelled a person's a picture calls him one."""
 PICTURE_SHARE = 0.3
-"""Of a new picture in how often pictures call him one: a single one that calls a doorpost a person makes nobody of it."""
+"""Of a new picture in how often pictures call him one: a single one that calls a doorpost a person
+makes nobody of it."""
 NAMED, UNNAMED = 0.45, 0.1
-"""Called so as often as this of late he is one, as seldom as that he is not, unless he has walked."""
+"""Called so as often as this of late he is one, as seldom as that he is not, unless he has walked.
+"""
 SLOWS_MPS2 = 0.05
-"""So quickly the fastest that he was seen to walk is forgotten while he is seen to walk slower: one estimate may be far off."""
+"""So quickly the fastest that he was seen to walk is forgotten while he is seen to walk slower: one
+estimate may be far off."""
 BRISK = 0.5
-"""Slower than this share of his pace somebody is about to stop or to turn, and where to is not known."""
+"""Slower than this share of his pace somebody is about to stop or to turn, and where to is not
+known."""
 LONGEST_STEP_S = 0.3
 """Between two pictures further apart than this nobody can say that he stood."""
 CUT_M = 0.3
-"""As much of him may lie beyond the border of the picture: his middle is so much less certain then."""
+"""As much of him may lie beyond the border of the picture: his middle is so much less certain then.
+"""
 WIDER_PER_S, WIDEST_M = 0.1, 0.3
 """Out of sight one who walks takes up so much more room, for nobody knows."""
 
@@ -85,13 +92,15 @@ class Track:
 
 @dataclass(slots=True)
 class KalmanTrack:
-    """A Kalman filter at constant velocity, the same along x and y, and what is known of whom it follows."""
+    """A Kalman filter at constant velocity, the same along x and y, and what is known of whom it
+    follows."""
 
     id: int
     first: Cluster
     now_ns: int
     non_cooperative: bool = False
-    """Whether whatever moves is taken for somebody who walks, without asking whether it came where floor was seen."""
+    """Whether whatever moves is taken for somebody who walks, without asking whether it came where
+    floor was seen."""
     x_m: float = 0.0
     y_m: float = 0.0
     vx_mps: float = 0.0
@@ -127,7 +136,8 @@ class KalmanTrack:
         self.fresh = self.first.fresh
 
     def predict(self, step_s: float, *, lost: bool) -> None:
-        """Walk on; who stood when he was lost from sight is thought to stay there, whatever the last noise said."""
+        """Walk on; who stood when he was lost from sight is thought to stay there, whatever the
+        last noise said."""
         if lost and self.is_person and not self.walks:
             self.vx_mps = self.vy_mps = 0.0
         self.x_m, self.y_m = self.x_m + step_s * self.vx_mps, self.y_m + step_s * self.vy_mps
@@ -200,7 +210,8 @@ class KalmanTrack:
             self.on_map = [*self.on_map[-49:], cluster.cells]
 
     def _sets_out(self, speed: float) -> bool:
-        """Whether this is nothing but somebody who walks: it goes, it came where floor was, and in the way it says it goes."""
+        """Whether this is nothing but somebody who walks: it goes, it came where floor was, and in
+        the way it says it goes."""
         out_x, out_y = self.x_m - self.first.x_m, self.y_m - self.first.y_m
         if self.is_person:
             came_m = math.hypot(self.x_m - self.rests_x_m, self.y_m - self.rests_y_m)
@@ -208,9 +219,12 @@ class KalmanTrack:
         came_m = math.hypot(out_x, out_y)
         along = out_x * self.vx_mps + out_y * self.vy_mps > 0.7 * came_m * speed
         came = self.fresh > FRESH or self.non_cooperative
-        return came and along and speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first))
+        return (
+            came and along and speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first))
+        )
 
 
 def _noise_m(cluster: Cluster) -> float:
-    """Standard deviation of a cluster's middle: half a cell, and stereo depth scatters with the square of the distance."""
+    """Standard deviation of a cluster's middle: half a cell, and stereo depth scatters with the
+    square of the distance."""
     return 0.05 + 0.004 * cluster.range_m**2 + (CUT_M if cluster.cut else 0.0)

@@ -1,13 +1,16 @@
-"""Diagonals packed into words: how far one can walk on a diagonal before a cell of it has to be looked at, 64 cells at a time.
+"""Diagonals packed into words: how far one can walk on a diagonal before a cell of it has to be
+looked at, 64 cells at a time.
 
-`FreeSpace.sloping` is uint64 (4, slots, words): diagonals that fall (row and column grow together) walked southwards and
-northwards, then those that rise. Bit b of word w is the diagonal's cell in row 64 w + b of the planes, set where a walk may
-pass: no straight walk to either side leads anywhere (VAIN_AHEAD, VAIN_BACK), and one can step on. A bit that is not set costs a
-look at the cell and nothing else. So all may be 0 at first: words are surveyed only once searches have walked a diagonal for a
-while. Where a line has been forgotten since (`navcore.search.free_space.forget`), the bits do not count, and once there are
-many such lines all diagonals are surveyed anew.
+`FreeSpace.sloping` is uint64 (4, slots, words): diagonals that fall (row and column grow together)
+walked southwards and northwards, then those that rise. Bit b of word w is the diagonal's cell in
+row 64 w + b of the planes, set where a walk may pass: no straight walk to either side leads
+anywhere (VAIN_AHEAD, VAIN_BACK), and one can step on. A bit that is not set costs a look at the
+cell and nothing else. So all may be 0 at first: words are surveyed only once searches have walked a
+diagonal for a while. Where a line has been forgotten since (`navcore.search.free_space.forget`),
+the bits do not count, and once there are many such lines all diagonals are surveyed anew.
 
-Word 0 lies in the padding. It holds whose words these are; in the second plane, how often a walk was held up for nothing.
+Word 0 lies in the padding. It holds whose words these are; in the second plane, how often a walk
+was held up for nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ FEW = 8
 
 @lean
 def settle(across: BitPlanes, along: BitPlanes) -> None:
-    """Before a search: have no diagonal surveyed if the bits of too many cells do not count any more."""
+    """Before a search: have no diagonal surveyed if the bits of too many cells do not count any
+    more."""
     lost = 0
     for word in range(across.shape[2]):
         lost += ones(across[DEAD_END_AHEAD, 0, word])
@@ -62,10 +66,13 @@ def clear(sloping: BitPlanes, rising: int, slot: int, owner: np.uint64) -> None:
 
 @inlined
 def doubtful(across: BitPlanes, along: BitPlanes, rising: int, line: int, word: int) -> np.uint64:
-    """The cells of a diagonal's word whose row or column has been forgotten since all diagonals were last surveyed anew."""
+    """The cells of a diagonal's word whose row or column has been forgotten since all diagonals
+    were last surveyed anew."""
     col = line - 64 * word - 63 if rising else line - across.shape[1] + 64 * word
     at, shift = np.uint64(col >> 6), np.uint64(col & 63)
-    cols = across[DEAD_END_AHEAD, 0, at] >> shift | across[DEAD_END_AHEAD, 0, at + ONE] << ONE << (np.uint64(63) - shift)
+    cols = across[DEAD_END_AHEAD, 0, at] >> shift | across[DEAD_END_AHEAD, 0, at + ONE] << ONE << (
+        np.uint64(63) - shift
+    )
     if rising:
         cols = mirrored(cols)
     lost: np.uint64 = along[DEAD_END_AHEAD, 0, np.uint64(word)] | cols
@@ -74,9 +81,17 @@ def doubtful(across: BitPlanes, along: BitPlanes, rising: int, line: int, word: 
 
 @lean
 def passable(
-    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, row: int, col: int, west: int, north: int, most: int
+    across: BitPlanes,
+    along: BitPlanes,
+    sloping: BitPlanes,
+    row: int,
+    col: int,
+    west: int,
+    north: int,
+    most: int,
 ) -> int:
-    """Steps, at most so many, from a cell from which one can step on diagonally to the next that has to be looked at."""
+    """Steps, at most so many, from a cell from which one can step on diagonally to the next that
+    has to be looked at."""
     rising = west ^ north
     line = row + col if rising else col - row + across.shape[1]
     slot = slot_of(across, sloping, rising, line)
@@ -85,7 +100,9 @@ def passable(
     if north:
         here = (ONE << at) - ONE
         while True:
-            stops = ~sloping[plane, np.uint64(slot), np.uint64(word)] | doubtful(across, along, rising, line, word)
+            stops = ~sloping[plane, np.uint64(slot), np.uint64(word)] | doubtful(
+                across, along, rising, line, word
+            )
             stops &= here
             if stops != 0:
                 return min(most, row - 64 * word - int(highest(stops)))
@@ -94,7 +111,9 @@ def passable(
             word, here = word - 1, ALL
     here = ALL << at << ONE
     while True:
-        stops = ~sloping[plane, np.uint64(slot), np.uint64(word)] | doubtful(across, along, rising, line, word)
+        stops = ~sloping[plane, np.uint64(slot), np.uint64(word)] | doubtful(
+            across, along, rising, line, word
+        )
         stops &= here
         if stops != 0:
             return min(most, 64 * word + int(lowest(stops)) - row)
@@ -105,11 +124,20 @@ def passable(
 
 @lean
 def survey(
-    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, row: int, col: int, west: int, north: int, goal: int
+    across: BitPlanes,
+    along: BitPlanes,
+    sloping: BitPlanes,
+    row: int,
+    col: int,
+    west: int,
+    north: int,
+    goal: int,
 ) -> None:
-    """A walk was held up at a cell for nothing: once that has happened often enough, survey the diagonal's word there.
+    """A walk was held up at a cell for nothing: once that has happened often enough, survey the
+    diagonal's word there.
 
-    The goal's row and column stop at a goal of today (`navcore.search.jump_points.mark_goal`) and are left as they are.
+    The goal's row and column stop at a goal of today (`navcore.search.jump_points.mark_goal`) and
+    are left as they are.
     """
     rising = west ^ north
     line = row + col if rising else col - row + across.shape[1]
@@ -129,7 +157,10 @@ def survey(
         if known >> np.uint64(bit) & ONE == 0 or not (0 < col < along.shape[1]):
             continue
         # The square that a step south leads through, and that of a step north.
-        open_south, open_north = bit_of(across, SQUARE, row, col - rising), bit_of(across, SQUARE, row - 1, col - 1 + rising)
+        open_south, open_north = (
+            bit_of(across, SQUARE, row, col - rising),
+            bit_of(across, SQUARE, row - 1, col - 1 + rising),
+        )
         if open_south | open_north == 0:
             continue
         if row != goal >> 16 and across[DEAD_END_AHEAD, row, 0] < PATIENCE:

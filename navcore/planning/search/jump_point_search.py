@@ -1,14 +1,18 @@
-"""Jump-point search without corner cutting over packed rows and columns: exactly optimal, deterministic.
+"""Jump-point search without corner cutting over packed rows and columns: exactly optimal,
+deterministic.
 
-The search follows Harabor & Grastien (AAAI 2011, ICAPS 2014): of all paths of one length between two cells only the one that
-walks its diagonals first is looked at, and a straight walk is one scan over words to the next jump point. Four things are
-arranged in our own way:
+The search follows Harabor & Grastien (AAAI 2011, ICAPS 2014): of all paths of one length between
+two cells only the one that walks its diagonals first is looked at, and a straight walk is one scan
+over words to the next jump point. Four things are arranged in our own way:
 
 * Lengths are integers, so that equal ones compare as equal.
-* A cell reached again at equal length from another side is not dropped: the directions that this side adds are walked too.
-* The open list is a ring of buckets (`navcore.search.memory`); the search ends at the first one behind the best path known.
-* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not taken (`FreeSpace`); cells
-  from which there is no other are passed by many at a time (`navcore.search.slopes`).
+* A cell reached again at equal length from another side is not dropped: the directions that this
+  side adds are walked too.
+* The open list is a ring of buckets (`navcore.search.memory`); the search ends at the first one
+  behind the best path known.
+* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not
+  taken (`FreeSpace`); cells from which there is no other are passed by many at a time
+  (`navcore.search.slopes`).
 """
 
 from __future__ import annotations
@@ -18,7 +22,17 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
 from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
-from navcore.grid.free_space import AHEAD, BACK, DEAD_END_AHEAD, FREE, PATIENCE, SQUARE, FreeSpace, bit_of, look_along
+from navcore.grid.free_space import (
+    AHEAD,
+    BACK,
+    DEAD_END_AHEAD,
+    FREE,
+    PATIENCE,
+    SQUARE,
+    FreeSpace,
+    bit_of,
+    look_along,
+)
 from navcore.grid.grid import Cell
 from navcore.planning.search.diagonals import passable, settle, survey
 from navcore.planning.search.open_list import (
@@ -55,7 +69,9 @@ from navcore.planning.search.open_list import (
 )
 from navcore.planning.search.path_reconstruction import expand_leg, fewest_turns
 
-EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (1 << bit for bit in range(8))
+EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (
+    1 << bit for bit in range(8)
+)
 ANYWHERE = 255
 
 FOUND, UNREACHABLE, TIMEOUT, OUTSIDE, START_BLOCKED, GOAL_BLOCKED, FULL = range(7)
@@ -64,19 +80,23 @@ FOUND, UNREACHABLE, TIMEOUT, OUTSIDE, START_BLOCKED, GOAL_BLOCKED, FULL = range(
 IN_ONE_GO = 64
 """After so many steps of a diagonal it is seen whether the path is too long by now."""
 ON_FOOT, FARTHER = 2, 32
-"""Steps of a diagonal taken cell by cell: at first, since there are seldom more among many obstacles; where not surveyed."""
+"""Steps of a diagonal taken cell by cell: at first, since there are seldom more among many
+obstacles; where not surveyed."""
 
 
 def find(
     space: FreeSpace, arena: SearchWorkspace, start: Cell, goal: Cell, budget: int
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many steps are diagonal.
+    """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many
+    steps are diagonal.
 
-    There are no cells if there is no path. `budget` is the number of straight walks and diagonal steps after which the search
-    is given up.
+    There are no cells if there is no path. `budget` is the number of straight walks and diagonal
+    steps after which the search is given up.
     """
     while True:
-        outcome = search(space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, FAR, 0)
+        outcome = search(
+            space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, FAR, 0
+        )
         if outcome[0] != FULL:
             return outcome
         arena.grow()
@@ -96,11 +116,15 @@ def search(
     bound: int,
     floor: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search for a path shorter than `bound` on memory that the caller owns; none is known to be shorter than `floor`.
+    """Search for a path shorter than `bound` on memory that the caller owns; none is known to be
+    shorter than `floor`.
 
     The ends come number by number, since a tuple costs a microsecond to hand on.
     """
-    start, goal = number_of(across, memory, start_row, start_col), number_of(across, memory, goal_row, goal_col)
+    start, goal = (
+        number_of(across, memory, start_row, start_col),
+        number_of(across, memory, goal_row, goal_col),
+    )
     if start <= 0 or goal <= 0:
         status = OUTSIDE if min(start, goal) < 0 else START_BLOCKED if start == 0 else GOAL_BLOCKED
         return status, np.empty((0, 2), dtype=np.int64), 0
@@ -123,14 +147,17 @@ def search(
 
 @inlined
 def number_of(across: BitPlanes, memory: Memory, row: int, col: int) -> int:
-    """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it is blocked, -1 if outside."""
+    """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it
+    is blocked, -1 if outside."""
     if not (0 <= row < memory[ROWS] and 0 <= col < memory[COLS]):
         return -1
     return (row + PAD) << 16 | (col + PAD) if bit_of(across, FREE, row + PAD, col + PAD) else 0
 
 
 @compiled
-def mark_goal(across: BitPlanes, along: BitPlanes, goal: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+def mark_goal(
+    across: BitPlanes, along: BitPlanes, goal: int
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Make every straight walk stop at the goal; returns what the words were."""
     row, col = goal >> 16, goal & 0xFFFF
     saved = (
@@ -147,7 +174,10 @@ def mark_goal(across: BitPlanes, along: BitPlanes, goal: int) -> tuple[np.uint64
 
 @compiled
 def unmark_goal(
-    across: BitPlanes, along: BitPlanes, goal: int, saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+    across: BitPlanes,
+    along: BitPlanes,
+    goal: int,
+    saved: tuple[np.uint64, np.uint64, np.uint64, np.uint64],
 ) -> None:
     """Undo `mark_goal`."""
     row, col = goal >> 16, goal & 0xFFFF
@@ -156,11 +186,15 @@ def unmark_goal(
 
 
 @lean
-def run(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, budget: int) -> int:
+def run(
+    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, budget: int
+) -> int:
     """Open bucket after bucket until none can hold a shorter path, or none is known to exist."""
     while memory[WAITING] > 0:
         at = pop(memory)
-        if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (SHIFT - FINE):
+        if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (
+            SHIFT - FINE
+        ):
             break
         walks = memory[at + WALKS]
         todo = walks & ~(walks >> 8) & 0xFF
@@ -176,8 +210,11 @@ def run(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory,
 
 
 @inlined
-def open_cell(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, at: int, todo: int) -> int:
-    """Walk from a cell in the directions asked for; returns how many straight walks and diagonal steps that took."""
+def open_cell(
+    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, at: int, todo: int
+) -> int:
+    """Walk from a cell in the directions asked for; returns how many straight walks and diagonal
+    steps that took."""
     cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
     row, col = cell >> 16, cell & 0xFFFF
     if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
@@ -200,7 +237,9 @@ def open_cell(across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: M
 def stop_ahead(planes: BitPlanes, line: int, at: int) -> int:
     """The first cell behind `at` on a line where a walk towards higher cells stops."""
     word = np.uint64(at >> 6)
-    bits = planes[AHEAD, np.uint64(line), word] & (np.uint64(0xFFFFFFFFFFFFFFFE) << np.uint64(at & 63))
+    bits = planes[AHEAD, np.uint64(line), word] & (
+        np.uint64(0xFFFFFFFFFFFFFFFE) << np.uint64(at & 63)
+    )
     while bits == 0:
         word += ONE
         bits = planes[AHEAD, np.uint64(line), word]
@@ -282,7 +321,8 @@ def walk_diagonal(
     parent: int,
     length: int,
 ) -> int:
-    """Walk diagonally until a corner or obstacle is in the way, with a straight walk to both sides from every cell.
+    """Walk diagonally until a corner or obstacle is in the way, with a straight walk to both sides
+    from every cell.
 
     `corner`: 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of steps.
     """
@@ -291,7 +331,9 @@ def walk_diagonal(
     goal_row, goal_col = memory[GOAL_ROW], memory[GOAL_COL]
     count, on_foot = 0, ON_FOOT
     while bit_of(across, SQUARE, row - north, col - west) != 0:
-        most = min(steps_until(row, goal_row, step_row), steps_until(col, goal_col, step_col), IN_ONE_GO)
+        most = min(
+            steps_until(row, goal_row, step_row), steps_until(col, goal_col, step_col), IN_ONE_GO
+        )
         if on_foot:
             steps = slide(across, along, row, col, west, north, min(most, on_foot))
         else:
@@ -319,14 +361,20 @@ def walk_diagonal(
 
 
 @inlined
-def slide(across: BitPlanes, along: BitPlanes, row: int, col: int, west: int, north: int, most: int) -> int:
-    """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or where the way ends."""
+def slide(
+    across: BitPlanes, along: BitPlanes, row: int, col: int, west: int, north: int, most: int
+) -> int:
+    """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or
+    where the way ends."""
     step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
     plane_row, plane_col = np.uint64(DEAD_END_AHEAD + west), np.uint64(DEAD_END_AHEAD + north)
     line, at, steps = np.uint64(row), np.uint64(col), 0
     up, left = np.uint64(north), np.uint64(west)
     low, shift = np.uint64(63), np.uint64(6)
-    while steps < most and across[np.uint64(SQUARE), line - up, (at - left) >> shift] >> ((at - left) & low) & ONE:
+    while (
+        steps < most
+        and across[np.uint64(SQUARE), line - up, (at - left) >> shift] >> ((at - left) & low) & ONE
+    ):
         line += step_row
         at += step_col
         steps += 1

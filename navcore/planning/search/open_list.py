@@ -1,11 +1,14 @@
-"""What a jump-point search remembers: the cells that it has reached, each with its length and parent, and its open list.
+"""What a jump-point search remembers: the cells that it has reached, each with its length and
+parent, and its open list.
 
-* Lengths are integers: `UNIT` a straight step and `ROOT` a diagonal one. A sum of them does not depend on its order, so equal
-  lengths compare as equal, and different ones compare as they should as long as a path has fewer than 400 000 diagonal steps;
-  two longer paths could be taken for equal if they differ by 1e-11 of their length.
-* The open list is a ring of buckets, each a sixteenth of a cell wide. Inside a bucket the order is last in, first out; a cell
-  may be opened twice.
-* All of it is one array, kept from one search to the next: what an earlier search has reached is told by its stamp.
+* Lengths are integers: `UNIT` a straight step and `ROOT` a diagonal one. A sum of them does not
+  depend on its order, so equal lengths compare as equal, and different ones compare as they should
+  as long as a path has fewer than 400 000 diagonal steps; two longer paths could be taken for equal
+  if they differ by 1e-11 of their length.
+* The open list is a ring of buckets, each a sixteenth of a cell wide. Inside a bucket the order is
+  last in, first out; a cell may be opened twice.
+* All of it is one array, kept from one search to the next: what an earlier search has reached is
+  told by its stamp.
 """
 
 from __future__ import annotations
@@ -28,13 +31,17 @@ FAR = 1 << 62
 """Longer than any path."""
 
 # A search's memory is one array of int64, so that handing it on costs little: first some counters …
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND, FLOOR = range(12)
+PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND, FLOOR = (
+    range(12)
+)
 # … and what does not change …
 RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(12, 19)
-# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty, and a bit for each that is not …
+# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty, and a bit for each
+# that is not …
 HEADS = 24
-# … then the hash table with a row of four for every cell the search has reached: (stamp, cell), length from the start, the
-# parent's cell, and bits for the walks wanted (0 to 7) and done (8 to 15); then the queue: (next entry of the bucket, row).
+# … then the hash table with a row of four for every cell the search has reached: (stamp, cell),
+# length from the start, the parent's cell, and bits for the walks wanted (0 to 7) and done (8 to
+# 15); then the queue: (next entry of the bucket, row).
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
 FINE = 4
 """Buckets to a cell of length: 2^4."""
@@ -44,7 +51,8 @@ class SearchWorkspace:
     """The memory of a search, kept from one to the next; it grows when a search needs more."""
 
     def __init__(self, space: FreeSpace, cells: int = 1 << 11) -> None:
-        # One walk away from the goal lengthens a path's estimate by less than three times the grid's sides.
+        # One walk away from the goal lengthens a path's estimate by less than three times the
+        # grid's sides.
         self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
         self._sides, self._cells = (space.rows, space.cols), cells
         self.memory = self._new()
@@ -66,7 +74,8 @@ class SearchWorkspace:
 
 @inlined
 def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None:
-    """Set the counters for a new search: for a path shorter than `bound`, of which it is known that none is below `floor`."""
+    """Set the counters for a new search: for a path shorter than `bound`, of which it is known that
+    none is below `floor`."""
     memory[STAMP] += 1
     memory[BEST] = memory[BOUND] = bound
     for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING):
@@ -78,7 +87,8 @@ def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None
 
 @inlined
 def octile(rows: int, cols: int) -> int:
-    """Length of the shortest path between two cells on an empty grid, by their distance in rows and columns."""
+    """Length of the shortest path between two cells on an empty grid, by their distance in rows and
+    columns."""
     rows, cols = abs(rows), abs(cols)
     low, high = min(rows, cols), max(rows, cols)
     return (high - low) * UNIT + low * ROOT
@@ -88,7 +98,8 @@ def octile(rows: int, cols: int) -> int:
 def row_of(memory: Memory, key: int) -> int:
     """Where the row of the table begins that holds a key, or the free one where it belongs.
 
-    Cells that are neighbours in their row are neighbours here too, for they are often needed together.
+    Cells that are neighbours in their row are neighbours here too, for they are often needed
+    together.
     """
     slot = ((key >> 16) * 40503 + key) & (memory[SLOTS] - 1)
     while True:
@@ -101,7 +112,8 @@ def row_of(memory: Memory, key: int) -> int:
 
 @inlined
 def claim(memory: Memory, cell: int, parent: int, length: int) -> int:
-    """A path of this length leads to a cell: where its row of the table begins, or -1 if nothing is gained by that path."""
+    """A path of this length leads to a cell: where its row of the table begins, or -1 if nothing is
+    gained by that path."""
     row, col = cell >> 16, cell & 0xFFFF
     if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
         return -1

@@ -1,4 +1,5 @@
-"""From jump points to cells: a leg between two of them is diagonal and straight, in the order that turns less.
+"""From jump points to cells: a leg between two of them is diagonal and straight, in the order that
+turns less.
 
 Cells are numbered (row + PAD) << 16 | (col + PAD), as in `navcore.search.jump_points`.
 """
@@ -15,21 +16,36 @@ from navcore.grid.free_space import FREE, SQUARE, bit_of
 
 @compiled
 def expand_leg(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool) -> int:
-    """Write the cells of one leg, diagonal and straight part in the order asked for; returns where its last cell is."""
+    """Write the cells of one leg, diagonal and straight part in the order asked for; returns where
+    its last cell is."""
     rows, cols = (corner >> 16) - PAD - cells[at, 0], (corner & 0xFFFF) - PAD - cells[at, 1]
     diagonal = min(abs(rows), abs(cols))
     straight = max(abs(rows), abs(cols)) - diagonal
     if straight_first:
-        lay_line(cells, at, straight, sign(rows) * (abs(rows) > diagonal), sign(cols) * (abs(cols) > diagonal))
+        lay_line(
+            cells,
+            at,
+            straight,
+            sign(rows) * (abs(rows) > diagonal),
+            sign(cols) * (abs(cols) > diagonal),
+        )
         lay_line(cells, at + straight, diagonal, sign(rows), sign(cols))
     else:
         lay_line(cells, at, diagonal, sign(rows), sign(cols))
-        lay_line(cells, at + diagonal, straight, sign(rows) * (abs(rows) > diagonal), sign(cols) * (abs(cols) > diagonal))
+        lay_line(
+            cells,
+            at + diagonal,
+            straight,
+            sign(rows) * (abs(rows) > diagonal),
+            sign(cols) * (abs(cols) > diagonal),
+        )
     return int(at + diagonal + straight)
 
 
 @lean
-def lay_line(cells: npt.NDArray[np.int64], at: int, steps: int, step_row: int, step_col: int) -> None:
+def lay_line(
+    cells: npt.NDArray[np.int64], at: int, steps: int, step_row: int, step_col: int
+) -> None:
     """Write so many cells after `at`, all in one direction."""
     row, col = cells[at, 0], cells[at, 1]
     for step in range(1, steps + 1):
@@ -45,10 +61,12 @@ def sign(number: int) -> int:
 
 @compiled
 def fewest_turns(across: BitPlanes, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """For each leg between two jump points whether to walk its straight part first; equally long, if it is free.
+    """For each leg between two jump points whether to walk its straight part first; equally long,
+    if it is free.
 
-    The search knows each leg diagonally first. Which order turns less depends on the legs before and after, so the fewest turns
-    up to each leg are kept for both orders, from the last leg back to the first.
+    The search knows each leg diagonally first. Which order turns less depends on the legs before
+    and after, so the fewest turns up to each leg are kept for both orders, from the last leg back
+    to the first.
     """
     legs = len(corners) - 1
     turns = np.zeros((legs + 1, 2), dtype=np.int64)
@@ -62,7 +80,8 @@ def fewest_turns(across: BitPlanes, corners: npt.NDArray[np.int64]) -> npt.NDArr
             other = turns[leg + 1, 1] + (leg + 1 < legs and entry[leg + 1, 1] != leaving)
             then[leg, order] = other < after
             turns[leg, order] = min(after, other) + (sloping != level)
-        # The leg before can save one turn at most by what follows it, so a worse order need not be looked at.
+        # The leg before can save one turn at most by what follows it, so a worse order need not be
+        # looked at.
         if turns[leg, 1] > turns[leg, 0] or not is_clear(across, corners[leg], corners[leg + 1]):
             turns[leg, 1] = turns[leg, 0] + 2
     chosen = np.zeros(legs, dtype=np.bool_)
@@ -75,7 +94,8 @@ def fewest_turns(across: BitPlanes, corners: npt.NDArray[np.int64]) -> npt.NDArr
 
 @lean
 def headings(here: int, there: int) -> tuple[int, int]:
-    """The directions of a leg's diagonal and straight part, as numbers that differ; the same twice if it has but one part."""
+    """The directions of a leg's diagonal and straight part, as numbers that differ; the same twice
+    if it has but one part."""
     rows, cols = (there >> 16) - (here >> 16), (there & 0xFFFF) - (here & 0xFFFF)
     sloping = 3 * sign(rows) + sign(cols)
     if abs(rows) == abs(cols):

@@ -18,7 +18,12 @@ from navcore.perception.esanet import build
 def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "COLUMNS": "200"}
     return subprocess.run(
-        [sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=240, check=False, env=environment
+        [sys.executable, "-m", "app", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+        env=environment,
     )
 
 
@@ -27,22 +32,50 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
     [
         (("drive", "--scenario", "nowhere"), "nowhere"),
         (("drive", "--scenario", "empty_room", "--goal", "here"), "--goal 'here'"),
-        (("drive", "--scenario", "empty_room", "--goal", "100,0", "--segmenter", "colour"), "outside the map"),
-        (("drive", "--scenario", "empty_room", "--goal", "nan,0", "--segmenter", "colour"), "outside the map"),
-        (("drive", "--scenario", "empty_room", "--beware", "/no/such.toml", "--segmenter", "colour"), "no such file"),
-        (("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"), "cannot be written"),
+        (
+            ("drive", "--scenario", "empty_room", "--goal", "100,0", "--segmenter", "colour"),
+            "outside the map",
+        ),
+        (
+            ("drive", "--scenario", "empty_room", "--goal", "nan,0", "--segmenter", "colour"),
+            "outside the map",
+        ),
+        (
+            (
+                "drive",
+                "--scenario",
+                "empty_room",
+                "--beware",
+                "/no/such.toml",
+                "--segmenter",
+                "colour",
+            ),
+            "no such file",
+        ),
+        (
+            ("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"),
+            "cannot be written",
+        ),
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
         (("evaluate", "barn", "--random"), "suite of its own"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
         (("compare", "/no/such/folder"), "summary.json"),
         (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
-        (("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"), "such.safetensors"),
-        (("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
+        (
+            ("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"),
+            "such.safetensors",
+        ),
+        (
+            ("drive", "--scenario", "empty_room", "--weights", "/no/such.pth"),
+            ".safetensors or .onnx",
+        ),
         (("evaluate", "empty_room", "--weights", "/no/such.onnx"), "such.onnx"),
     ],
 )
-def test_bad_input_is_one_clear_line_and_exit_code_2(arguments: tuple[str, ...], words: str) -> None:
+def test_bad_input_is_one_clear_line_and_exit_code_2(
+    arguments: tuple[str, ...], words: str
+) -> None:
     answer = bewarenav(*arguments)
     assert answer.returncode == 2
     last = answer.stderr.strip().splitlines()[-1]
@@ -93,18 +126,35 @@ def test_every_level_has_help(command: tuple[str, ...]) -> None:
 
 def test_a_drive_writes_its_report_and_pictures_and_ends_with_0(tmp_path: Path) -> None:
     report, plots = tmp_path / "out" / "r.json", tmp_path / "plots"
-    answer = bewarenav("drive", "--scenario", "empty_room", "--seed", "1", "--report", str(report), "--plots", str(plots))
+    answer = bewarenav(
+        "drive",
+        "--scenario",
+        "empty_room",
+        "--seed",
+        "1",
+        "--report",
+        str(report),
+        "--plots",
+        str(plots),
+    )
     assert answer.returncode == 0, answer.stderr
     assert "1 of 1 goals" in answer.stdout
     assert json.loads(report.read_text())["success"] is True
     names = ("frames", "progress", "top_view")
-    assert sorted(path.name for path in plots.iterdir()) == [f"{name}.{kind}" for name in names for kind in ("png", "svg")]
+    assert sorted(path.name for path in plots.iterdir()) == [
+        f"{name}.{kind}" for name in names for kind in ("png", "svg")
+    ]
 
 
-def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(tmp_path: Path) -> None:
+def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
+    tmp_path: Path,
+) -> None:
     source, target = tmp_path / "official.pth", tmp_path / "converted.safetensors"
     torch.save({"state_dict": build("r18", 40, width=0.125).state_dict()}, source)
-    assert "r18, width 0.125, 40 classes" in bewarenav("weights", "convert", str(source), str(target)).stdout
+    assert (
+        "r18, width 0.125, 40 classes"
+        in bewarenav("weights", "convert", str(source), str(target)).stdout
+    )
     assert "40 classes" in bewarenav("weights", "info", str(target)).stdout
     content = bytearray(target.read_bytes())
     content[-1] ^= 1
@@ -114,25 +164,43 @@ def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
     assert "damaged" in answer.stderr
 
 
-def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(tmp_path: Path) -> None:
+def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "nav.toml"
     file.write_text("[people]\nheedles = true\n")
-    refused = bewarenav("drive", "--scenario", "empty_room", "--navigation", str(file), "--segmenter", "colour")
+    refused = bewarenav(
+        "drive", "--scenario", "empty_room", "--navigation", str(file), "--segmenter", "colour"
+    )
     assert refused.returncode == 2
     assert "nav.toml.people: unknown key 'heedles'" in refused.stderr
-    assert "nav.toml.people: unknown key 'heedles'" in bewarenav("evaluate", "clutter", "--navigation", str(file)).stderr
+    assert (
+        "nav.toml.people: unknown key 'heedles'"
+        in bewarenav("evaluate", "clutter", "--navigation", str(file)).stderr
+    )
     assert "nothing does" in bewarenav("evaluate", "finding", "--navigation", str(file)).stderr
     # A margin as wide as the ways are leaves no path: it is by this file that the robot was driven.
     report, driven_m = tmp_path / "r.json", []
     for margin_m in (0.15, 1.0):
         file.write_text(f"safety_margin_m = {margin_m}\n")
-        options = ("--scenario", "clutter", "--segmenter", "colour", "--max-time", "12", "--report", str(report))
+        options = (
+            "--scenario",
+            "clutter",
+            "--segmenter",
+            "colour",
+            "--max-time",
+            "12",
+            "--report",
+            str(report),
+        )
         bewarenav("drive", "--navigation", str(file), *options)
         driven_m.append(json.loads(report.read_text())["distance_m"])
     assert 0.0 < driven_m[1] < driven_m[0] / 4
 
 
 def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:
-    answer = bewarenav("drive", "--scenario", "empty_room", "--max-time", "3", "--segmenter", "colour")
+    answer = bewarenav(
+        "drive", "--scenario", "empty_room", "--max-time", "3", "--segmenter", "colour"
+    )
     assert answer.returncode == 1
     assert "FAILED" in answer.stdout

@@ -1,4 +1,5 @@
-"""The commands around training: from labels drawn elsewhere to a model, its report, and pictures it labelled."""
+"""The commands around training: from labels drawn elsewhere to a model, its report, and pictures it
+labelled."""
 
 from __future__ import annotations
 
@@ -69,9 +70,15 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE.replace("epochs = 3", "epochs = 1"))
     out = tmp_path / "out"
-    assert "book" in run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out, "--threads", 1)
+    assert "book" in run(
+        "train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out, "--threads", 1
+    )
     metrics = json.loads((out / "metrics.json").read_text())
-    assert (metrics["split"], metrics["pictures"], list(metrics["iou"])) == ("test", 2, ["floor", "book"])
+    assert (metrics["split"], metrics["pictures"], list(metrics["iou"])) == (
+        "test",
+        2,
+        ["floor", "book"],
+    )
     card = json.loads((out / "card.json").read_text())
     assert card["recipe"]["width"] == 0.125
     assert card["data"]["source"] == {"made_by": "a test"}
@@ -81,9 +88,14 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
     assert trained.card.source_sha256 == card["run"]
     assert trained.card.size == Size(height=64, width=64)
 
-    told = run("segment", out / "model.safetensors", "--data", tmp_path / "d", "--out", tmp_path / "seg")
+    told = run(
+        "segment", out / "model.safetensors", "--data", tmp_path / "d", "--out", tmp_path / "seg"
+    )
     assert f"{metrics['miou']:.4f}" in told
-    assert json.loads((tmp_path / "seg" / "metrics.json").read_text())["confusion"] == metrics["confusion"]
+    assert (
+        json.loads((tmp_path / "seg" / "metrics.json").read_text())["confusion"]
+        == metrics["confusion"]
+    )
     mask = cv2.imread(str(tmp_path / "seg" / "0000.mask.png"), cv2.IMREAD_UNCHANGED)
     assert mask is not None
     assert set(np.unique(mask)) <= {1, 2}
@@ -97,10 +109,20 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
 def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE)
-    words = ["train", str(tmp_path / "r.toml"), "--data", str(tmp_path / "d"), "--threads", "1", "--out"]
+    words = [
+        "train",
+        str(tmp_path / "r.toml"),
+        "--data",
+        str(tmp_path / "d"),
+        "--threads",
+        "1",
+        "--out",
+    ]
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     arguments = ["bewarenav", *words, str(killed)]
-    child = subprocess.Popen([sys.executable, "-c", SLOWED.format(arguments=arguments)], stderr=subprocess.DEVNULL)
+    child = subprocess.Popen(
+        [sys.executable, "-c", SLOWED.format(arguments=arguments)], stderr=subprocess.DEVNULL
+    )
     try:
         for _ in range(1200):
             if (killed / "state.pt").exists() or child.poll() is not None:
@@ -112,26 +134,59 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     assert not (killed / "metrics.json").exists()
     run(*words, killed, "--resume")
     run(*words, whole)
-    histories = [json.loads((folder / "metrics.json").read_text())["history"] for folder in (killed, whole)]
+    histories = [
+        json.loads((folder / "metrics.json").read_text())["history"] for folder in (killed, whole)
+    ]
     assert histories[0] == histories[1]
-    states = [torch.load(folder / "state.pt", weights_only=True)["network"] for folder in (killed, whole)]
+    states = [
+        torch.load(folder / "state.pt", weights_only=True)["network"] for folder in (killed, whole)
+    ]
     assert all(torch.equal(states[0][key], states[1][key]) for key in states[1])
 
 
-def test_a_rendered_data_set_may_have_pictures_of_several_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rendered_data_set_may_have_pictures_of_several_sizes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("app.cli.dataset.WORLDS_PER_JOB", 1)
     sizes = ("--size", "64x48", "--size", "96x64")
-    run("dataset", "render", tmp_path / "d", "--train", "16", "--valid", "8", "--test", "0", "--renderer", "tiny", *sizes)
+    run(
+        "dataset",
+        "render",
+        tmp_path / "d",
+        "--train",
+        "16",
+        "--valid",
+        "8",
+        "--test",
+        "0",
+        "--renderer",
+        "tiny",
+        *sizes,
+    )
     dataset = load_dataset(tmp_path / "d")
     assert dataset.card.sizes == ((48, 64), (64, 96))
     shapes = [dataset.read("train", index).labels.shape for index in range(16)]
     assert shapes == [(48, 64)] * 8 + [(64, 96)] * 8
 
 
-def test_a_worker_that_is_killed_ends_the_rendering_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_is_killed_ends_the_rendering_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("app.cli.dataset._render", killed)
     with pytest.raises(BadConfiguration, match="was killed"):
-        run("dataset", "render", tmp_path / "d", "--train", "8", "--valid", "0", "--test", "0", "--workers", "1")
+        run(
+            "dataset",
+            "render",
+            tmp_path / "d",
+            "--train",
+            "8",
+            "--valid",
+            "0",
+            "--test",
+            "0",
+            "--workers",
+            "1",
+        )
 
 
 def killed(job: object) -> None:
@@ -141,16 +196,32 @@ def killed(job: object) -> None:
 def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE.replace("epochs = 3", "epochs = 1"))
-    run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", tmp_path / "out", "--threads", 1)
+    run(
+        "train",
+        tmp_path / "r.toml",
+        "--data",
+        tmp_path / "d",
+        "--out",
+        tmp_path / "out",
+        "--threads",
+        1,
+    )
     model, card = tmp_path / "out" / "model.safetensors", tmp_path / "d" / "dataset.json"
     as_it_was = card.read_text()
     for found, instead, text in (
         ('"floor",\n  "book"', '"book",\n  "floor"', "names and order must be the same"),
-        ('"units_per_m": 1000.0', '"units_per_m": 5000.0', "5000 units per metre, the network takes 1000"),
+        (
+            '"units_per_m": 1000.0',
+            '"units_per_m": 5000.0',
+            "5000 units per metre, the network takes 1000",
+        ),
     ):
         assert found in as_it_was
         card.write_text(as_it_was.replace(found, instead))
-        fitted = [("weights", words, model, tmp_path / "c.safetensors") for words in ("calibrate", "quantise")]
+        fitted = [
+            ("weights", words, model, tmp_path / "c.safetensors")
+            for words in ("calibrate", "quantise")
+        ]
         for words in (("segment", model), *fitted):
             with pytest.raises(BadConfiguration, match=text):
                 run(*words, "--data", tmp_path / "d")
@@ -165,7 +236,11 @@ def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data_set(tmp_path / "d")
-    of_data, model, target = load_dataset(tmp_path / "d").card, tmp_path / "m.safetensors", tmp_path / "q.safetensors"
+    of_data, model, target = (
+        load_dataset(tmp_path / "d").card,
+        tmp_path / "m.safetensors",
+        tmp_path / "q.safetensors",
+    )
     torch.manual_seed(0)
     network = build("r18-nbt1d", len(of_data.class_names), width=0.125).eval()
     card = weights.WeightsCard(
@@ -182,13 +257,21 @@ def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
     made = weights.load(target)
     assert made.card.ranges is not None
     assert dataclasses.replace(made.card, ranges=None) == card
-    assert f"{sum(most > 0 for most in made.card.ranges)} of {len(made.card.ranges)} convolutions" in said
+    assert (
+        f"{sum(most > 0 for most in made.card.ranges)} of {len(made.card.ranges)} convolutions"
+        in said
+    )
     assert "eight bits where an engine can" in run("weights", "info", target)
-    assert all(torch.equal(value, network.state_dict()[key]) for key, value in made.network.state_dict().items())
+    assert all(
+        torch.equal(value, network.state_dict()[key])
+        for key, value in made.network.state_dict().items()
+    )
     nan = float("nan")
     for in_bytes, without, why in ((0.48, 0.5, "cost more than"), (nan, nan, "have no labels")):
         costly = Quantisation(ranges=made.card.ranges, mean_iou_in_bytes=in_bytes, mean_iou=without)
-        monkeypatch.setattr("navcore.learning.training.quantisation.quantise", lambda *_, costly=costly: costly)
+        monkeypatch.setattr(
+            "navcore.learning.training.quantisation.quantise", lambda *_, costly=costly: costly
+        )
         with pytest.raises(BadConfiguration, match=why):
             run("weights", "quantise", model, tmp_path / "q2.safetensors", "--data", tmp_path / "d")
     with pytest.raises(BadConfiguration, match="expected a name ending in"):
@@ -200,11 +283,23 @@ def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
     run("dataset", "import", "labelme", folder, tmp_path / "a", "--classes", "background,book,cup")
     assert load_dataset(tmp_path / "a").card.class_names == ("background", "book", "cup")
-    assert "no class is called background" in run("dataset", "import", "labelme", folder, tmp_path / "a2")
-    assert "no class is called background" not in run("dataset", "import", "labelme", folder, tmp_path / "a3", "--background")
+    assert "no class is called background" in run(
+        "dataset", "import", "labelme", folder, tmp_path / "a2"
+    )
+    assert "no class is called background" not in run(
+        "dataset", "import", "labelme", folder, tmp_path / "a3", "--background"
+    )
     (tmp_path / "depth").mkdir()
     cv2.imwrite(str(tmp_path / "depth" / "a.png"), DEPTH)
-    told = run("dataset", "import", "cvat", archive(tmp_path / "c.zip"), tmp_path / "b", "--depth-dir", tmp_path / "depth")
+    told = run(
+        "dataset",
+        "import",
+        "cvat",
+        archive(tmp_path / "c.zip"),
+        tmp_path / "b",
+        "--depth-dir",
+        tmp_path / "depth",
+    )
     assert "0 pictures to train, 1 to validate" in told
     np.testing.assert_array_equal(load_dataset(tmp_path / "b").read("valid", 0).depth, DEPTH)
 
@@ -217,7 +312,10 @@ def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
         (("segment", "/nowhere.safetensors", "--data", "/nowhere"), "no such file"),
         (("dataset", "info", "/nowhere"), "no data set"),
         (("dataset", "import", "labelme", "/nowhere", "/nowhere/b"), "no labelme file"),
-        (("dataset", "import", "labelme", "/nowhere", "/nowhere/b", "--split", "some"), "expected one of train"),
+        (
+            ("dataset", "import", "labelme", "/nowhere", "/nowhere/b", "--split", "some"),
+            "expected one of train",
+        ),
     ],
 )
 def test_commands_that_cannot_be_are_refused_by_name(words: tuple[str, ...], text: str) -> None:
@@ -226,7 +324,9 @@ def test_commands_that_cannot_be_are_refused_by_name(words: tuple[str, ...], tex
 
 
 def test_things_are_prepared_in_order_and_errors_arrive() -> None:
-    assert list(prefetching(3)(lambda number: number * number, range(50))) == [number * number for number in range(50)]
+    assert list(prefetching(3)(lambda number: number * number, range(50))) == [
+        number * number for number in range(50)
+    ]
     assert list(prefetching(0)(str, [1, 2])) == ["1", "2"]
     with pytest.raises(ZeroDivisionError):
         list(prefetching(2)(lambda number: 1 // number, [1, 0, 1]))

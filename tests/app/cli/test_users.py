@@ -24,17 +24,24 @@ def users(data: Path, *arguments: str, said: str = f"{PASSWORD}\n") -> str:
     return result.stdout
 
 
-def test_users_are_kept_while_a_console_runs_and_nothing_of_a_password_but_its_hash(tmp_path: Path) -> None:
+def test_users_are_kept_while_a_console_runs_and_nothing_of_a_password_but_its_hash(
+    tmp_path: Path,
+) -> None:
     console = Store(tmp_path)
     users(tmp_path, "add", "anna", "--role", "admin")
     users(tmp_path, "add", "bob")
-    assert [line.split() for line in users(tmp_path, "list").splitlines()] == [["anna", "admin"], ["bob", "operator"]]
+    assert [line.split() for line in users(tmp_path, "list").splitlines()] == [
+        ["anna", "admin"],
+        ["bob", "operator"],
+    ]
     token = users(tmp_path, "token", "bob").strip()
     users(tmp_path, "role", "bob", "viewer")
     users(tmp_path, "password", "bob", said="another long one\n")
     bob = console.users.all()[1]
     assert (str(bob.role), bob.token_hash) == ("viewer", hash_token(token))
-    assert is_password("another long one", bob.password_hash) and not is_password(PASSWORD, bob.password_hash)
+    assert is_password("another long one", bob.password_hash) and not is_password(
+        PASSWORD, bob.password_hash
+    )
     users(tmp_path, "remove", "bob")
     assert [user.name for user in console.users.all()] == ["anna"]
     console.close()

@@ -1,4 +1,5 @@
-"""The operator's zones: what can be taken back, what is kept, what ends by itself, and how a draft is tried."""
+"""The operator's zones: what can be taken back, what is kept, what ends by itself, and how a draft
+is tried."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ from web.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 CIRCLE = Circle(centre=(-2.0, 0.0), radius_m=0.5)
-SLOW = ZoneDraft(name="slow", polygon=SQUARE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3, colour="#00ff00")
+SLOW = ZoneDraft(
+    name="slow", polygon=SQUARE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3, colour="#00ff00"
+)
 ROUND = ZoneDraft(name="round", polygon=CIRCLE.outline(), drawn=CIRCLE, margin_m=0.2)
 
 
@@ -36,7 +39,9 @@ class Desk:
         self.now_s = 1e9
         self.store = Store(folder)
         self.bound: tuple[Zone, ...] = self.store.zones()
-        self.book = ZoneEditor(self.bound, spec=SPEC, shelf=self.store, bind=self.bind, calendar_s=lambda: self.now_s)
+        self.book = ZoneEditor(
+            self.bound, spec=SPEC, shelf=self.store, bind=self.bind, calendar_s=lambda: self.now_s
+        )
 
     def bind(self, zones: tuple[Zone, ...]) -> None:
         self.bound = zones
@@ -51,7 +56,12 @@ def desk(tmp_path: Path) -> Iterator[Desk]:
 
 def test_every_field_of_a_zone_survives_a_restart(desk: Desk, tmp_path: Path) -> None:
     slow, ring = desk.book.add_all([SLOW, ROUND])
-    assert (slow.kind, slow.max_speed_mps, slow.colour, ring.drawn) == (ZoneKind.SPEED_LIMIT, 0.3, "#00ff00", CIRCLE)
+    assert (slow.kind, slow.max_speed_mps, slow.colour, ring.drawn) == (
+        ZoneKind.SPEED_LIMIT,
+        0.3,
+        "#00ff00",
+        CIRCLE,
+    )
     desk.store.close()
     again = Desk(tmp_path)
     assert again.bound == (slow, ring)
@@ -63,7 +73,14 @@ def test_edits_are_taken_back_and_done_again_one_by_one_in_the_store_too(desk: D
     desk.book.replace(zone.id, SLOW, expected_version=1)
     desk.book.delete(zone.id, expected_version=2)
     seen = []
-    for way in (desk.book.undo, desk.book.undo, desk.book.undo, desk.book.redo, desk.book.redo, desk.book.redo):
+    for way in (
+        desk.book.undo,
+        desk.book.undo,
+        desk.book.undo,
+        desk.book.redo,
+        desk.book.redo,
+        desk.book.redo,
+    ):
         way()
         assert desk.bound == desk.book.stored == desk.store.zones()
         seen.append([one.name for one in desk.bound])
@@ -110,7 +127,9 @@ def test_a_set_is_kept_by_name_used_as_one_edit_and_forgotten(desk: Desk) -> Non
             gone("night")
 
 
-def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(desk: Desk, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(
+    desk: Desk, caplog: pytest.LogCaptureFixture
+) -> None:
     desk.book.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0), ROUND])
     desk.now_s += 59.0
     desk.book.expire()
@@ -126,7 +145,9 @@ def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(desk: Desk, c
     past = ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)
     with pytest.raises(BadGeometry, match="'past': its expiry"):
         desk.book.add(past)
-    (taken,) = desk.book.add_all([past])  # an export holds what is over by now, and can be imported all the same
+    (taken,) = desk.book.add_all(
+        [past]
+    )  # an export holds what is over by now, and can be imported all the same
     assert not taken.enabled and taken.expires_at_s is None
 
 
@@ -148,7 +169,9 @@ def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) ->
         ({"colour": "red"}, "#rrggbb"),
     ],
 )
-def test_rules_that_make_no_sense_are_refused(desk: Desk, changes: dict[str, object], word: str) -> None:
+def test_rules_that_make_no_sense_are_refused(
+    desk: Desk, changes: dict[str, object], word: str
+) -> None:
     with pytest.raises(BadGeometry, match=word):
         desk.book.add_all([ZoneDraft(name="n", polygon=SQUARE, **changes)])  # type: ignore[arg-type]
 
@@ -161,7 +184,9 @@ def zone(name: str, x: float, low: float, high: float, **more: object) -> Zone:
     return Zone(id=name, name=name, polygon=corners, **more)  # type: ignore[arg-type]
 
 
-def tried(zones: tuple[Zone, ...], draft: Zone | None = None, replaces: str | None = None) -> Preview:
+def tried(
+    zones: tuple[Zone, ...], draft: Zone | None = None, replaces: str | None = None
+) -> Preview:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     grid = OccupancyGrid(spec=SPEC, geometric=nothing, beware={}, zones=nothing)
 
@@ -170,7 +195,9 @@ def tried(zones: tuple[Zone, ...], draft: Zone | None = None, replaces: str | No
         outcome = plan(blocked, SPEC.cell(-4.0, 0.0), SPEC.cell(4.0, 0.0))
         if isinstance(outcome, FoundPath):
             points = SPEC.centres(outcome.cells)
-            return PathPreview(outcome=outcome, points=points, length_m=outcome.length * 0.1, time_s=outcome.length)
+            return PathPreview(
+                outcome=outcome, points=points, length_m=outcome.length * 0.1, time_s=outcome.length
+            )
         return PathPreview(outcome=outcome, points=np.empty((0, 2)), length_m=None, time_s=None)
 
     return compared(grid, zones, planned, draft=draft, replaces=replaces)
@@ -199,10 +226,17 @@ def test_what_cuts_the_goal_off_is_named_and_what_does_not_is_not() -> None:
     assert tried((aside, across)).cut_by == ("across",)
     halves = (zone("north", 0.0, -0.2, 2.9), zone("south", 0.0, -2.9, 0.2), aside)
     assert set(tried(halves).cut_by) == {"north", "south"}
-    assert tried((aside,), zone("slow", 0.0, -2.9, 2.9, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)).cut_by == ()
+    assert (
+        tried(
+            (aside,), zone("slow", 0.0, -2.9, 2.9, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)
+        ).cut_by
+        == ()
+    )
 
 
-def test_who_holds_an_older_edit_of_a_zone_that_went_and_came_back_is_not_believed(desk: Desk) -> None:
+def test_who_holds_an_older_edit_of_a_zone_that_went_and_came_back_is_not_believed(
+    desk: Desk,
+) -> None:
     zone = desk.book.add(ROUND)
     held = desk.book.replace(zone.id, dataclasses.replace(ROUND, name="held")).version
     desk.book.save_set("day")

@@ -11,17 +11,50 @@ from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
 
 REPORT_KEYS = {
-    *("scenario", "seed", "robot", "goals", "goals_reached", "success", "sim_time_s", "wall_time_s"),
-    *("distance_m", "shortest_m", "ideal_m", "spl", "collisions", "min_clearance_m", "beware_intrusions", "beware_intrusion_s"),
-    *("zone_intrusions", "zone_intrusion_s", "replans", "plan_ms", "tick_ms", "segment_ms", "series", "stops"),
+    *(
+        "scenario",
+        "seed",
+        "robot",
+        "goals",
+        "goals_reached",
+        "success",
+        "sim_time_s",
+        "wall_time_s",
+    ),
+    *(
+        "distance_m",
+        "shortest_m",
+        "ideal_m",
+        "spl",
+        "collisions",
+        "min_clearance_m",
+        "beware_intrusions",
+        "beware_intrusion_s",
+    ),
+    *(
+        "zone_intrusions",
+        "zone_intrusion_s",
+        "replans",
+        "plan_ms",
+        "tick_ms",
+        "segment_ms",
+        "series",
+        "stops",
+    ),
 }
 ROOM = load_scenario("empty_room")
 
 
 def driven(
-    scenario: Scenario, *, seed: int = 0, beware: BewareList | None = None, goals: tuple[tuple[float, float], ...] = ()
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    beware: BewareList | None = None,
+    goals: tuple[tuple[float, float], ...] = (),
 ) -> dict[str, Any]:
-    episode = Episode(scenario, seed=seed, beware=beware or default_beware_list(), goals=goals, max_time_s=240.0)
+    episode = Episode(
+        scenario, seed=seed, beware=beware or default_beware_list(), goals=goals, max_time_s=240.0
+    )
     try:
         return episode.run()
     finally:
@@ -29,14 +62,22 @@ def driven(
 
 
 def without_real_time(report: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in report.items() if key != "wall_time_s" and not key.endswith("_ms")}
+    return {
+        key: value
+        for key, value in report.items()
+        if key != "wall_time_s" and not key.endswith("_ms")
+    }
 
 
 def test_the_report_has_every_field_of_the_contract_and_the_robot_keeps_off_the_red_floor() -> None:
     report = driven(ROOM)
     assert set(report) >= REPORT_KEYS
     assert report["success"] is True
-    assert (report["collisions"], report["beware_intrusions"], report["zone_intrusions"]) == (0, 0, 0)
+    assert (report["collisions"], report["beware_intrusions"], report["zone_intrusions"]) == (
+        0,
+        0,
+        0,
+    )
     assert all(error <= 0.3 for error in report["goal_errors_m"].values())
     assert report["distance_m"] > 7.5
     assert all(len(values) == len(report["series"]["t_s"]) for values in report["series"].values())
@@ -44,8 +85,13 @@ def test_the_report_has_every_field_of_the_contract_and_the_robot_keeps_off_the_
 
 
 def test_without_its_rule_the_robot_drives_over_the_red_floor_and_the_referee_sees_it() -> None:
-    """Control: it is the beware list that keeps the robot off, and the referee does not take its word for it."""
-    nothing = BewareList(classes=tuple(dataclasses.replace(entry, enabled=False) for entry in default_beware_list().classes))
+    """Control: it is the beware list that keeps the robot off, and the referee does not take its
+    word for it."""
+    nothing = BewareList(
+        classes=tuple(
+            dataclasses.replace(entry, enabled=False) for entry in default_beware_list().classes
+        )
+    )
     report = driven(ROOM, beware=nothing)
     assert report["goals_reached"] == 1
     assert report["beware_intrusions"] > 0
@@ -53,13 +99,17 @@ def test_without_its_rule_the_robot_drives_over_the_red_floor_and_the_referee_se
 
 
 def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
-    first, again, other = (without_real_time(driven(ROOM, seed=seed, goals=((0.5, 2.5),))) for seed in (3, 3, 4))
+    first, again, other = (
+        without_real_time(driven(ROOM, seed=seed, goals=((0.5, 2.5),))) for seed in (3, 3, 4)
+    )
     assert first == again
     assert first["series"] != other["series"]
 
 
 def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_no_contact() -> None:
-    inside_the_box = Episode(ROOM, seed=0, beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=600.0)
+    inside_the_box = Episode(
+        ROOM, seed=0, beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=600.0
+    )
     try:
         report = inside_the_box.run()
     finally:
@@ -67,7 +117,9 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
     assert report["goals_reached"] == 0
     assert report["collisions"] == 0
     assert {stop["reason"] for stop in report["stops"]} == {"no_path"}
-    assert report["ended"] == "standing"  # it has tried all it can, and nobody waits ten minutes for more
+    assert (
+        report["ended"] == "standing"
+    )  # it has tried all it can, and nobody waits ten minutes for more
     assert 60 <= report["sim_time_s"] < 120
 
 

@@ -25,15 +25,22 @@ def cells(*boxes: tuple[float, float, float, float]) -> BoolGrid:
 
 
 POCKET = cells((2.0, -5.0, 2.2, 5.0), (-2.0, 5.0, 2.2, 5.2), (-2.0, -5.2, 2.2, -5.0))
-"""A dead end between start and goal that is open towards the start; its bottom is farther away than the camera sees."""
+"""A dead end between start and goal that is open towards the start; its bottom is farther away than
+the camera sees."""
 
 
 def way_m(
-    *, tall: BoolGrid | None = None, low: BoolGrid | None = None, known: BoolGrid | None = None, eyes: SensorModel = CAMERA
+    *,
+    tall: BoolGrid | None = None,
+    low: BoolGrid | None = None,
+    known: BoolGrid | None = None,
+    eyes: SensorModel = CAMERA,
 ) -> float | None:
     nothing = cells()
     grids = TrueGrids(
-        tall=nothing if tall is None else tall, low=nothing if low is None else low, known=nothing if known is None else known
+        tall=nothing if tall is None else tall,
+        low=nothing if low is None else low,
+        known=nothing if known is None else known,
     )
     return ideal_way_m(grids, SPEC, EAST, [GOAL], eyes=eyes, inflation_m=INFLATION_M)
 
@@ -74,7 +81,9 @@ def test_he_sees_over_what_lies_on_the_floor() -> None:
 
 
 def test_a_goal_that_is_walled_in_has_no_way() -> None:
-    ring = cells((4.5, -1.5, 7.5, -1.3), (4.5, 1.3, 7.5, 1.5), (4.5, -1.5, 4.7, 1.5), (7.3, -1.5, 7.5, 1.5))
+    ring = cells(
+        (4.5, -1.5, 7.5, -1.3), (4.5, 1.3, 7.5, 1.5), (4.5, -1.5, 4.7, 1.5), (7.3, -1.5, 7.5, 1.5)
+    )
     assert way_m(tall=ring) is None
 
 

@@ -24,11 +24,15 @@ NEAR = [-2.25, 7.0]
 """A goal only 4 m away."""
 
 
-def test_a_world_is_driven_scored_and_not_driven_twice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_world_is_driven_scored_and_not_driven_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     worlds, out = a_file(tmp_path, WALLED, STATIC, goal=NEAR), tmp_path / "out"
 
     def campaign(count: int | None) -> dict[str, Any]:
-        return evaluate_barn("barn", worlds, robot="jackal", count=count, seed=0, workers=1, out=out)
+        return evaluate_barn(
+            "barn", worlds, robot="jackal", count=count, seed=0, workers=1, out=out
+        )
 
     first = campaign(1)
     kept = (out / "episodes.jsonl").read_text()
@@ -46,10 +50,18 @@ def test_a_world_is_driven_scored_and_not_driven_twice(tmp_path: Path, capsys: p
         evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, workers=1, out=out)
 
 
-def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_campaign(tmp_path: Path) -> None:
+def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_campaign(
+    tmp_path: Path,
+) -> None:
     usual = config_for(load_profile("jackal"))
     falco = replace(usual, local=replace(usual.local, primitives="falco"))
-    options: dict[str, Any] = {"robot": "jackal", "count": 1, "seed": 0, "workers": 1, "out": tmp_path / "out"}
+    options: dict[str, Any] = {
+        "robot": "jackal",
+        "count": 1,
+        "seed": 0,
+        "workers": 1,
+        "out": tmp_path / "out",
+    }
     summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=falco, **options)
     assert (summary["success_rate"], summary["score"]) == (1.0, 0.5)
     assert summary["min_clearance_m"] > 0.03
@@ -57,12 +69,19 @@ def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_cam
         evaluate_barn("barn", tmp_path / "worlds.json", **options)
 
 
-def judged(tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, **meta: object) -> dict[str, Any]:
+def judged(
+    tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, **meta: object
+) -> dict[str, Any]:
     """Drive straight on, blindly, from the start."""
     (barn,) = load_worlds(a_file(tmp_path, world, **meta), scale=1.0)
     judge, robot = ChallengeRules(barn), load_profile("jackal")
     with Simulator(
-        barn.scenario, seed=0, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001, robot=robot
+        barn.scenario,
+        seed=0,
+        renderer="tiny",
+        camera_size=(16, 16),
+        camera_rate_hz=0.001,
+        robot=robot,
     ) as simulator:
         ended = False
         while not ended and simulator.now_ns() < seconds * 1e9:
@@ -72,22 +91,39 @@ def judged(tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, 
         return {"ended": ended, **verdict(barn, judge)}
 
 
-def test_the_clock_starts_with_the_first_decimetre_and_ends_within_a_metre_of_the_goal(tmp_path: Path) -> None:
+def test_the_clock_starts_with_the_first_decimetre_and_ends_within_a_metre_of_the_goal(
+    tmp_path: Path,
+) -> None:
     report = judged(tmp_path, {**STATIC, "cylinders": []}, 2.0, 20.0)
-    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (True, True, False, False)
+    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (
+        True,
+        True,
+        False,
+        False,
+    )
     assert report["time_s"] == pytest.approx(8.9 / 2.0, abs=0.2)
     assert report["score"] == 0.5
 
 
 def test_any_contact_ends_the_run_without_a_score(tmp_path: Path) -> None:
     report = judged(tmp_path, WALLED, 1.0, 20.0)
-    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (True, False, True, False)
+    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (
+        True,
+        False,
+        True,
+        False,
+    )
     assert report["score"] == 0.0
 
 
 def test_a_robot_that_never_moves_times_out(tmp_path: Path) -> None:
     report = judged(tmp_path, STATIC, 0.0, 20.0, timeout=2.0)
-    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (True, False, False, True)
+    assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (
+        True,
+        False,
+        False,
+        True,
+    )
 
 
 def test_somebody_who_runs_into_the_standing_robot_fails_it_too(tmp_path: Path) -> None:
@@ -111,7 +147,9 @@ def test_what_is_asked_for_wrongly_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_husky_drives_the_same_world_at_its_own_size(tmp_path: Path) -> None:
-    report = drive_world(6, worlds=a_file(tmp_path, STATIC, goal=NEAR), suite="barn", robot="husky", seed=0)
+    report = drive_world(
+        6, worlds=a_file(tmp_path, STATIC, goal=NEAR), suite="barn", robot="husky", seed=0
+    )
     assert (report["success"], report["collision"], report["robot"]) == (True, False, "husky")
     assert report["causes"] == []
     assert report["distance_m"] == pytest.approx(3.0 * 1.7, abs=0.5)

@@ -1,4 +1,5 @@
-"""A campaign survives what happens to it: what is driven is kept, and a killed one leaves nobody behind."""
+"""A campaign survives what happens to it: what is driven is kept, and a killed one leaves nobody
+behind."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ def test_what_is_kept_is_not_driven_again_and_other_rules_are_refused(tmp_path: 
         driven.append(key)
         return drive(key)
 
-    assert [report["key"] for report in campaign(run=note).run([0, 1], workers=1, out=tmp_path)] == [0, 1]
+    assert [
+        report["key"] for report in campaign(run=note).run([0, 1], workers=1, out=tmp_path)
+    ] == [0, 1]
     again = campaign(run=note).run([2, 1, 0], workers=1, out=tmp_path)
     assert [report["key"] for report in again] == [2, 1, 0] and driven == [0, 1, 2]
     with pytest.raises(BadConfiguration, match="another campaign"):
@@ -59,9 +62,18 @@ def test_a_killed_campaign_has_kept_what_was_driven_and_its_workers_end(tmp_path
     text = f"from tests.app.test_campaign import *; campaign(run=dawdle).run([0, 1, 2], workers=2, out=Path({str(tmp_path)!r}))"
     main = f"if __name__ == '__main__':\n    {text}\n"
     (tmp_path / "run.py").write_text(main)
-    environment = {**os.environ, "CAMPAIGN_PIDS": str(pids), "PYTHONPATH": str(Path(__file__).parents[3])}
-    with subprocess.Popen([sys.executable, str(tmp_path / "run.py")], env=environment, stderr=subprocess.DEVNULL) as parent:
-        assert within_s(300, lambda: len(list(pids.iterdir())) == 2 and (tmp_path / "episodes.jsonl").read_text())
+    environment = {
+        **os.environ,
+        "CAMPAIGN_PIDS": str(pids),
+        "PYTHONPATH": str(Path(__file__).parents[3]),
+    }
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "run.py")], env=environment, stderr=subprocess.DEVNULL
+    ) as parent:
+        assert within_s(
+            300,
+            lambda: len(list(pids.iterdir())) == 2 and (tmp_path / "episodes.jsonl").read_text(),
+        )
         parent.send_signal(signal.SIGKILL)
     assert within_s(60, lambda: not any(alive(int(path.name)) for path in pids.iterdir()))
     assert json.loads((tmp_path / "episodes.jsonl").read_text())["key"] == 0
@@ -92,9 +104,16 @@ def route(*points: tuple[float, float]) -> Route:
 def test_a_path_is_pursued_ahead_turned_to_behind_and_ended_at_its_goal() -> None:
     here, config = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), NavigatorConfig()
     straight = pursue(route(*((0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
-    assert straight.outcome is ControllerState.FOLLOW and straight.twist.v_mps > 0.5 and abs(straight.twist.w_radps) < 1e-9
+    assert (
+        straight.outcome is ControllerState.FOLLOW
+        and straight.twist.v_mps > 0.5
+        and abs(straight.twist.w_radps) < 1e-9
+    )
     left = pursue(route(*((0.05 * i, 0.03 * i) for i in range(100))), here, HUSKY, config)
     assert left.twist.w_radps > 0.1
     behind = pursue(route(*((-0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
     assert behind.outcome is ControllerState.TURN and behind.twist.v_mps == 0.0
-    assert pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome is ControllerState.ARRIVED
+    assert (
+        pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome
+        is ControllerState.ARRIVED
+    )

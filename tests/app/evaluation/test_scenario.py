@@ -30,25 +30,39 @@ def task(**changes: Any) -> Task:
 
 
 def driven(about: Task, *, seed: int = 0, beware: BewareList | None = None) -> dict[str, Any]:
-    episode = episode_of(about, seed, robot=HUSKY, beware=beware or default_beware_list(), perception=None)
+    episode = episode_of(
+        about, seed, robot=HUSKY, beware=beware or default_beware_list(), perception=None
+    )
     try:
         return episode.run()
     finally:
         episode.close()
 
 
-def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(tmp_path: Path, capsys: Any) -> None:
+def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
+    tmp_path: Path, capsys: Any
+) -> None:
     beware = default_beware_list()
-    first = evaluate_scenario(task(random=True), seeds=range(1), workers=1, out=tmp_path, beware=beware)
+    first = evaluate_scenario(
+        task(random=True), seeds=range(1), workers=1, out=tmp_path, beware=beware
+    )
     kept = (tmp_path / "episodes.jsonl").read_text()
-    (tmp_path / "episodes.jsonl").write_text(kept + '{"scenario": "empty_ro')  # as a kill would leave it
-    both = evaluate_scenario(task(random=True), seeds=range(2), workers=1, out=tmp_path, beware=beware)
+    (tmp_path / "episodes.jsonl").write_text(
+        kept + '{"scenario": "empty_ro'
+    )  # as a kill would leave it
+    both = evaluate_scenario(
+        task(random=True), seeds=range(2), workers=1, out=tmp_path, beware=beware
+    )
     assert (first["episodes"], both["episodes"], both["seeds"]) == (1, 2, [0, 1])
     assert (tmp_path / "episodes.jsonl").read_text().startswith(kept)
     assert json.loads((tmp_path / "summary.json").read_text()) == json.loads(json.dumps(both))
     words = capsys.readouterr().out
     assert all(word in words for word in ("success", "95 % interval", "SPL", "red floor"))
-    drawn = {f"{name}.{suffix}" for name in ("top_view", "progress", "frames") for suffix in ("png", "svg")}
+    drawn = {
+        f"{name}.{suffix}"
+        for name in ("top_view", "progress", "frames")
+        for suffix in ("png", "svg")
+    }
     assert {path.name for path in (tmp_path / "figures" / "seed-0000").iterdir()} == drawn
     assert {path.name for path in (tmp_path / "figures").glob("*.*")} == {
         *("drives.png", "drives.svg", "progress.png", "progress.svg")
@@ -73,23 +87,33 @@ def test_without_semantics_the_robot_drives_over_the_red_floor_and_misses_it() -
 
 def test_with_the_simulators_labels_it_keeps_off_and_misses_nothing() -> None:
     nothing_by_colour = BewareList(
-        classes=tuple(dataclasses.replace(entry, colour=None) for entry in default_beware_list().classes)
+        classes=tuple(
+            dataclasses.replace(entry, colour=None) for entry in default_beware_list().classes
+        )
     )
     report = driven(task(ablation=Ablation.ORACLE), beware=nothing_by_colour)
     assert report["success"] and report["causes"] == []
     assert report["items"]["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
 
 
-def test_zones_bind_the_robot_unless_they_are_left_out_and_the_referee_judges_by_them_all_the_same() -> None:
+def test_zones_bind_the_robot_unless_they_are_left_out_and_the_referee_judges_by_them_all_the_same() -> (
+    None
+):
     open_space = dataclasses.replace(open_floor(start=(-5.0, 0.0, 0.0)), goals=((5.0, 0.0),))
     told = driven(task(scenario=open_space, zones=1))
     assert len(told["zones"]) == 1 and told["zone_intrusions"] == 0 and told["success"]
     untold = driven(task(scenario=open_space, zones=1, ablation=Ablation.NO_ZONES))
-    assert untold["zones"] == told["zones"] and untold["zone_intrusions"] == 1 and untold["zone_intrusion_m2s"] > 0.1
+    assert (
+        untold["zones"] == told["zones"]
+        and untold["zone_intrusions"] == 1
+        and untold["zone_intrusion_m2s"] > 0.1
+    )
     assert untold["causes"] == ["over a zone"]
 
 
-def test_without_the_local_planner_the_robot_follows_the_path_and_hits_nothing_in_the_open() -> None:
+def test_without_the_local_planner_the_robot_follows_the_path_and_hits_nothing_in_the_open() -> (
+    None
+):
     open_space = dataclasses.replace(open_floor(), goals=((3.0, 1.0), (0.0, 0.0)))
     report = driven(task(scenario=open_space, ablation=Ablation.NO_LOCAL_PLANNER))
     assert report["success"] and report["goals_reached"] == 2
@@ -113,7 +137,10 @@ def test_a_crash_names_what_was_hit() -> None:
     [
         ({"random": True, "goals": ((1.0, 1.0),)}, "--goal"),
         ({"ablation": Ablation.NO_ZONES}, "--zones"),
-        ({"scenario": open_floor(furniture=(Furniture(kind="box", at=(3.0, 3.0)),))}, "no goals of its own"),
+        (
+            {"scenario": open_floor(furniture=(Furniture(kind="box", at=(3.0, 3.0)),))},
+            "no goals of its own",
+        ),
     ],
 )
 def test_tasks_that_make_no_sense_are_refused_by_option(about: dict[str, Any], words: str) -> None:
@@ -177,7 +204,9 @@ def test_failures_are_sorted_by_their_gravest_cause() -> None:
         made_up(7, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_odometry_m={"1": 0.1}),
         made_up(8, zone_intrusions=1, intrusions=[over_zone(0.02)]),
         made_up(9, zone_intrusions=2, intrusions=[over_zone(0.02), over_zone(0.0)]),
-        made_up(6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1),
+        made_up(
+            6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1
+        ),
     ]
     assert reports[1]["causes"] == ["drove into chair", "over cup"] and reports[-1]["causes"] == []
     assert count_causes(reports) == {
@@ -192,9 +221,13 @@ def test_failures_are_sorted_by_their_gravest_cause() -> None:
 
 
 def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
-    summary = summarise([made_up(seed, success=seed > 0, spl=0.8 + 0.02 * seed) for seed in range(10)])
+    summary = summarise(
+        [made_up(seed, success=seed > 0, spl=0.8 + 0.02 * seed) for seed in range(10)]
+    )
     assert summary["success_rate"] == 0.9 and summary["spl"] == pytest.approx(0.89)
-    assert summary["success_rate_ci95"] == pytest.approx([0.596, 0.982], abs=1e-3)  # Wilson's, from the literature
+    assert summary["success_rate_ci95"] == pytest.approx(
+        [0.596, 0.982], abs=1e-3
+    )  # Wilson's, from the literature
     low, high = summary["spl_ci95"]
     assert 0.84 < low < 0.89 < high < 0.94
     assert summary["ideal_spl"] == 0.75

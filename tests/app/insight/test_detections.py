@@ -1,4 +1,5 @@
-"""What is recognised is one thing for each place; what an operator corrects becomes a data set that training takes."""
+"""What is recognised is one thing for each place; what an operator corrects becomes a data set that
+training takes."""
 
 from __future__ import annotations
 
@@ -24,7 +25,11 @@ from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
 BEWARE = BewareList(
-    classes=(BewareClass(name="cup", class_id=3), BewareClass(name="toy", class_id=40), BewareClass(name="person", class_id=11))
+    classes=(
+        BewareClass(name="cup", class_id=3),
+        BewareClass(name="toy", class_id=40),
+        BewareClass(name="person", class_id=11),
+    )
 )
 LENS = Intrinsics(width=160, height=120, fx=100.0, fy=100.0, cx=80.0, cy=60.0)
 MOUNT = camera_mount(x_m=0.0, y_m=0.0, z_m=0.8, pitch_down_rad=0.6)
@@ -40,14 +45,25 @@ def picture(x_m: float = 0.0, yaw_rad: float = 0.0) -> Frame:
     rgb[..., 2] = np.arange(160, dtype=np.uint8)
     pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=yaw_rad)
     return Frame(
-        stamp_ns=1, rgb=rgb, depth_m=depth.astype(np.float32), intrinsics=LENS, T_base_camera=MOUNT, pose=pose, twist=STANDSTILL
+        stamp_ns=1,
+        rgb=rgb,
+        depth_m=depth.astype(np.float32),
+        intrinsics=LENS,
+        T_base_camera=MOUNT,
+        pose=pose,
+        twist=STANDSTILL,
     )
 
 
-def labels(frame: Frame, x_m: float, y_m: float, *, class_id: int = CUP, sure: float = 0.9) -> Labels:
+def labels(
+    frame: Frame, x_m: float, y_m: float, *, class_id: int = CUP, sure: float = 0.9
+) -> Labels:
     """Everything within 12 cm of a place of the floor is of a class."""
     rows, cols = np.indices(frame.depth_m.shape)
-    rays = np.stack([(cols - 80) / 100, (rows - 60) / 100, np.ones(rows.shape)], axis=-1) * frame.depth_m[..., None]
+    rays = (
+        np.stack([(cols - 80) / 100, (rows - 60) / 100, np.ones(rows.shape)], axis=-1)
+        * frame.depth_m[..., None]
+    )
     xy = rays @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
     near = (np.hypot(xy[..., 0] - x_m, xy[..., 1] - y_m) < 0.12) & (frame.depth_m > 0)
     ids = np.where(near, np.uint8(class_id), np.uint8(0))
@@ -76,7 +92,9 @@ def test_people_and_what_is_not_sure_enough_are_no_sightings() -> None:
     assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
 
 
-def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_restart(tmp_path: Path) -> None:
+def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_restart(
+    tmp_path: Path,
+) -> None:
     frame = picture()
     seen = labels(frame, 1.5, 0.0)
     mask = seen.class_ids == CUP
@@ -93,7 +111,9 @@ def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_rest
     said = []
     for index in range(3):
         sample = stored.read("train", index)
-        assert (sample.rgb == frame.rgb).all() and abs(sample.depth.max() / 1000 - frame.depth_m.max()) < 0.01
+        assert (sample.rgb == frame.rgb).all() and abs(
+            sample.depth.max() / 1000 - frame.depth_m.max()
+        ) < 0.01
         value = int(np.unique(sample.labels[mask])[0])
         said.append(stored.card.class_names[value - 1])
         rim = sample.labels[~mask]
@@ -134,7 +154,10 @@ def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
                 LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="shoe")
         LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="bag")
     stored = load_dataset(tmp_path)
-    said = [np.unique(stored.read("train", index).labels[mask]).item() for index in range(stored.count("train"))]
+    said = [
+        np.unique(stored.read("train", index).labels[mask]).item()
+        for index in range(stored.count("train"))
+    ]
     names = [stored.card.class_names[value - 1] for value in said]
     assert (names.count("cup"), names.count("bag")) == (1, 8)
     assert set(names) <= {"cup", "bag", "shoe"}

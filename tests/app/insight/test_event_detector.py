@@ -1,4 +1,5 @@
-"""The log of decisions: what it keeps, and what is said of the differences between one look and the next."""
+"""The log of decisions: what it keeps, and what is said of the differences between one look and the
+next."""
 
 from __future__ import annotations
 
@@ -40,19 +41,31 @@ def box(left: float, right: float, low: float, high: float) -> BoolGrid:
     return rasterise(((left, low), (right, low), (right, high), (left, high)), SPEC)
 
 
-def intent(*, zones: tuple[Zone, ...] = (), beware: BewareList = BEWARE, driving: bool = True) -> OperatorState:
+def intent(
+    *, zones: tuple[Zone, ...] = (), beware: BewareList = BEWARE, driving: bool = True
+) -> OperatorState:
     mission = Mission().add(*GOAL, SPEC)
-    return OperatorState(mission=mission.start() if driving else mission, beware=beware, zones=zones)
+    return OperatorState(
+        mission=mission.start() if driving else mission, beware=beware, zones=zones
+    )
 
 
-def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone, ...] = ()) -> TickResult:
+def decision(
+    walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone, ...] = ()
+) -> TickResult:
     """What a tick makes of a map."""
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     drawn = np.logical_or.reduce([nothing, *(rasterise(zone.polygon, SPEC) for zone in zones)])
-    grid = OccupancyGrid(spec=SPEC, geometric=walls, beware={3: nothing if cups is None else cups}, zones=drawn)
+    grid = OccupancyGrid(
+        spec=SPEC, geometric=walls, beware={3: nothing if cups is None else cups}, zones=drawn
+    )
     blocked = inflate_layers(grid, vehicle_width_m=0.4, safety_margin_m=0.1)
     outcome = plan(blocked, SPEC.cell(*HERE), SPEC.cell(*GOAL))
-    points = np.vstack([SPEC.centres(outcome.cells[:-1]), GOAL]) if isinstance(outcome, Path) else np.empty((0, 2))
+    points = (
+        np.vstack([SPEC.centres(outcome.cells[:-1]), GOAL])
+        if isinstance(outcome, Path)
+        else np.empty((0, 2))
+    )
     lens = Intrinsics(width=4, height=3, fx=2.0, fy=2.0, cx=2.0, cy=1.5)
     frame = Frame(
         stamp_ns=1,
@@ -65,7 +78,9 @@ def decision(walls: BoolGrid, *, cups: BoolGrid | None = None, zones: tuple[Zone
     )
     return TickResult(
         frame=frame,
-        labels=Labels(class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)),
+        labels=Labels(
+            class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)
+        ),
         occupancy=Costmap.of(grid, blocked, version=1),
         route=Route(outcome=outcome, points=points, waypoints=points, track=points),
         motion=IDLE,
@@ -76,7 +91,9 @@ EMPTY = box(-4.0, -3.95, -3.0, -2.95)
 
 
 def written(journal: Journal) -> list[tuple[str, str]]:
-    return [(entry.kind, entry.text) for entry in journal.page(kinds=(), since=0, limit=1000).entries]
+    return [
+        (entry.kind, entry.text) for entry in journal.page(kinds=(), since=0, limit=1000).entries
+    ]
 
 
 @pytest.mark.parametrize(
@@ -88,7 +105,9 @@ def written(journal: Journal) -> list[tuple[str, str]]:
         (decision(box(-0.5, 0.5, -3.0, 3.0)), "There is no path"),
     ],
 )
-def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(after: TickResult, said: str) -> None:
+def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(
+    after: TickResult, said: str
+) -> None:
     journal, will = Journal(), intent()
     chronicle = EventDetector(journal, will)
     chronicle.look(0.0, will, decision(EMPTY), HERE)
@@ -122,9 +141,21 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
     edits.append(dataclasses.replace(edits[-1], mission=before.mission.start().arrive()))
     for second, edit in enumerate(edits):
         chronicle.look(float(second), edit, None, HERE)
-    assert [kind for kind, _ in written(journal)] == ["zone", "zone", "zone", "beware", "mission", "goal", "mission"]
+    assert [kind for kind, _ in written(journal)] == [
+        "zone",
+        "zone",
+        "zone",
+        "beware",
+        "mission",
+        "goal",
+        "mission",
+    ]
     said = [text for _, text in written(journal)]
-    assert said[0].endswith("was drawn.") and said[1].endswith("was switched off.") and said[2].endswith("was deleted.")
+    assert (
+        said[0].endswith("was drawn.")
+        and said[1].endswith("was switched off.")
+        and said[2].endswith("was deleted.")
+    )
     assert "need not be kept away from" in said[3] and "Goal 1 at (3.0, 0.0) is reached." in said
 
 
@@ -139,8 +170,14 @@ def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
     assert "yielding lasted 0.9 s" in written(journal)[1][1]
 
 
-@given(st.lists(st.sampled_from(["zone", "goal", "seen"]), max_size=40), st.integers(0, 50), st.integers(1, 20))
-def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(kinds: list[Kind], since: int, limit: int) -> None:
+@given(
+    st.lists(st.sampled_from(["zone", "goal", "seen"]), max_size=40),
+    st.integers(0, 50),
+    st.integers(1, 20),
+)
+def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(
+    kinds: list[Kind], since: int, limit: int
+) -> None:
     journal = Journal(most=25)
     for number, kind in enumerate(kinds):
         journal.note(float(number), kind, f"{number}")

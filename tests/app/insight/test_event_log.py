@@ -35,8 +35,13 @@ def filled(journal: Journal, *kinds: Kind) -> Journal:
     return journal
 
 
-def ids(journal: Journal, *kinds: Kind, since: int = 0, before: int | None = None, limit: int = 100) -> list[int]:
-    return [entry.id for entry in journal.page(kinds=kinds, since=since, before=before, limit=limit).entries]
+def ids(
+    journal: Journal, *kinds: Kind, since: int = 0, before: int | None = None, limit: int = 100
+) -> list[int]:
+    return [
+        entry.id
+        for entry in journal.page(kinds=kinds, since=since, before=before, limit=limit).entries
+    ]
 
 
 def test_a_restart_goes_on_counting_and_tells_what_is_from_earlier(tmp_path: Path) -> None:
@@ -72,7 +77,9 @@ def test_what_the_console_has_said_by_its_end_is_said_by_the_next(tmp_path: Path
     store = Store(tmp_path / "data")
     insight = insight_of(store, tmp_path)
     insight.start()
-    insight.note_verdict(GateDecision(twist=STANDSTILL, reasons=(StopReason(cause=Cause.PAUSED, text="Paused."),)))
+    insight.note_verdict(
+        GateDecision(twist=STANDSTILL, reasons=(StopReason(cause=Cause.PAUSED, text="Paused."),))
+    )
     while not insight.journal(kinds=(), since=0, limit=1).entries:
         time.sleep(0.01)
     insight.stop()
@@ -80,7 +87,9 @@ def test_what_the_console_has_said_by_its_end_is_said_by_the_next(tmp_path: Path
     store = Store(tmp_path / "data")
     asked: tuple[Kind, ...] = ("stopped",)
     page = insight_of(store, tmp_path).journal(kinds=asked, since=0, limit=9)
-    assert [(entry.text, entry.start) for entry in page.entries] == [("Paused.", 1)] and page.start == 2
+    assert [(entry.text, entry.start) for entry in page.entries] == [
+        ("Paused.", 1)
+    ] and page.start == 2
     store.close()
 
 
@@ -141,11 +150,15 @@ class Disk:
             raise StorageFailed("no space left")
         self.entries.extend(entries)
 
-    def between(self, since: int, before: int, *, kinds: Collection[Kind], limit: int) -> tuple[Entry, ...]:
+    def between(
+        self, since: int, before: int, *, kinds: Collection[Kind], limit: int
+    ) -> tuple[Entry, ...]:
         raise StorageFailed("it cannot be read")
 
 
-def test_a_disk_that_refuses_loses_nothing_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_disk_that_refuses_loses_nothing_and_says_so_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     disk = Disk()
     journal = filled(Journal(disk), "seen", "zone")
     disk.full = True
@@ -197,7 +210,9 @@ def test_a_run_that_goes_round_and_round_is_bounded_and_kept_when_the_console_en
 ) -> None:
     monkeypatch.setattr("app.runtime.recorder.MAX_SERIES", 16)
     store, pilot = Store(tmp_path), standing_pilot()
-    pilot.change_mission(lambda mission: mission.cancel().add(3.0, 0.0, pilot.navigator.map.spec).start())
+    pilot.change_mission(
+        lambda mission: mission.cancel().add(3.0, 0.0, pilot.navigator.map.spec).start()
+    )
     recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
     driven(pilot, recorder, from_s=0, to_s=100)
     pilot.change_mission(lambda mission: mission.add(2.0, 1.0, pilot.navigator.map.spec))
@@ -209,5 +224,9 @@ def test_a_run_that_goes_round_and_round_is_bounded_and_kept_when_the_console_en
     assert run["goals"] == [[3.0, 0.0], [2.0, 1.0]]
     series = store.run(run["id"])["series"]
     times = series["t_s"]
-    assert 8 <= len(times) <= 16 and times[-1] > 180.0 and all(len(column) == len(times) for column in series.values())
+    assert (
+        8 <= len(times) <= 16
+        and times[-1] > 180.0
+        and all(len(column) == len(times) for column in series.values())
+    )
     store.close()

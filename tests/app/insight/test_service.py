@@ -11,14 +11,18 @@ from tests.app.insight.test_event_log import insight_of
 from tests.reliability.drills import first_picture, standing_pilot
 
 
-def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(tmp_path: Path) -> None:
+def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(
+    tmp_path: Path,
+) -> None:
     pilot, store = standing_pilot(), Store(tmp_path)
     insight = insight_of(store, tmp_path, pilot)
     frame = first_picture()
     x, y = frame.pose.x_m, frame.pose.y_m
     pilot.change_mission(lambda mission: mission.add(x + 5.0, y, pilot.navigator.map.spec).start())
     across = ((x + 2.0, y - 0.5), (x + 2.4, y - 0.5), (x + 2.4, y + 0.5), (x + 2.0, y + 0.5))
-    lane = Zone(id="lane 0", name="where somebody walks to and fro", polygon=across, colour=OWN_COLOUR)
+    lane = Zone(
+        id="lane 0", name="where somebody walks to and fro", polygon=across, colour=OWN_COLOUR
+    )
     pilot.navigator._lanes = LaneKeepOut(zones=(lane,))
     decision = pilot.think(frame, clock=lambda: frame.stamp_ns)
     assert decision is not None and decision.closed == (lane,)

@@ -35,7 +35,8 @@ def run(*arguments: str | Path) -> Result:
 
 @pytest.fixture(scope="module")
 def hall(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """8 m × 6 m, a wall at x = 0 with a gap above y = 4 m, a closed room around (3, 0.5), the lower left unknown."""
+    """8 m × 6 m, a wall at x = 0 with a gap above y = 4 m, a closed room around (3, 0.5), the lower
+    left unknown."""
     occupied = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     occupied[:50, 40] = True
     occupied[5:25, 60:80] = True
@@ -55,14 +56,20 @@ def maze(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_path_leads_from_start_to_goal_round_the_inflated_wall(hall: Path, tmp_path: Path) -> None:
+def test_a_path_leads_from_start_to_goal_round_the_inflated_wall(
+    hall: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "new" / "plan.json"
     result = run("--map", hall, "--start", "-2,1", "--goal", "2,2.5", *ROBOT, "--out", out)
     assert result.exit_code == 0
     report: dict[str, Any] = json.loads(out.read_text())
     path, cells = np.array(report["path"]), np.array(report["cells"])
     assert (report["found"], report["reason"], report["unit"]) == (True, None, "m")
-    assert (report["start"], report["goal"], report["reached"]) == ([-2.0, 1.0], [2.0, 2.5], [2.0, 2.5])
+    assert (report["start"], report["goal"], report["reached"]) == (
+        [-2.0, 1.0],
+        [2.0, 2.5],
+        [2.0, 2.5],
+    )
     assert report["inflation"] == {"width": 0.4, "margin": 0.1, "cells": 3}
     np.testing.assert_allclose(path[[0, -1]], np.array([[-2.0, 1.0], [2.0, 2.5]]), atol=0.05 + 1e-9)
     np.testing.assert_allclose(SPEC.centres(cells), path)
@@ -76,13 +83,19 @@ def test_a_path_leads_from_start_to_goal_round_the_inflated_wall(hall: Path, tmp
 
 def test_the_picture_shows_the_map_upright_and_the_path(hall: Path, tmp_path: Path) -> None:
     file = tmp_path / "plan.png"
-    assert run("--map", hall, "--start", "-2,1", "--goal", "2,2.5", *ROBOT, "--picture", file).exit_code == 0
+    assert (
+        run(
+            "--map", hall, "--start", "-2,1", "--goal", "2,2.5", *ROBOT, "--picture", file
+        ).exit_code
+        == 0
+    )
     image = cv2.imread(str(file))
     assert image is not None
     image = image[: int(0.9 * len(image))]  # without the legend
     blue = np.argwhere((np.abs(image.astype(int) - (0xD0, 0x66, 0x0A)).max(axis=2)) < 12)
     assert len(blue) > 200
-    # The way over the wall's upper end lies in the upper part of the picture, the wall's foot does not.
+    # The way over the wall's upper end lies in the upper part of the picture, the wall's foot does
+    # not.
     assert blue[:, 0].min() < 0.35 * len(image)
     assert blue[:, 0].max() < 0.75 * len(image)
 
@@ -97,7 +110,10 @@ def test_unknown_cells_are_free_unless_they_are_to_be_blocked(hall: Path) -> Non
     assert run(*ends).exit_code == 0
     result = run(*ends, "--unknown", "blocked")
     assert result.exit_code == 1
-    assert "the start (-3, -0.5) lies where the map is unknown, and unknown cells are blocked" in result.stdout
+    assert (
+        "the start (-3, -0.5) lies where the map is unknown, and unknown cells are blocked"
+        in result.stdout
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,7 +121,11 @@ def test_unknown_cells_are_free_unless_they_are_to_be_blocked(hall: Path) -> Non
     [
         ("-2,1", "3,0.5", "no path: every way from (-2, 1) to (3, 0.5) is closed"),
         ("0.05,1", "2,2", "no path: the start (0.05, 1) lies in an obstacle"),
-        ("-2,1", "0.3,1", "no path: the goal (0.3, 1) is too close to an obstacle for width 0.4 m and margin 0.1 m"),
+        (
+            "-2,1",
+            "0.3,1",
+            "no path: the goal (0.3, 1) is too close to an obstacle for width 0.4 m and margin 0.1 m",
+        ),
         ("-2,1", "9,1", "no path: the goal (9, 1) is outside the map, x -4 to 4 m, y -1 to 5 m"),
         ("0,1", "1e6,-1e6", "the goal (1e+06, -1e+06) is outside the map"),
     ],
@@ -125,17 +145,26 @@ def test_a_path_that_does_not_exist_is_exit_code_1_and_a_reason(
 
 def test_without_a_path_the_picture_shows_why(hall: Path, tmp_path: Path) -> None:
     file = tmp_path / "plan.png"
-    assert run("--map", hall, "--start", "-2,1", "--goal", "3,0.5", *ROBOT, "--picture", file).exit_code == 1
+    assert (
+        run(
+            "--map", hall, "--start", "-2,1", "--goal", "3,0.5", *ROBOT, "--picture", file
+        ).exit_code
+        == 1
+    )
     image = cv2.imread(str(file))
     assert image is not None
-    assert (np.abs(image.astype(int) - (0xB2, 0xDE, 0xFF)).max(axis=2) < 4).mean() > 0.02  # what is too close to the wall
+    assert (
+        np.abs(image.astype(int) - (0xB2, 0xDE, 0xFF)).max(axis=2) < 4
+    ).mean() > 0.02  # what is too close to the wall
 
 
 @pytest.mark.parametrize("goal", [(3.0, 0.5), (0.3, 1.0), (9.0, 1.0), (0.05, 3.0)])
 def test_the_nearest_reachable_place_is_planned_to_when_asked_for_and_said_to_be_another(
     hall: Path, goal: tuple[float, float]
 ) -> None:
-    result = run("--map", hall, "--start", "-2,1", "--goal", f"{goal[0]},{goal[1]}", *ROBOT, "--nearest")
+    result = run(
+        "--map", hall, "--start", "-2,1", "--goal", f"{goal[0]},{goal[1]}", *ROBOT, "--nearest"
+    )
     assert result.exit_code == 0
     assert "no path: " in result.stdout
     assert re.search(r"nearest reachable place: \(.*\), \d+\.\d\d m from the goal", result.stdout)
@@ -156,13 +185,31 @@ def test_a_start_that_is_no_place_is_not_helped_by_nearest(hall: Path) -> None:
     assert result.exit_code == 1
 
 
-def test_a_movingai_map_is_planned_in_columns_and_rows_without_inflation(maze: Path, tmp_path: Path) -> None:
+def test_a_movingai_map_is_planned_in_columns_and_rows_without_inflation(
+    maze: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "plan.json"
-    result = run("--map", maze, "--start", "0,0", "--goal", "0,2", "--out", out, "--picture", tmp_path / "p.png")
+    result = run(
+        "--map",
+        maze,
+        "--start",
+        "0,0",
+        "--goal",
+        "0,2",
+        "--out",
+        out,
+        "--picture",
+        tmp_path / "p.png",
+    )
     assert result.exit_code == 0
     assert "10.0000 cells in 10 steps" in result.stdout
     report = json.loads(out.read_text())
-    assert (report["unit"], report["path"][0], report["path"][5], report["path"][-1]) == ("cells", [0, 0], [4, 1], [0, 2])
+    assert (report["unit"], report["path"][0], report["path"][5], report["path"][-1]) == (
+        "cells",
+        [0, 0],
+        [4, 1],
+        [0, 2],
+    )
     assert report["cells"][5] == [1, 4]
     assert run("--map", maze, "--start", "0,0", "--goal", "0,2", "--width", "2").exit_code == 1
 
@@ -195,13 +242,17 @@ def test_half_a_cell_is_no_place_on_a_movingai_map(maze: Path) -> None:
     assert "whole numbers" in str(result.exception)
 
 
-def test_a_refusal_is_one_line_and_exit_code_2_on_the_real_command_line(hall: Path, tmp_path: Path) -> None:
+def test_a_refusal_is_one_line_and_exit_code_2_on_the_real_command_line(
+    hall: Path, tmp_path: Path
+) -> None:
     torn = tmp_path / "torn.yaml"
     torn.write_text(hall.read_text().replace("hall.pgm", "torn.pgm"))
     (tmp_path / "torn.pgm").write_bytes((hall.parent / "hall.pgm").read_bytes()[:-100])
     answer = bewarenav("plan", "--map", str(torn), "--start", "-2,1", "--goal", "2,2")
     assert answer.returncode == 2
-    assert answer.stderr.strip().splitlines() == [f"bewarenav: {tmp_path}/torn.pgm: expected 4800 bytes of pixels, got 4700"]
+    assert answer.stderr.strip().splitlines() == [
+        f"bewarenav: {tmp_path}/torn.pgm: expected 4800 bytes of pixels, got 4700"
+    ]
 
 
 def test_a_file_that_is_a_folder_is_refused_and_not_a_crash(hall: Path, tmp_path: Path) -> None:
@@ -215,8 +266,12 @@ def test_published_robot_maps_are_planned_on(name: str, goal: str) -> None:
     start = {"depot": "2,2", "warehouse": "0,-20"}[name]
     result = run("--map", map_data("ros", f"{name}.yaml"), "--start", start, "--goal", goal)
     assert result.exit_code == 0, result.stdout
-    plan_map = open_map(map_data("ros", f"{name}.yaml"), width=None, margin=None, unknown_blocked=False)
-    ends = [plan_map.cell((float(x), float(y))) for x, y in (text.split(",") for text in (start, goal))]
+    plan_map = open_map(
+        map_data("ros", f"{name}.yaml"), width=None, margin=None, unknown_blocked=False
+    )
+    ends = [
+        plan_map.cell((float(x), float(y))) for x, y in (text.split(",") for text in (start, goal))
+    ]
     outcome = plan(plan_map.blocked, ends[0], ends[1])
     assert isinstance(outcome, GridPath)
     assert f"{outcome.length * plan_map.spec.resolution_m:.2f} m in" in result.stdout

@@ -1,4 +1,5 @@
-"""A recording plays as a robot, its floor is found, its map agrees with the world, and every refusal names the file."""
+"""A recording plays as a robot, its floor is found, its map agrees with the world, and every
+refusal names the file."""
 
 from __future__ import annotations
 
@@ -13,7 +14,15 @@ from typer.testing import CliRunner
 from app.cli.main import cli
 from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
-from app.replay.reference import FREE, OCCUPIED, UNKNOWN, Reference, agreement, load_reference, standing
+from app.replay.reference import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Reference,
+    agreement,
+    load_reference,
+    standing,
+)
 from app.replay.robot import ReplayRobot, frames_of
 from app.replay.run import compare, replay
 from navcore.config.navigator import NavigatorConfig, config_for
@@ -64,7 +73,11 @@ def test_frames_are_played_by_the_clock_and_the_camera_is_where_it_was(level: Pa
     assert robot.newest_frame() is None
     first = due(robot)
     robot.send(Twist(v_mps=1.0, w_radps=0.0))
-    assert (first.stamp_ns, due(robot) is first, robot.newest_frame() is first) == (1_000, True, True)
+    assert (first.stamp_ns, due(robot) is first, robot.newest_frame() is first) == (
+        1_000,
+        True,
+        True,
+    )
     now_ns += 3 * RECORDING_GAP_NS + 1_000_000
     fourth = due(robot)
     assert fourth.stamp_ns == 1_000 + recording.stamp_ns(3)
@@ -78,7 +91,9 @@ def test_frames_are_played_by_the_clock_and_the_camera_is_where_it_was(level: Pa
     assert robot.wait_frame(last, 0.02) is None
 
 
-def test_a_recording_that_goes_back_and_forth_never_jumps_and_its_clock_goes_on(level: Path) -> None:
+def test_a_recording_that_goes_back_and_forth_never_jumps_and_its_clock_goes_on(
+    level: Path,
+) -> None:
     recording, now_ns = open_recording(level), 0
     robot = ReplayRobot(recording, np.eye(4), clock=lambda: now_ns, back_and_forth=True)
     frames: list[Frame] = []
@@ -89,7 +104,10 @@ def test_a_recording_that_goes_back_and_forth_never_jumps_and_its_clock_goes_on(
     assert [frame.pose.y_m for frame in frames] == pytest.approx([*there, *back, *there[1:]])
     stamps_ns = [step * RECORDING_GAP_NS for step in range(len(frames))]
     assert [frame.stamp_ns for frame in frames] == pytest.approx(stamps_ns, abs=len(frames))
-    assert all(frame.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3) for frame in frames[1:])
+    assert all(
+        frame.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3)
+        for frame in frames[1:]
+    )
 
 
 def test_every_frame_comes_once(level: Path) -> None:
@@ -97,7 +115,9 @@ def test_every_frame_comes_once(level: Path) -> None:
     assert stamps == [5 * step * 1_000_000_000 // 30 for step in range(len(PLACES))]
 
 
-def test_the_map_of_a_recording_has_what_stood_there_and_the_path_goes_round_it(level: Path) -> None:
+def test_the_map_of_a_recording_has_what_stood_there_and_the_path_goes_round_it(
+    level: Path,
+) -> None:
     replayed = replay(
         open_recording(level),
         np.eye(4),
@@ -114,7 +134,9 @@ def test_the_map_of_a_recording_has_what_stood_there_and_the_path_goes_round_it(
     route = replayed.decision.route
     assert route is not None
     assert isinstance(route.outcome, GridPath)
-    clear = (route.points[:, 0] < 1.9) | (np.abs(route.points[:, 1]) > 0.5) | (route.points[:, 0] > 2.7)
+    clear = (
+        (route.points[:, 0] < 1.9) | (np.abs(route.points[:, 1]) > 0.5) | (route.points[:, 0] > 2.7)
+    )
     assert clear.all()
 
 
@@ -144,7 +166,9 @@ def test_a_reference_in_a_tilted_world_is_judged_on_the_floor_between_two_height
     state = np.full((10, 10, 10), FREE, dtype=np.uint8)
     state[5, 5, 2:4], state[0] = OCCUPIED, UNKNOWN
     reference = Reference(state=state, origin_m=np.zeros(3), voxel_m=0.1)
-    quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # world x is the map's y
+    quarter = np.array(
+        [[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    )  # world x is the map's y
     spec = GridSpec(resolution_m=0.1, rows=10, cols=10, origin_x_m=-1.0, origin_y_m=0.0)
     occupied, known = standing(reference, quarter, spec, heights_m=(0.1, 1.0))
     assert np.argwhere(occupied).tolist() == [[5, 4]]
@@ -169,7 +193,9 @@ def test_a_reference_in_a_tilted_world_is_judged_on_the_floor_between_two_height
         ("frame-000000.depth.png", "no picture", "neither PNG nor JPEG"),
     ],
 )
-def test_a_damaged_recording_is_refused_by_the_name_of_the_file(walk: Path, file: str, content: str | None, words: str) -> None:
+def test_a_damaged_recording_is_refused_by_the_name_of_the_file(
+    walk: Path, file: str, content: str | None, words: str
+) -> None:
     (walk / file).unlink()
     if content is not None:
         (walk / file).write_text(content)
@@ -187,7 +213,10 @@ def test_a_picture_of_another_size_is_refused_by_name(walk: Path) -> None:
 def test_a_recording_without_a_floor_is_refused(walk: Path) -> None:
     recording = open_recording(walk)
     for number in recording.numbers:
-        write_grey(walk / f"frame-{number:06d}.depth.png", np.zeros((LENS.height, LENS.width), dtype=np.uint16))
+        write_grey(
+            walk / f"frame-{number:06d}.depth.png",
+            np.zeros((LENS.height, LENS.width), dtype=np.uint16),
+        )
     with pytest.raises(BadConfiguration, match="no floor is seen"):
         find_floor(recording)
 
@@ -204,9 +233,24 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path) -> None:
 def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
     recording = open_recording(walk)
     state = np.full((80, 80, 80), FREE, dtype=np.uint8)
-    np.savez(tmp_path / "reference.npz", state=state, origin=np.array([-2.0, -3.0, -2.0]), voxel_size=0.05)
+    np.savez(
+        tmp_path / "reference.npz",
+        state=state,
+        origin=np.array([-2.0, -3.0, -2.0]),
+        voxel_size=0.05,
+    )
     out = tmp_path / "out"
-    words = ["replay", walk, "--out", out, "--picture", "--segmenter", "colour", "--reference", tmp_path / "reference.npz"]
+    words = [
+        "replay",
+        walk,
+        "--out",
+        out,
+        "--picture",
+        "--segmenter",
+        "colour",
+        "--reference",
+        tmp_path / "reference.npz",
+    ]
     result = CliRunner().invoke(cli, [str(word) for word in words])
     assert result.exit_code == 0, result.output
     assert "8 frames" in result.output
@@ -219,7 +263,8 @@ def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
 
 
 def shared_data(name: str) -> Path:
-    """Real data beside this checkout; skips where they are missing, unless continuous integration promises them."""
+    """Real data beside this checkout; skips where they are missing, unless continuous integration
+    promises them."""
     return beside(DATA / name, "the recordings are")
 
 

@@ -1,4 +1,5 @@
-"""The console's threads on a bench: whatever hangs or breaks above it, the command thread goes on and sends zero."""
+"""The console's threads on a bench: whatever hangs or breaks above it, the command thread goes on
+and sends zero."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ class HangingSegmenter(ColourSegmenter):
 
 @dataclass
 class Bench:
-    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall, with a little noise."""
+    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall,
+    with a little noise."""
 
     sent: list[tuple[int, Twist]] = field(default_factory=list)
     wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
@@ -114,7 +116,9 @@ def rig() -> Iterator[Rig]:
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     mission = Mission().add(2.5, 0.0, SPEC).start()
     pilot = RobotController(
-        navigator=navigator, profile=HUSKY, intent=OperatorState(mission=mission, beware=default_beware_list())
+        navigator=navigator,
+        profile=HUSKY,
+        intent=OperatorState(mission=mission, beware=default_beware_list()),
     )
     loop = ControlLoop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
     loop.start()
@@ -135,14 +139,17 @@ def moving(rig: Rig) -> bool:
     return bool(rig.robot.sent) and rig.robot.sent[-1][1].v_mps > 0.1
 
 
-def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_on_afterwards(rig: Rig) -> None:
+def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_on_afterwards(
+    rig: Rig,
+) -> None:
     until(lambda: moving(rig))
     rig.segmenter.go_on.clear()
     until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
     assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
     command = rig.pilot.thought.command
     assert command is not None and command.twist.v_mps > 0
-    # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause between the two.
+    # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause
+    # between the two.
     expired_ns = command.stamp_ns + COMMAND_LIFE_NS + 20_000_000
 
     def late() -> list[Twist]:
@@ -154,7 +161,9 @@ def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_o
     until(lambda: moving(rig))
 
 
-def test_without_its_expiry_the_old_command_would_be_sent_for_ever(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_expiry_the_old_command_would_be_sent_for_ever(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Control of the test above: it is the gate's expiry that stops the robot."""
     monkeypatch.setattr(safety, "COMMAND_LIFE_NS", 10**15)
     monkeypatch.setattr(safety, "FRAME_LIFE_NS", 10**15)
@@ -223,7 +232,9 @@ def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig:
     until(lambda: moving(rig))
 
 
-def test_a_camera_that_repeats_its_picture_with_fresh_stamps_stops_the_robot_and_is_named(rig: Rig) -> None:
+def test_a_camera_that_repeats_its_picture_with_fresh_stamps_stops_the_robot_and_is_named(
+    rig: Rig,
+) -> None:
     until(lambda: moving(rig))
     rig.robot.stuck = True
     until(lambda: Cause.STUCK_CAMERA in rig.reasons())
@@ -246,7 +257,9 @@ def test_wheels_that_do_not_turn_are_not_pushed_on_until_the_operator_says_so(ri
     until(lambda: moving(rig))
 
 
-def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(rig: Rig) -> None:
+def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(
+    rig: Rig,
+) -> None:
     until(lambda: moving(rig))
     rig.robot.jumped_m = 1.0
     until(lambda: Cause.POSE_JUMP in rig.reasons())

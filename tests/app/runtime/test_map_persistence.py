@@ -1,4 +1,5 @@
-"""What the robot knows when it starts again: its own map, with the names of that time, and one from elsewhere."""
+"""What the robot knows when it starts again: its own map, with the names of that time, and one from
+elsewhere."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import numpy as np
 from app.runtime.map_persistence import load_map, save_map
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.formats import nav2_map
 from navcore.formats.nav2_map import drawn
 from navcore.mapping.map_file import load
@@ -27,7 +29,9 @@ def looked(cloud: PointMap, *things: Paint) -> None:
     cloud.insert(observe(frame, labels, RED_LIST, SPEC, ObservationConfig()), frame, labels)
 
 
-def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_come_back(tmp_path: Path) -> None:
+def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_come_back(
+    tmp_path: Path,
+) -> None:
     kept = tmp_path / "kept.map"
     cloud = PointMap(SPEC, MappingConfig())
     looked(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
@@ -40,20 +44,24 @@ def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_c
     never_kept = tmp_path / "other.map"
     save_map(cloud, RED_LIST.replaced(()), never_kept)
     assert load(never_kept).class_names == {RED_ID: "red floor"}
-    assert again.grid(RED_LIST, ()).beware[RED_ID].any()
+    assert layer_grid(again, RED_LIST, ()).beware[RED_ID].any()
 
 
-def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(tmp_path: Path) -> None:
+def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(
+    tmp_path: Path,
+) -> None:
     before = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     row, col = SPEC.cell(2.0, 0.0)
     before[row, col] = True  # where the camera looks, and sees bare floor
     before[row, 3] = True  # behind it
-    nav2_map.save(drawn(occupied=before, known=np.ones_like(before), spec=SPEC), tmp_path / "prior.yaml")
+    nav2_map.save(
+        drawn(occupied=before, known=np.ones_like(before), spec=SPEC), tmp_path / "prior.yaml"
+    )
     for session in range(2):
         cloud = PointMap(SPEC, MappingConfig())
         load_map(cloud, EMPTY, prior=tmp_path / "prior.yaml", kept=tmp_path / "kept.map")
-        assert cloud.grid(EMPTY, ()).geometric[row, col] == (session == 0)
-        assert cloud.grid(EMPTY, ()).geometric[row, 3]
+        assert layer_grid(cloud, EMPTY, ()).geometric[row, col] == (session == 0)
+        assert layer_grid(cloud, EMPTY, ()).geometric[row, 3]
         looked(cloud)
-        assert not cloud.grid(EMPTY, ()).geometric[row, col]
+        assert not layer_grid(cloud, EMPTY, ()).geometric[row, col]
         save_map(cloud, EMPTY, tmp_path / "kept.map")

@@ -1,4 +1,5 @@
-"""The loop and the pilot that joins it to the operator: from a picture to what is sent to the wheels."""
+"""The loop and the pilot that joins it to the operator: from a picture to what is sent to the
+wheels."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ ACROSS = Zone(id="z", name="across", polygon=((1.5, -7.9), (2.0, -7.9), (2.0, 7.
 
 
 def navigator() -> Navigator:
-    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    return Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
 
 
 def pilot(*goals: tuple[float, float]) -> RobotController:
@@ -127,11 +130,16 @@ def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
     driver = pilot((3.0, 0.0))
     think(driver)
     assert command(driver, 0.25).twist != STANDSTILL
-    assert (command(driver, 0.26).twist, causes(command(driver, 0.26))) == (STANDSTILL, [Cause.STALE_COMMAND])
+    assert (command(driver, 0.26).twist, causes(command(driver, 0.26))) == (
+        STANDSTILL,
+        [Cause.STALE_COMMAND],
+    )
     assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
 
 
-def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> None:
+def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> (
+    None
+):
     driver = pilot((3.0, 0.0))
     think(driver)
     assert command(driver, -0.05).reasons == ()
@@ -152,11 +160,15 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
     assert command(driver).twist == STANDSTILL
 
 
-def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     driver = pilot((3.0, 0.0))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
     monkeypatch.setattr(
-        driver.navigator, "move", lambda *rest, **named: Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
+        driver.navigator,
+        "move",
+        lambda *rest, **named: Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED),
     )
     think(driver)
     before = len(driver.intent.mission.reached)
@@ -172,13 +184,17 @@ def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
     assert driver.intent.mission.phase is Phase.DRIVING
 
 
-def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
+def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> (
+    None
+):
     driver = pilot()
     wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
     think(driver, wall)
     before = driver.navigator.map.points
     with pytest.raises(BadConfiguration, match="pose ID 5 is not on the map, which has 1"):
-        driver.correct_poses({0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)})
+        driver.correct_poses(
+            {0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)}
+        )
     driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
     # A picture from elsewhere, so that the old pose's points are not replaced.
     think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
@@ -186,7 +202,9 @@ def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_un
     moved = after.pose_ids == 0
     assert moved.sum() == len(before.points_map) > 0
     np.testing.assert_allclose(
-        np.sort(after.points_map[moved, 1]), np.sort(before.points_map[:, 1] + np.float32(0.5)), atol=1e-5
+        np.sort(after.points_map[moved, 1]),
+        np.sort(before.points_map[:, 1] + np.float32(0.5)),
+        atol=1e-5,
     )
 
 
@@ -206,7 +224,11 @@ def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_rea
     driver = pilot((3.0, 0.0))
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
-    before, version, seen = driver.navigator.map.points, driver.navigator.map.version, driver.navigator.map.explored.seen.bools
+    before, version, seen = (
+        driver.navigator.map.points,
+        driver.navigator.map.version,
+        driver.navigator.map.explored.seen.bools,
+    )
     driver.trust_pose()
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
@@ -235,14 +257,20 @@ def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
     think(driver)
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.NO_PATH])
-    driver.change(lambda intent: dataclasses.replace(intent, zones=(dataclasses.replace(ACROSS, enabled=False),)))
+    driver.change(
+        lambda intent: dataclasses.replace(
+            intent, zones=(dataclasses.replace(ACROSS, enabled=False),)
+        )
+    )
     think(driver)
     assert command(driver).twist != STANDSTILL
 
 
 def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
     driver = pilot((3.0, 0.0))
-    around = dataclasses.replace(ACROSS, polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+    around = dataclasses.replace(
+        ACROSS, polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
+    )
     driver.change(lambda intent: dataclasses.replace(intent, zones=(around,)))
     think(driver)
     assert command(driver).twist == STANDSTILL
@@ -259,7 +287,9 @@ def order(
     zones: tuple[Zone, ...] = (),
     leave: bool = False,
 ) -> NavigationRequest:
-    return NavigationRequest(goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave)
+    return NavigationRequest(
+        goal=goal, beware=RED_LIST.edited("red floor", enabled=enabled), zones=zones, leave=leave
+    )
 
 
 def test_the_path_leads_around_a_red_floor_and_across_it_once_the_class_is_off() -> None:
@@ -305,13 +335,17 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
     decision = loop.tick(OPEN, order())
     everything = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
     walled = Costmap.of(decision.occupancy.grid, everything, version=-1)
-    assert loop.preview(walled, OPEN.pose, (3.0, 0.0)).outcome == NoPath(reason=Reason.START_BLOCKED)
+    assert loop.preview(walled, OPEN.pose, (3.0, 0.0)).outcome == NoPath(
+        reason=Reason.START_BLOCKED
+    )
     again = loop.tick(OPEN, order())
     assert again.route is decision.route
     assert again.occupancy is decision.occupancy
 
 
-def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> None:
+def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> (
+    None
+):
     blocked = np.zeros((20, 20), dtype=np.bool_)
     blocked[5:12, 5:12] = True
     assert nearest_free(CellMask.of(~blocked), (3, 3), 0.0) == (3, 3)
@@ -340,7 +374,9 @@ def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None
     assert late.twist == STANDSTILL and late.reasons == ()
 
 
-def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The control of the test above."""
     monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", 10**15)
     monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", 10**15)
@@ -375,12 +411,22 @@ def spoilt(frame: Frame, what: str) -> Frame:
 def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(what: str) -> None:
     corner = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))
     driver = pushed(pilot())
-    assert driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps > 0
+    assert (
+        driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps
+        > 0
+    )
     near = driver._near
-    verdict = driver.command(lambda: SECOND + 1, 0.05, newest=spoilt(picture(stamp_ns=SECOND + 1), what))
+    verdict = driver.command(
+        lambda: SECOND + 1, 0.05, newest=spoilt(picture(stamp_ns=SECOND + 1), what)
+    )
     assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
     assert driver._near is near and len(near.points)
-    assert driver.command(lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)).twist.v_mps > 0
+    assert (
+        driver.command(
+            lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)
+        ).twist.v_mps
+        > 0
+    )
 
 
 def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
@@ -396,7 +442,9 @@ def test_a_command_that_expires_while_the_gate_looks_is_not_sent() -> None:
     driver = pilot((3.0, 0.0))
     think(driver)
     assert command(driver, 0.1).twist != STANDSTILL
-    times = iter([SECOND + COMMAND_LIFE_NS - 1, SECOND + COMMAND_LIFE_NS + 1])  # on entering, and after a slow look
+    times = iter(
+        [SECOND + COMMAND_LIFE_NS - 1, SECOND + COMMAND_LIFE_NS + 1]
+    )  # on entering, and after a slow look
     verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
     assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
 
@@ -410,7 +458,9 @@ def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_
     assert len(driver._near.points) == before > 0
     away = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
     driver.command(lambda: 2 * SECOND, 0.05, newest=wall)
-    driver.command(lambda: 2 * SECOND, 0.05, newest=picture(stamp_ns=SECOND + 100_000_000, pose=away))
+    driver.command(
+        lambda: 2 * SECOND, 0.05, newest=picture(stamp_ns=SECOND + 100_000_000, pose=away)
+    )
     assert driver.pose_in_doubt
     driver.trust_pose()
     assert len(driver._near.points) == 0 and not driver.pose_in_doubt
@@ -420,7 +470,9 @@ NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), 
 
 
 @pytest.mark.parametrize("thought_before", [False, True])
-def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(thought_before: bool) -> None:
+def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(
+    thought_before: bool,
+) -> None:
     driver = pilot()
     if thought_before:
         think(driver)
@@ -445,18 +497,24 @@ def test_a_speed_limit_holds_for_a_hand_too() -> None:
 
 
 @pytest.mark.parametrize("accepted", [True, False])
-def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(accepted: bool) -> None:
+def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(
+    accepted: bool,
+) -> None:
     driver = pilot((3.0, 0.0))
     driver.think(OPEN, clock=lambda: SECOND)
     there = Pose2(x_m=-5.0, y_m=-5.0, yaw_rad=0.0)
     for late_ns in (100_000_000, 200_000_000):
-        elsewhere = picture(Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there)
+        elsewhere = picture(
+            Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there
+        )
         driver.think(elsewhere, clock=lambda: SECOND)
     assert driver.pose_in_doubt
     if accepted:
         driver.trust_pose()
     else:
-        driver._mapped = driver._watched = type(driver._mapped)()  # the control: believed, and nobody has put it down there
+        driver._mapped = driver._watched = type(
+            driver._mapped
+        )()  # the control: believed, and nobody has put it down there
     driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
     trodden = driver.navigator.map.explored.known(SPEC)
     row, col = SPEC.cell(there.x_m - 0.8, there.y_m)

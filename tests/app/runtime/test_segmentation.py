@@ -30,7 +30,14 @@ DEPTH = DepthStatistics(mean=2000.0, std=1000.0, units_per_m=1000.0)
 def weights(folder: Path, seed: int = 0) -> Path:
     torch.manual_seed(seed)
     path = folder / f"w{seed}.safetensors"
-    card = WeightsCard(variant="r18-nbt1d", num_classes=4, width=1 / 8, class_names=NAMES, depth=DEPTH, source_sha256="0" * 64)
+    card = WeightsCard(
+        variant="r18-nbt1d",
+        num_classes=4,
+        width=1 / 8,
+        class_names=NAMES,
+        depth=DEPTH,
+        source_sha256="0" * 64,
+    )
     save(build("r18-nbt1d", 4, width=1 / 8).eval(), card, path)
     return path
 
@@ -43,7 +50,9 @@ def damaged(folder: Path) -> Path:
     return path
 
 
-def test_without_shipped_weights_the_colour_rules_drive_and_say_so(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_without_shipped_weights_the_colour_rules_drive_and_say_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     with caplog.at_level(logging.WARNING):
         perception = compose(SegmenterChoice(), shipped=tmp_path / "none.safetensors")
     assert isinstance(perception.segmenter, ColourSegmenter)
@@ -68,20 +77,28 @@ def test_a_network_asked_for_by_name_is_refused_when_it_is_not_there(tmp_path: P
         compose(SegmenterChoice(kind="colour", weights=weights(tmp_path)))
 
 
-def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_alias(tmp_path: Path) -> None:
+def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_alias(
+    tmp_path: Path,
+) -> None:
     perception = compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1))
     assert isinstance(perception.segmenter, FusedSegmenter)
     assert perception.warning is None
     assert "torch f32" in perception.title
     beware = default_beware_list()
     found = {entry.name: perception.segmenter.finds(entry) for entry in beware.classes}
-    assert (found["red floor"], found["book"], found["cup"]) == (LabelSource.BOTH, LabelSource.NETWORK, LabelSource.NETWORK)
+    assert (found["red floor"], found["book"], found["cup"]) == (
+        LabelSource.BOTH,
+        LabelSource.NETWORK,
+        LabelSource.NETWORK,
+    )
     assert found["person"] is LabelSource.NOTHING
     labels = perception.segmenter.segment(picture(), beware)
     assert labels.class_ids.shape == labels.confidence.shape == picture().depth_m.shape
 
 
-def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(tmp_path: Path) -> None:
+def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(
+    tmp_path: Path,
+) -> None:
     first = compose(SegmenterChoice(weights=weights(tmp_path, 1), engine="torch", threads=1))
     other = compose(SegmenterChoice(weights=weights(tmp_path, 2), engine="torch", threads=1))
     assert len({first.identity, other.identity, colour_perception().identity}) == 3
@@ -117,16 +134,22 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_sma
     assert compose(small.choice).identity == small.identity
     labels = small.segmenter.segment(picture(), default_beware_list())
     assert labels.class_ids.shape == picture().depth_m.shape
-    # Where the world waits, or who names an engine, gets the whole size, however slow: for figures that others get, too.
+    # Where the world waits, or who names an engine, gets the whole size, however slow: for figures
+    # that others get, too.
     assert "416 × 256" in compose(dataclasses.replace(choice, live=False)).title
     assert "416 × 256" in compose(dataclasses.replace(choice, engine="torch")).title
 
 
-def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = open_network(weights(tmp_path), camera=CAMERA)
     engine, _ = open_inference(file, "torch", threads=1)
     trials = tuple(
-        EngineBenchmark(name=f"{name} f32", p50_ms=ms, is_accurate=True) for name, ms in (("torch", 105.0), ("quick", 95.0))
+        EngineBenchmark(name=f"{name} f32", p50_ms=ms, is_accurate=True)
+        for name, ms in (("torch", 105.0), ("quick", 95.0))
     )
-    monkeypatch.setattr("app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials))
+    monkeypatch.setattr(
+        "app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials)
+    )
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title

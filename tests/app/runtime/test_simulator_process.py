@@ -37,7 +37,9 @@ def speed(robot: SimulatorProcess) -> float:
     return frame.twist.v_mps
 
 
-def test_the_robot_moves_while_commands_come_and_stands_by_itself_when_they_end(robot: SimulatorProcess) -> None:
+def test_the_robot_moves_while_commands_come_and_stands_by_itself_when_they_end(
+    robot: SimulatorProcess,
+) -> None:
     driven(robot, 1.0)
     assert speed(robot) == pytest.approx(0.4, abs=0.05)
     time.sleep(1.0)

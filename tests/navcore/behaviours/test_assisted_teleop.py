@@ -29,10 +29,17 @@ Box = tuple[float, float, float, float]
 
 def zone(name: str, box: Box, *, margin_m: float = 0.0) -> Zone:
     left, right, low, high = box
-    return Zone(id=name, name=name, polygon=((left, low), (right, low), (right, high), (left, high)), margin_m=margin_m)
+    return Zone(
+        id=name,
+        name=name,
+        polygon=((left, low), (right, low), (right, high), (left, high)),
+        margin_m=margin_m,
+    )
 
 
-def seen(*, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: float = 0.0) -> Costmap:
+def seen(
+    *, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: float = 0.0
+) -> Costmap:
     """A map that holds these."""
     layers = []
     for boxes in (mines, walls):
@@ -41,11 +48,19 @@ def seen(*, mines: tuple[Box, ...] = (), walls: tuple[Box, ...] = (), margin_m: 
             layer |= rasterise(zone("", box).polygon, SPEC)
         layers.append(layer)
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    grid = OccupancyGrid(spec=SPEC, geometric=layers[1], beware={7: layers[0]}, zones=nothing, margins_m={7: margin_m})
+    grid = OccupancyGrid(
+        spec=SPEC,
+        geometric=layers[1],
+        beware={7: layers[0]},
+        zones=nothing,
+        margins_m={7: margin_m},
+    )
     return Costmap.of(grid, nothing, version=1)
 
 
-def keeps(twist: Twist, *zones: Zone, pose: Pose2 | None = None, known: Costmap | None = None) -> bool:
+def keeps(
+    twist: Twist, *zones: Zone, pose: Pose2 | None = None, known: Costmap | None = None
+) -> bool:
     return stays_out(twist, pose or HERE, HUSKY, zones=zones, spec=SPEC, seen=known)
 
 
@@ -63,7 +78,9 @@ AHEAD_OF_IT: Box = (0.66, 1.6, -0.5, 0.5)
         (TURN, (-0.2, 0.2, 0.4, 0.8), False),
     ],
 )
-def test_a_hand_is_held_where_the_footprint_would_come_over_a_zone_or_a_thing(twist: Twist, box: Box, allowed: bool) -> None:
+def test_a_hand_is_held_where_the_footprint_would_come_over_a_zone_or_a_thing(
+    twist: Twist, box: Box, allowed: bool
+) -> None:
     assert keeps(twist, zone("z", box)) is allowed  # before anything was seen, too
     assert keeps(twist, zone("z", box), known=seen()) is allowed
     assert keeps(twist, known=seen(mines=(box,))) is allowed
@@ -73,7 +90,9 @@ def test_a_hand_is_held_where_the_footprint_would_come_over_a_zone_or_a_thing(tw
 def test_margins_bind_a_hand_as_they_bind_the_robot() -> None:
     afar: Box = (1.5, 2.5, -0.5, 0.5)
     assert keeps(AHEAD, zone("z", afar)) and not keeps(AHEAD, zone("z", afar, margin_m=0.9))
-    assert keeps(AHEAD, known=seen(mines=(afar,))) and not keeps(AHEAD, known=seen(mines=(afar,), margin_m=0.9))
+    assert keeps(AHEAD, known=seen(mines=(afar,))) and not keeps(
+        AHEAD, known=seen(mines=(afar,), margin_m=0.9)
+    )
 
 
 def test_a_zone_that_is_off_and_a_speed_limit_do_not_hold_a_hand() -> None:
@@ -100,7 +119,9 @@ def test_out_of_a_zone_a_hand_drives_over_no_thing_in_it_and_into_no_zone_beside
 
 def test_off_the_map_a_hand_is_free() -> None:
     off = Pose2(x_m=40.0, y_m=0.0, yaw_rad=0.0)
-    assert keeps(AHEAD, zone("z", AHEAD_OF_IT), pose=off, known=seen(mines=(AHEAD_OF_IT,))) and keeps(AHEAD, pose=off)
+    assert keeps(
+        AHEAD, zone("z", AHEAD_OF_IT), pose=off, known=seen(mines=(AHEAD_OF_IT,))
+    ) and keeps(AHEAD, pose=off)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -1,4 +1,5 @@
-"""Whoever keeps the robot waiting where he walks to and fro gets his lane, if there is a way beside it."""
+"""Whoever keeps the robot waiting where he walks to and fro gets his lane, if there is a way beside
+it."""
 
 from __future__ import annotations
 
@@ -11,7 +12,13 @@ from shapely.geometry import box
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
-from navcore.behaviours.lane_keep_out import LONGER_M, OPEN_S, REMEMBERED_M, REMEMBERED_S, LaneKeepOut
+from navcore.behaviours.lane_keep_out import (
+    LONGER_M,
+    OPEN_S,
+    REMEMBERED_M,
+    REMEMBERED_S,
+    LaneKeepOut,
+)
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -47,7 +54,15 @@ def waited(
     for _ in range(round(seconds / TICK_S)):
         stamp_ns = lanes.now_ns + round(TICK_S * 1e9)
         someone = dataclasses.replace(walker(stamp_ns / 1e9), unseen_s=unseen_s)
-        lanes = lanes.after(motion, (someone,), pose, stamp_ns, way_m=way_m, profile=HUSKY, people_config=PEOPLE_CONFIG)
+        lanes = lanes.after(
+            motion,
+            (someone,),
+            pose,
+            stamp_ns,
+            way_m=way_m,
+            profile=HUSKY,
+            people_config=PEOPLE_CONFIG,
+        )
     return lanes
 
 
@@ -64,7 +79,9 @@ def test_after_a_while_the_strip_in_which_he_walks_is_closed_and_no_more() -> No
 
 
 def test_the_robot_can_turn_where_it_stands_and_does_not_stand_in_what_is_closed() -> None:
-    lanes = waited(LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2, pose=Pose2(x_m=2.5, y_m=0.0, yaw_rad=0.0))
+    lanes = waited(
+        LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2, pose=Pose2(x_m=2.5, y_m=0.0, yaw_rad=0.0)
+    )
     assert len(lanes.zones) == 2
     assert closed(lanes).distance(Point(2.5, 0.0)) > HUSKY.circumscribed_radius_m
 
@@ -73,14 +90,26 @@ def test_what_people_have_walked_all_round_the_robot_is_not_closed() -> None:
     lanes = LaneKeepOut()
     for k in range(200):
         angle, stamp_ns = 0.1 * k, lanes.now_ns + round(TICK_S * 1e9)
-        someone = dataclasses.replace(walker(0.0), x_m=1.2 * math.cos(angle), y_m=1.2 * math.sin(angle))
+        someone = dataclasses.replace(
+            walker(0.0), x_m=1.2 * math.cos(angle), y_m=1.2 * math.sin(angle)
+        )
         here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-        lanes = lanes.after(YIELDS, (someone,), here, stamp_ns, way_m=20.0, profile=HUSKY, people_config=PEOPLE_CONFIG)
+        lanes = lanes.after(
+            YIELDS,
+            (someone,),
+            here,
+            stamp_ns,
+            way_m=20.0,
+            profile=HUSKY,
+            people_config=PEOPLE_CONFIG,
+        )
         assert not closed(lanes).contains(Point(0.0, 0.0))
 
 
 @pytest.mark.parametrize("way_m", [None, 20.0 + LONGER_M + 0.1])
-def test_where_there_is_no_way_beside_it_the_lane_is_opened_at_once_and_stays_open(way_m: float | None) -> None:
+def test_where_there_is_no_way_beside_it_the_lane_is_opened_at_once_and_stays_open(
+    way_m: float | None,
+) -> None:
     lanes = waited(LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2)
     opened = waited(lanes, TICK_S, way_m=way_m)
     assert not opened.zones
@@ -91,7 +120,9 @@ def test_where_there_is_no_way_beside_it_the_lane_is_opened_at_once_and_stays_op
 def test_a_lane_stays_closed_until_the_robot_has_passed_or_nobody_walks_there() -> None:
     lanes = waited(LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2)
     assert waited(lanes, 60.0, motion=DRIVES).zones
-    assert not waited(lanes, 1.0, motion=DRIVES, pose=Pose2(x_m=REMEMBERED_M + 0.5, y_m=-1.0, yaw_rad=0.0)).zones
+    assert not waited(
+        lanes, 1.0, motion=DRIVES, pose=Pose2(x_m=REMEMBERED_M + 0.5, y_m=-1.0, yaw_rad=0.0)
+    ).zones
     assert not waited(lanes, REMEMBERED_S + 1.0, motion=DRIVES, unseen_s=1.0).zones
 
 
@@ -99,7 +130,9 @@ def test_who_does_not_wait_or_comes_on_closes_nothing() -> None:
     assert not waited(LaneKeepOut(), 60.0, motion=DRIVES).zones
     lanes = LaneKeepOut()
     for step in range(10):
-        lanes = waited(lanes, PEOPLE_CONFIG.lane_s - 1.0, pose=Pose2(x_m=-1.5 * step, y_m=0.2, yaw_rad=0.0))
+        lanes = waited(
+            lanes, PEOPLE_CONFIG.lane_s - 1.0, pose=Pose2(x_m=-1.5 * step, y_m=0.2, yaw_rad=0.0)
+        )
         assert not lanes.zones
 
 

@@ -1,4 +1,5 @@
-"""Boxed in: the robot waits, backs off the way it came, looks round, takes another way, or says plainly that it gives up."""
+"""Boxed in: the robot waits, backs off the way it came, looks round, takes another way, or says
+plainly that it gives up."""
 
 from __future__ import annotations
 
@@ -47,7 +48,9 @@ class Drive:
     trail: Points = dataclasses.field(default_factory=lambda: NONE)
     recovery: Recovery = dataclasses.field(default_factory=Recovery)
     motion: Motion = IDLE
-    seen: list[tuple[float, RecoveryAction, Motion, Pose2]] = dataclasses.field(default_factory=list)
+    seen: list[tuple[float, RecoveryAction, Motion, Pose2]] = dataclasses.field(
+        default_factory=list
+    )
 
     def run(self, until_s: float) -> None:
         """Ten ticks a second, as the navigator does them."""
@@ -74,7 +77,12 @@ class Drive:
                 motion = STUCK
             self.seen.append((t_s, self.recovery.means, motion, self.pose))
             half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * PERIOD_S / 2)
-            self.pose = self.pose @ half @ Pose2(x_m=motion.twist.v_mps * PERIOD_S, y_m=0.0, yaw_rad=0.0) @ half
+            self.pose = (
+                self.pose
+                @ half
+                @ Pose2(x_m=motion.twist.v_mps * PERIOD_S, y_m=0.0, yaw_rad=0.0)
+                @ half
+            )
 
     def means(self) -> list[RecoveryAction]:
         """Those that were tried, in their order."""
@@ -98,7 +106,9 @@ SHUT = np.vstack([pocket(0.57), wall((-0.62, -0.62), (-0.44, 0.44))])
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
-def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_on_without_having_moved() -> None:
+def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_on_without_having_moved() -> (
+    None
+):
     drive = Drive(HERE, AHEAD, lambda t_s: SHUT if t_s < 1.45 else NONE)
     drive.run(1.45)
     assert drive.pose == HERE
@@ -109,18 +119,27 @@ def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_
 
 
 def test_the_robot_backs_off_along_the_path_it_came_by() -> None:
-    drive = Drive(Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), wall((-3.0, 6.0), (0.0, 0.0)), lambda t_s: pocket(0.8))
+    drive = Drive(
+        Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0),
+        wall((-3.0, 6.0), (0.0, 0.0)),
+        lambda t_s: pocket(0.8),
+    )
     drive.run(40.0)
     assert RecoveryAction.BACK in drive.means()
-    backing = [(motion, pose) for _, means, motion, pose in drive.seen if means is RecoveryAction.BACK]
+    backing = [
+        (motion, pose) for _, means, motion, pose in drive.seen if means is RecoveryAction.BACK
+    ]
     assert all(motion.twist.v_mps <= 0 for motion, _ in backing)
     assert backing[0][1].x_m - backing[-1][1].x_m > 0.8
-    assert max(abs(pose.y_m) for _, pose in backing) < 0.05  # where it had come, in the middle between the walls
+    assert (
+        max(abs(pose.y_m) for _, pose in backing) < 0.05
+    )  # where it had come, in the middle between the walls
 
 
 def test_where_there_is_no_way_back_the_robot_turns_once_round_and_looks() -> None:
     wide = np.vstack(
-        [wall((x, x), (-0.75, 0.75)) for x in (-0.75, 0.75)] + [wall((-0.75, 0.75), (y, y)) for y in (-0.75, 0.75)]
+        [wall((x, x), (-0.75, 0.75)) for x in (-0.75, 0.75)]
+        + [wall((-0.75, 0.75), (y, y)) for y in (-0.75, 0.75)]
     )
     drive = Drive(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), AHEAD, lambda t_s: wide)
     drive.run(60.0)
@@ -131,7 +150,9 @@ def test_where_there_is_no_way_back_the_robot_turns_once_round_and_looks() -> No
         RecoveryAction.CLOSE,
         RecoveryAction.GIVE_UP,
     ]
-    yaws = np.array([pose.yaw_rad for _, means, _, pose in drive.seen if means is RecoveryAction.LOOK])
+    yaws = np.array(
+        [pose.yaw_rad for _, means, _, pose in drive.seen if means is RecoveryAction.LOOK]
+    )
     assert np.abs(np.diff(np.unwrap(yaws))).sum() > 1.9 * math.pi
     _, means, motion, _ = drive.seen[-1]
     assert (means, motion.twist) == (RecoveryAction.GIVE_UP, STANDSTILL)
@@ -151,8 +172,11 @@ GOAL = (5.0, 0.0)
 ORDER = NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=())
 
 
-def stuck_for(navigator: Navigator, pose: Pose2, start_s: float, seconds: float) -> tuple[Route, list[ControllerState]]:
-    """A navigator whose local planner finds no motion at a pose; the last route, and what it reports."""
+def stuck_for(
+    navigator: Navigator, pose: Pose2, start_s: float, seconds: float
+) -> tuple[Route, list[ControllerState]]:
+    """A navigator whose local planner finds no motion at a pose; the last route, and what it
+    reports."""
     outcomes, route = list[ControllerState](), None
     for k in range(round(seconds / PERIOD_S)):
         frame = picture(pose=pose, stamp_ns=round((start_s + k * PERIOD_S) * 1e9))
@@ -164,13 +188,17 @@ def stuck_for(navigator: Navigator, pose: Pose2, start_s: float, seconds: float)
     return route, outcomes
 
 
-def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_the_robot_gives_up() -> None:
+def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_the_robot_gives_up() -> (
+    None
+):
     gaps = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     gaps[:, 90] = True  # a wall at x = 1 m …
     for y_m in (0.0, 4.0):
         row, _ = SPEC.cell(1.0, y_m)
         gaps[row - 7 : row + 8, 90] = False  # … with two gaps of 1.5 m
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     navigator.map.load_prior(gaps)
     first = Pose2(x_m=0.35, y_m=0.0, yaw_rad=0.0)
     route, _ = stuck_for(navigator, first, 0.0, 0.1)
@@ -186,7 +214,9 @@ def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_t
 
 
 def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     first, _ = stuck_for(navigator, here, 0.0, 7.0)
     assert navigator._closed
@@ -215,19 +245,28 @@ def test_the_trail_is_the_way_back_without_the_detours() -> None:
 
 
 def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     stuck_for(navigator, Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), 0.0, 2.5)
-    crept = Pose2(x_m=-2.1, y_m=0.0, yaw_rad=0.0)  # still at the place where it was boxed in, but a good way on
+    crept = Pose2(
+        x_m=-2.1, y_m=0.0, yaw_rad=0.0
+    )  # still at the place where it was boxed in, but a good way on
     stuck_for(navigator, crept, 2.5, 5.0)
     (closed,) = navigator._closed
-    assert min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon) > HUSKY.circumscribed_radius_m
+    assert (
+        min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon)
+        > HUSKY.circumscribed_radius_m
+    )
 
 
 TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN)
 
 
 def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_begins_anew() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     _, outcomes = stuck_for(navigator, here, 0.0, 47.0)
     assert outcomes[-1] is ControllerState.GIVEN_UP
@@ -237,12 +276,16 @@ def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_be
     navigator._recovery = gave_up
     other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
     route = navigator.route(navigator.occupancy(other), here, other)
-    assert navigator.recover(STUCK, frame, route, other).outcome is ControllerState.BOXED_IN  # it waits, as at first
+    assert (
+        navigator.recover(STUCK, frame, route, other).outcome is ControllerState.BOXED_IN
+    )  # it waits, as at first
     assert navigator._recovery.tried is RecoveryAction.NONE
 
 
 def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     route, _ = stuck_for(navigator, here, 0.0, 7.0)
     assert navigator._closed

@@ -13,19 +13,29 @@ TICK_S = 0.1
 
 
 def after(
-    patience: WaitingTimer, seconds: float, motion: Motion = YIELDS, x_m: float = 0.0, tick_s: float = TICK_S
+    patience: WaitingTimer,
+    seconds: float,
+    motion: Motion = YIELDS,
+    x_m: float = 0.0,
+    tick_s: float = TICK_S,
 ) -> WaitingTimer:
     """After so many more seconds at one place."""
     for _ in range(round(seconds / tick_s)):
-        patience = patience.after(motion, Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), patience.now_ns + round(tick_s * 1e9))
+        patience = patience.after(
+            motion, Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), patience.now_ns + round(tick_s * 1e9)
+        )
     return patience
 
 
 def test_it_is_over_after_so_long_in_all_at_one_place() -> None:
     assert not after(WaitingTimer(), PEOPLE_CONFIG.patience_s - 0.5).is_over(PEOPLE_CONFIG)
-    waited = after(after(WaitingTimer(), PEOPLE_CONFIG.patience_s / 2), 5.0, DRIVES, x_m=0.3 * HERE_M)
+    waited = after(
+        after(WaitingTimer(), PEOPLE_CONFIG.patience_s / 2), 5.0, DRIVES, x_m=0.3 * HERE_M
+    )
     assert not waited.is_over(PEOPLE_CONFIG)
-    assert after(waited, PEOPLE_CONFIG.patience_s / 2 + 0.5, x_m=0.5 * HERE_M).is_over(PEOPLE_CONFIG)
+    assert after(waited, PEOPLE_CONFIG.patience_s / 2 + 0.5, x_m=0.5 * HERE_M).is_over(
+        PEOPLE_CONFIG
+    )
 
 
 def test_it_stays_over_until_the_robot_has_come_away() -> None:

@@ -26,7 +26,9 @@ RADIUS_M, STEP_S = 0.5, 0.1
 def gap_m(pose: Pose2, x_m: float, y_m: float, profile: RobotProfile) -> float:
     """From the robot's outline to a point."""
     at = pose.from_parent(np.array([x_m, y_m]))
-    return math.hypot(max(abs(at[0]) - profile.length_m / 2, 0.0), max(abs(at[1]) - profile.width_m / 2, 0.0))
+    return math.hypot(
+        max(abs(at[0]) - profile.length_m / 2, 0.0), max(abs(at[1]) - profile.width_m / 2, 0.0)
+    )
 
 
 def limited(asked: Twist, now: Twist, profile: RobotProfile) -> Twist:
@@ -51,7 +53,8 @@ def meeting(
     walls: npt.NDArray[np.float64] = NONE,
     drives: bool = True,
 ) -> tuple[float, float, Pose2]:
-    """The least gap to a walker (x, y, vx, vy, known from the start), the least to any wall, and the last pose."""
+    """The least gap to a walker (x, y, vx, vy, known from the start), the least to any wall, and
+    the last pose."""
     pose, twist, motion = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), STANDSTILL, IDLE
     path = np.column_stack([np.linspace(0.0, goal_m, 121), np.zeros(121)])
     near_walker, near_wall = math.inf, math.inf
@@ -71,13 +74,19 @@ def meeting(
             pose = driven_on(pose, twist)
         x, y = x + STEP_S * vx, y + STEP_S * vy
         near_walker = min(near_walker, gap_m(pose, x, y, profile) - RADIUS_M)
-        near_wall = min([near_wall, *(gap_m(pose, wall_x, wall_y, profile) for wall_x, wall_y in walls.tolist())])
+        near_wall = min(
+            [
+                near_wall,
+                *(gap_m(pose, wall_x, wall_y, profile) for wall_x, wall_y in walls.tolist()),
+            ]
+        )
         assert step < 79 or motion.outcome is not ControllerState.BOXED_IN
     return near_walker, near_wall, pose
 
 
 def encounters(count: int) -> list[tuple[float, float, float, float]]:
-    """Who would walk over a robot that stands, or over one that drives straight on: from anywhere, at 0.6 to 1.5 m/s."""
+    """Who would walk over a robot that stands, or over one that drives straight on: from anywhere,
+    at 0.6 to 1.5 m/s."""
     rng, found = np.random.default_rng(0), []
     for index in range(count):
         bearing, pace = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 1.5)
@@ -89,7 +98,9 @@ def encounters(count: int) -> list[tuple[float, float, float, float]]:
 
 
 @pytest.mark.parametrize("walker", encounters(30))
-def test_nobody_who_is_seen_in_time_meets_the_robot_and_it_gets_on(walker: tuple[float, float, float, float]) -> None:
+def test_nobody_who_is_seen_in_time_meets_the_robot_and_it_gets_on(
+    walker: tuple[float, float, float, float],
+) -> None:
     near_walker, _, pose = meeting(walker)
     assert near_walker > 0.05
     assert pose.x_m > 8.0
@@ -114,7 +125,17 @@ def test_it_drives_onto_no_wall_to_get_out_of_the_way() -> None:
 
 def test_who_yields_as_ever_stands_before_the_same_walker() -> None:
     pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    person = Track(id=1, x_m=1.6, y_m=0.0, vx_mps=-1.0, vy_mps=0.0, radius_m=0.3, age_s=2.0, last_seen_ns=0, pace_mps=1.0)
+    person = Track(
+        id=1,
+        x_m=1.6,
+        y_m=0.0,
+        vx_mps=-1.0,
+        vy_mps=0.0,
+        radius_m=0.3,
+        age_s=2.0,
+        last_seen_ns=0,
+        pace_mps=1.0,
+    )
     path = np.column_stack([np.linspace(0.0, 5.0, 51), np.zeros(51)])
     outcomes = {}
     for people_config in (PeopleConfig(), HEEDLESS):

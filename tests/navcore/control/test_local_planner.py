@@ -1,4 +1,5 @@
-"""The local planner never drives the true, oriented footprint onto a cell, and does what the path asks where there is room."""
+"""The local planner never drives the true, oriented footprint onto a cell, and does what the path
+asks where there is room."""
 
 from __future__ import annotations
 
@@ -68,14 +69,23 @@ def stands(motion: Motion, outcome: ControllerState) -> bool:
 
 
 def simulated(twist: Twist, start: Pose2) -> list[Pose2]:
-    """Where the robot comes by when the twist is held until it expires and the wheels then brake along the same arc."""
+    """Where the robot comes by when the twist is held until it expires and the wheels then brake
+    along the same arc."""
     step_s, pose, poses = 0.005, start, [start]
     share, elapsed = 1.0, 0.0
-    fade = max(abs(twist.v_mps) / HUSKY.max_accel_mps2, abs(twist.w_radps) / HUSKY.max_yaw_accel_radps2, 1e-9)
+    fade = max(
+        abs(twist.v_mps) / HUSKY.max_accel_mps2,
+        abs(twist.w_radps) / HUSKY.max_yaw_accel_radps2,
+        1e-9,
+    )
     while share > 0:
         turn = twist.w_radps * share * step_s
         pose = pose @ Pose2(x_m=0, y_m=0, yaw_rad=turn / 2)
-        pose = pose @ Pose2(x_m=twist.v_mps * share * step_s, y_m=0, yaw_rad=0) @ Pose2(x_m=0, y_m=0, yaw_rad=turn / 2)
+        pose = (
+            pose
+            @ Pose2(x_m=twist.v_mps * share * step_s, y_m=0, yaw_rad=0)
+            @ Pose2(x_m=0, y_m=0, yaw_rad=turn / 2)
+        )
         poses.append(pose)
         elapsed += step_s
         if elapsed > HOLD_S:
@@ -87,7 +97,13 @@ def footprints(poses: list[Pose2]) -> npt.NDArray[np.object_]:
     """The oriented body at each pose, less a tenth of a millimetre of rounding."""
     corners = HUSKY.footprint(-1e-4)
     turned = [
-        corners @ np.array([[math.cos(p.yaw_rad), math.sin(p.yaw_rad)], [-math.sin(p.yaw_rad), math.cos(p.yaw_rad)]])
+        corners
+        @ np.array(
+            [
+                [math.cos(p.yaw_rad), math.sin(p.yaw_rad)],
+                [-math.sin(p.yaw_rad), math.cos(p.yaw_rad)],
+            ]
+        )
         + [p.x_m, p.y_m]
         for p in poses
     ]
@@ -110,15 +126,22 @@ def newly_touched(twist: Twist, pose: Pose2, mask: BoolGrid) -> int:
 
 
 def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
-    """A robot somewhere among cells that do not touch it (a few may), tight or wide, with a path anywhere."""
+    """A robot somewhere among cells that do not touch it (a few may), tight or wide, with a path
+    anywhere."""
     rng = np.random.default_rng(seed)
-    pose = Pose2(x_m=rng.uniform(-0.3, 0.3), y_m=rng.uniform(-0.3, 0.3), yaw_rad=rng.uniform(-math.pi, math.pi))
+    pose = Pose2(
+        x_m=rng.uniform(-0.3, 0.3),
+        y_m=rng.uniform(-0.3, 0.3),
+        yaw_rad=rng.uniform(-math.pi, math.pi),
+    )
     mask = rng.random((SPEC.rows, SPEC.cols)) < rng.choice([0.005, 0.02, 0.05, 0.15, 0.4])
     x, y = SPEC.centres(np.argwhere(np.ones_like(mask))).T
     room = rng.choice([0.001, 0.02, 0.06, 0.12, 0.25])
     body = shapely.buffer(footprints([pose])[0], room)
     shapely.prepare(body)
-    touching = shapely.intersects(body, shapely.box(x - 0.05, y - 0.05, x + 0.05, y + 0.05)).reshape(mask.shape)
+    touching = shapely.intersects(
+        body, shapely.box(x - 0.05, y - 0.05, x + 0.05, y + 0.05)
+    ).reshape(mask.shape)
     mask &= ~touching
     if rng.random() < 0.15:
         mask |= touching & (rng.random(mask.shape) < 0.02)
@@ -127,7 +150,9 @@ def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
     if rng.random() < 0.6:
         bearing *= 0.2
     along = np.linspace(0, length, 30)
-    path = np.column_stack([along * math.cos(bearing), along * math.sin(bearing) + rng.uniform(-0.3, 0.3) * along**2])
+    path = np.column_stack(
+        [along * math.cos(bearing), along * math.sin(bearing) + rng.uniform(-0.3, 0.3) * along**2]
+    )
     return pose, mask & ~ruled, ruled, path, TURNING if rng.random() < 0.3 else IDLE
 
 
@@ -145,7 +170,9 @@ def decision_in(seed: int, rules: LocalPlannerConfig = RULES) -> tuple[Motion, P
 
 
 @pytest.mark.parametrize(("batch", "rules"), [*((batch, RULES) for batch in range(6)), (0, FALCO)])
-def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int, rules: LocalPlannerConfig) -> None:
+def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(
+    batch: int, rules: LocalPlannerConfig
+) -> None:
     touched = {}
     for seed in range(200 * batch, 200 * (batch + 1)):
         motion, pose, mask = decision_in(seed, rules)
@@ -156,7 +183,9 @@ def test_no_motion_drives_the_footprint_onto_a_cell_it_did_not_touch(batch: int,
 
 
 @BOTH
-def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules: LocalPlannerConfig) -> None:
+def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(
+    rules: LocalPlannerConfig,
+) -> None:
     driven = 0
     for seed in range(120):
         motion, pose, _ = decision_in(seed, rules)
@@ -166,10 +195,18 @@ def test_what_is_driven_is_one_of_the_candidates_and_free_where_it_begins(rules:
         _, geometric, ruled, _, _ = world(seed)
         grid = OccupancyGrid(spec=SPEC, geometric=geometric, beware={}, zones=ruled)
         near = [nearby(mask, grid, pose, 2.6) for mask in (geometric, ruled)]
-        points, free = candidates(geometric=near[0], ruled=near[1], profile=HUSKY, rules=rules, cell_m=0.1, among=motion.among)
+        points, free = candidates(
+            geometric=near[0],
+            ruled=near[1],
+            profile=HUSKY,
+            rules=rules,
+            cell_m=0.1,
+            among=motion.among,
+        )
         assert motion.arc is not None and free[motion.arc] > 0
         if motion.among is None:
-            # An arc's first point lies so little ahead that its last one tells the side it bends to.
+            # An arc's first point lies so little ahead that its last one tells the side it bends
+            # to.
             assert np.sign(motion.twist.w_radps) == np.sign(points[motion.arc, -1, 1].round(9))
         else:
             bend = motion.among.bends_1pm[motion.arc]
@@ -194,13 +231,16 @@ def test_falcos_paths_begin_at_the_headings_that_the_body_can_turn_to() -> None:
         return [10 * (at - 18) for at in np.flatnonzero(near.falco_headings()).tolist()]
 
     assert headings((5.0, 5.0)) == list(range(-180, 180, 10))
-    assert headings((0.36, 0.55)) == list(range(-80, 11, 10))  # met by turning left, and by the rear after a right turn
+    assert headings((0.36, 0.55)) == list(
+        range(-80, 11, 10)
+    )  # met by turning left, and by the rear after a right turn
     assert headings((0.36, -0.55)) == list(range(-10, 81, 10))
     assert headings((0.36, 0.55), (0.36, -0.55)) == [-10, 0, 10]
 
 
 def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:
-    """Control: full speed ahead in the same worlds touches cells, and the planner moves in most of the open ones."""
+    """Control: full speed ahead in the same worlds touches cells, and the planner moves in most of
+    the open ones."""
     reckless, moving, kinds = 0, 0, set()
     for seed in range(150):
         motion, pose, mask = decision_in(seed)
@@ -209,7 +249,12 @@ def test_the_search_for_touched_cells_would_see_a_reckless_motion() -> None:
         kinds.add(motion.outcome)
     assert reckless > 30
     assert moving > 50
-    assert kinds >= {ControllerState.FOLLOW, ControllerState.TURN, ControllerState.BACK, ControllerState.BOXED_IN}
+    assert kinds >= {
+        ControllerState.FOLLOW,
+        ControllerState.TURN,
+        ControllerState.BACK,
+        ControllerState.BOXED_IN,
+    }
 
 
 @law(200)
@@ -259,12 +304,19 @@ def test_turning_goes_on_until_the_path_lies_ahead() -> None:
 
 def ring(reach_x: float, reach_y: float) -> Points:
     x, y = np.arange(-reach_x, reach_x + 0.01, 0.05), np.arange(-reach_y, reach_y + 0.01, 0.05)
-    return np.vstack([*([[v, s * reach_y] for v in x] for s in (-1, 1)), *([[s * reach_x, v] for v in y] for s in (-1, 1))])
+    return np.vstack(
+        [
+            *([[v, s * reach_y] for v in x] for s in (-1, 1)),
+            *([[s * reach_x, v] for v in y] for s in (-1, 1)),
+        ]
+    )
 
 
 @BOTH
 @pytest.mark.parametrize("path", [AHEAD, -AHEAD], ids=["ahead", "behind"])
-def test_a_robot_that_is_boxed_in_stands_and_says_so(path: Points, rules: LocalPlannerConfig) -> None:
+def test_a_robot_that_is_boxed_in_stands_and_says_so(
+    path: Points, rules: LocalPlannerConfig
+) -> None:
     for walls in (ring(0.57, 0.42), ring(0.62, 0.45)):
         assert stands(decide(geometric=walls, path=path, rules=rules), ControllerState.BOXED_IN)
         assert stands(decide(ruled=walls, path=path, rules=rules), ControllerState.BOXED_IN)
@@ -284,12 +336,17 @@ def test_a_zone_is_as_hard_as_a_wall(rules: LocalPlannerConfig) -> None:
 
 @pytest.mark.parametrize("y_m", [-0.33, 0.0, 0.2])
 def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: float) -> None:
-    """A class with a margin, seen only from nearby: its cells touch the body and no motion forward is free."""
-    across = np.column_stack([np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)])
+    """A class with a margin, seen only from nearby: its cells touch the body and no motion forward
+    is free."""
+    across = np.column_stack(
+        [np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)]
+    )
     for motion in (decide(ruled=across), decide(geometric=across)):
         assert motion.outcome is ControllerState.BACK and motion.twist.v_mps < 0
     behind = np.column_stack([-across[:, 0], across[:, 1]])
-    assert stands(decide(ruled=np.vstack([across, behind])), ControllerState.BOXED_IN), "and not onto what it touches behind"
+    assert stands(decide(ruled=np.vstack([across, behind])), ControllerState.BOXED_IN), (
+        "and not onto what it touches behind"
+    )
 
 
 def test_a_robot_in_a_wide_box_is_not_boxed_in() -> None:
@@ -304,7 +361,9 @@ def test_a_rule_within_the_body_stops_the_robot_and_geometric_noise_within_it_do
 
 
 @BOTH
-def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalPlannerConfig) -> None:
+def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(
+    rules: LocalPlannerConfig,
+) -> None:
     beside = np.array([[-0.2, y] for y in (0.5, 0.55, -0.5, -0.55)])
     assert decide(path=-AHEAD, rules=rules).outcome is ControllerState.TURN
     assert decide(path=-AHEAD, unseen=beside, rules=rules).outcome is not ControllerState.TURN
@@ -314,60 +373,102 @@ def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it(rules: LocalP
 
 
 @pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])
-def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(distance: float, arrived: bool) -> None:
+def test_the_robot_has_arrived_when_the_goal_is_near_and_not_before(
+    distance: float, arrived: bool
+) -> None:
     motion = decide(path=np.array([[0.0, 0.0], [distance, 0.0]]))
     assert stands(motion, ControllerState.ARRIVED) == arrived
 
 
-@pytest.mark.parametrize(("behind_m", "nearly_m", "arrived"), [(0.2, 0.25, True), (0.3, 0.25, False), (0.2, 0.0, False)])
-def test_for_the_last_hand_width_the_robot_does_not_manoeuvre(behind_m: float, nearly_m: float, arrived: bool) -> None:
+@pytest.mark.parametrize(
+    ("behind_m", "nearly_m", "arrived"), [(0.2, 0.25, True), (0.3, 0.25, False), (0.2, 0.0, False)]
+)
+def test_for_the_last_hand_width_the_robot_does_not_manoeuvre(
+    behind_m: float, nearly_m: float, arrived: bool
+) -> None:
     x = np.arange(-2.0, 2.0, 0.1)
     corridor = np.vstack([np.column_stack([x, np.full(len(x), side)]) for side in (-0.55, 0.55)])
     motion = decide(
-        geometric=corridor, path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalPlannerConfig(nearly_m=nearly_m)
+        geometric=corridor,
+        path=np.array([[0.0, 0.0], [-behind_m, 0.0]]),
+        rules=LocalPlannerConfig(nearly_m=nearly_m),
     )
-    assert motion.outcome in ((ControllerState.ARRIVED,) if arrived else (ControllerState.MANOEUVRE, ControllerState.BACK))
+    assert motion.outcome in (
+        (ControllerState.ARRIVED,) if arrived else (ControllerState.MANOEUVRE, ControllerState.BACK)
+    )
     assert (motion.twist == STANDSTILL) is arrived
-    in_the_open = decide(path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalPlannerConfig(nearly_m=nearly_m))
+    in_the_open = decide(
+        path=np.array([[0.0, 0.0], [-behind_m, 0.0]]), rules=LocalPlannerConfig(nearly_m=nearly_m)
+    )
     assert in_the_open.outcome is ControllerState.TURN
 
 
-def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> None:
+def test_at_the_goal_the_robot_turns_in_place_to_the_heading_asked_for_and_has_arrived_then() -> (
+    None
+):
     here = np.array([[0.05, 0.0]])
     for yaw_rad in (1.5, -1.5):
         motion = decide(path=here, goal_yaw_rad=yaw_rad)
-        assert motion.outcome is ControllerState.ALIGN and motion.twist.v_mps == 0.0 and motion.twist.w_radps * yaw_rad > 0
+        assert (
+            motion.outcome is ControllerState.ALIGN
+            and motion.twist.v_mps == 0.0
+            and motion.twist.w_radps * yaw_rad > 0
+        )
     assert stands(decide(path=here, goal_yaw_rad=0.05), ControllerState.ARRIVED)
     assert decide(goal_yaw_rad=1.5).outcome is ControllerState.FOLLOW
 
 
-def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_from_anywhere() -> None:
+def test_a_robot_that_skids_off_the_goal_while_it_turns_goes_on_turning_but_not_from_anywhere() -> (
+    None
+):
     aligning = Motion(twist=STANDSTILL, outcome=ControllerState.ALIGN)
     for distance, turns in ((0.2, True), (0.3, False)):
         motion = decide(path=np.array([[distance, 0.0]]), previous=aligning, goal_yaw_rad=1.5)
         assert (motion.outcome is ControllerState.ALIGN) == turns
-    assert decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome is ControllerState.FOLLOW
+    assert (
+        decide(path=np.array([[0.0, 0.0], [0.2, 0.0]]), goal_yaw_rad=1.5).outcome
+        is ControllerState.FOLLOW
+    )
 
 
-def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> None:
+def test_a_heading_that_there_is_no_room_to_turn_to_is_said_to_be_boxed_in_and_a_rule_within_the_body_comes_first() -> (
+    None
+):
     here = np.array([[0.05, 0.0]])
-    assert stands(decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), ControllerState.BOXED_IN)
-    assert stands(decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), ControllerState.IN_ZONE)
+    assert stands(
+        decide(path=here, geometric=ring(0.55, 0.4), goal_yaw_rad=1.5), ControllerState.BOXED_IN
+    )
+    assert stands(
+        decide(path=here, ruled=np.array([[0.2, 0.0]]), goal_yaw_rad=1.5), ControllerState.IN_ZONE
+    )
 
 
 def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
-    speeds = [decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps for x in (2.4, 1.6, 0.8)]
+    speeds = [
+        decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps
+        for x in (2.4, 1.6, 0.8)
+    ]
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] > speeds[-1]
 
 
 @BOTH
-def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(rules: LocalPlannerConfig) -> None:
-    walls = [*((x, y) for x in np.arange(-1, 3, 0.1) for y in (-0.8, 0.8)), *((4.6, y) for y in np.arange(-0.8, 4, 0.1))]
-    walls += [*((x, -0.8) for x in np.arange(3, 4.6, 0.1)), *((2.9, y) for y in np.arange(0.8, 4, 0.1))]
+def test_a_path_round_a_corner_between_walls_is_driven_to_its_end_and_nothing_is_touched(
+    rules: LocalPlannerConfig,
+) -> None:
+    walls = [
+        *((x, y) for x in np.arange(-1, 3, 0.1) for y in (-0.8, 0.8)),
+        *((4.6, y) for y in np.arange(-0.8, 4, 0.1)),
+    ]
+    walls += [
+        *((x, -0.8) for x in np.arange(3, 4.6, 0.1)),
+        *((2.9, y) for y in np.arange(0.8, 4, 0.1)),
+    ]
     corner = np.array([[0, 0], [3.3, 0], [3.75, 0.45], [3.75, 3.5]])
     along = np.linspace(0, 1, 70)
-    path = np.column_stack([np.interp(along, [0, 0.48, 0.57, 1], corner[:, axis]) for axis in (0, 1)])
+    path = np.column_stack(
+        [np.interp(along, [0, 0.48, 0.57, 1], corner[:, axis]) for axis in (0, 1)]
+    )
     cells, pose, motion = np.array(walls), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), IDLE
     bodies, standing = shapely.box(*(cells - 0.05).T, *(cells + 0.05).T), 0
     for _ in range(200):
@@ -393,13 +494,16 @@ BEHIND = [
 
 @pytest.mark.parametrize("points", BEHIND)
 def test_backing_off_drives_the_arc_that_was_found_clear(points: list[tuple[float, float]]) -> None:
-    """A wall ahead and posts behind: the way out is an arc backwards, and it must be the one that was checked."""
+    """A wall ahead and posts behind: the way out is an arc backwards, and it must be the one that
+    was checked."""
     wall = [(0.58, y) for y in np.arange(-0.5, 0.51, 0.1)]
     obstacles = np.array([*wall, *points])
     motion = decide(geometric=obstacles)
     low, high = (obstacles - 0.05).T, (obstacles + 0.05).T
     cells: npt.NDArray[np.object_] = np.asarray(shapely.box(low[0], low[1], high[0], high[1]))
-    hits = shapely.intersects(footprints(simulated(motion.twist, Pose2(x_m=0, y_m=0, yaw_rad=0)))[:, None], cells[None, :])
+    hits = shapely.intersects(
+        footprints(simulated(motion.twist, Pose2(x_m=0, y_m=0, yaw_rad=0)))[:, None], cells[None, :]
+    )
     assert motion.twist.v_mps <= 0
     assert not hits[0].any()
     assert not hits.any()
@@ -415,7 +519,11 @@ def test_nearby_cells_are_those_around_the_robot_seen_from_it(seed: int) -> None
     cells = {SPEC.cell(p.x_m, p.y_m) for p in back}
     assert len(cells) == len(points)
     assert all(mask[cell] for cell in cells)
-    expected = {(int(r), int(c)) for r, c in np.argwhere(mask) if math.dist(SPEC.centre(r, c), (pose.x_m, pose.y_m)) <= 1.0}
+    expected = {
+        (int(r), int(c))
+        for r, c in np.argwhere(mask)
+        if math.dist(SPEC.centre(r, c), (pose.x_m, pose.y_m)) <= 1.0
+    }
     assert expected <= cells
 
 
@@ -427,9 +535,14 @@ def test_nearby_finds_nothing_off_the_grid() -> None:
 
 
 def test_ruled_cells_are_zones_and_beware_classes_grown_by_their_margins() -> None:
-    one, empty = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    one, empty = (
+        np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_),
+        np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_),
+    )
     one[30, 30] = True
-    grid = OccupancyGrid(spec=SPEC, geometric=empty, beware={1: one}, margins_m={1: 0.2}, zones=empty)
+    grid = OccupancyGrid(
+        spec=SPEC, geometric=empty, beware={1: one}, margins_m={1: 0.2}, zones=empty
+    )
     geometric, ruled = obstacle_masks(grid)
     assert not geometric.any()
     assert np.flatnonzero(ruled[30]).tolist() == list(range(28, 33))

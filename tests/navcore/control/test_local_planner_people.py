@@ -1,4 +1,5 @@
-"""Beside people: the robot keeps its distance, waits, does not wait for ever, and stands before anybody could reach it."""
+"""Beside people: the robot keeps its distance, waits, does not wait for ever, and stands before
+anybody could reach it."""
 
 from __future__ import annotations
 
@@ -37,15 +38,22 @@ def crossing(x: float, y: float, vx: float, vy: float) -> PeopleState:
 def closest(
     people: PeopleState, *, care: bool, rules: LocalPlannerConfig = RULES
 ) -> tuple[float, float, float, set[ControllerState]]:
-    """A drive past somebody: least room to him while the robot moves, its x and his y at that moment, and what was decided."""
+    """A drive past somebody: least room to him while the robot moves, its x and his y at that
+    moment, and what was decided."""
     pose, motion, period_s = ORIGIN, IDLE, 0.1
     path = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)])
     x, y, vx, vy, radius = people.walking[0].tolist()
     least, outcomes = (math.inf, 0.0, 0.0), set[ControllerState]()
     for _ in range(90):
-        track = Track(id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=radius, age_s=1.0, last_seen_ns=0)
+        track = Track(
+            id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=radius, age_s=1.0, last_seen_ns=0
+        )
         motion = decide(
-            path=path, pose=pose, previous=motion, rules=rules, people=PeopleState.of((track,) if care else (), pose)
+            path=path,
+            pose=pose,
+            previous=motion,
+            rules=rules,
+            people=PeopleState.of((track,) if care else (), pose),
         )
         outcomes.add(motion.outcome)
         pose = driven(pose, motion.twist, period_s)
@@ -92,9 +100,16 @@ def test_beside_people_the_robot_is_slow_and_away_from_them_it_is_not() -> None:
 
 
 def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
-    around = np.array([[x, y, 0.0, 0.0, 0.3] for x, y in ((0.84, 0.0), (-0.84, 0.0), (0.0, 0.7), (0.0, -0.7))])
-    assert stands(decide(people=dataclasses.replace(NOBODY, standing=around)), ControllerState.BOXED_IN)
-    assert decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome is ControllerState.FOLLOW
+    around = np.array(
+        [[x, y, 0.0, 0.0, 0.3] for x, y in ((0.84, 0.0), (-0.84, 0.0), (0.0, 0.7), (0.0, -0.7))]
+    )
+    assert stands(
+        decide(people=dataclasses.replace(NOBODY, standing=around)), ControllerState.BOXED_IN
+    )
+    assert (
+        decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome
+        is ControllerState.FOLLOW
+    )
 
 
 @law(100)
@@ -102,9 +117,15 @@ def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
 def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_stands(
     seed: int, ignore_predictions: bool
 ) -> None:
-    """He was last seen at a place, and has since come towards the robot at his pace, whatever is thought of him."""
+    """He was last seen at a place, and has since come towards the robot at his pace, whatever is
+    thought of him."""
     rng = np.random.default_rng(seed)
-    (x, y), speed, heading, unseen_s = rng.uniform(-3, 3, 2), rng.uniform(0.5, 1.6), rng.uniform(-3, 3), rng.uniform(0.1, 1.9)
+    (x, y), speed, heading, unseen_s = (
+        rng.uniform(-3, 3, 2),
+        rng.uniform(0.5, 1.6),
+        rng.uniform(-3, 3),
+        rng.uniform(0.1, 1.9),
+    )
     vx, vy = speed * math.cos(heading), speed * math.sin(heading)
     lost = Track(
         id=1,
@@ -117,44 +138,73 @@ def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_sta
         last_seen_ns=0,
         unseen_s=unseen_s,
     )
-    twist = decide(people=PeopleState.of((lost,), ORIGIN), ignore_predictions=ignore_predictions).twist
+    twist = decide(
+        people=PeopleState.of((lost,), ORIGIN), ignore_predictions=ignore_predictions
+    ).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
-    assert fastest == 0.0 or gap > speed * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > speed * (
+        PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2
+    )
 
 
 def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> PeopleState:
     """Somebody who walked and then stopped, in the base frame."""
     track = Track(
-        id=1, x_m=x, y_m=y, vx_mps=0.0, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=pace, stood_s=stood_s
+        id=1,
+        x_m=x,
+        y_m=y,
+        vx_mps=0.0,
+        vy_mps=0.0,
+        radius_m=0.3,
+        age_s=9.0,
+        last_seen_ns=0,
+        pace_mps=pace,
+        stood_s=stood_s,
     )
     return PeopleState.of((track,), ORIGIN)
 
 
-def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_driven_round() -> None:
+def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_driven_round() -> (
+    None
+):
     walls = np.array([[x, y] for x in np.arange(-1.0, 3.0, 0.1) for y in (-1.3, 1.3)])
-    assert stands(decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.YIELD)
+    assert stands(
+        decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.YIELD
+    )
     settled = decide(geometric=walls, people=stopped(1.5, 0.4, stood_s=20.0))
     assert settled.outcome is ControllerState.FOLLOW
     assert settled.twist.w_radps < 0
-    assert decide(people=stopped(1.5, 2.4, stood_s=2.0)).twist.v_mps > 0.3  # out of the way: nobody waits
+    assert (
+        decide(people=stopped(1.5, 2.4, stood_s=2.0)).twist.v_mps > 0.3
+    )  # out of the way: nobody waits
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(seed: int, ignore_predictions: bool) -> None:
+def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(
+    seed: int, ignore_predictions: bool
+) -> None:
     """Whichever way he goes, at the pace at which he came."""
     rng = np.random.default_rng(seed)
     (x, y), pace = rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.6)
-    twist = decide(people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace), ignore_predictions=ignore_predictions).twist
+    twist = decide(
+        people=stopped(x, y, stood_s=rng.uniform(0, 7), pace=pace),
+        ignore_predictions=ignore_predictions,
+    ).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
-    assert fastest == 0.0 or gap > pace * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > pace * (
+        PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2
+    )
 
 
 def just_past(*, ways: slice = slice(None)) -> PeopleState:
-    """Somebody who has walked across the robot's way and is a step beyond it, and so many of the ways that he may go."""
-    track = Track(id=1, x_m=1.2, y_m=0.9, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0)
+    """Somebody who has walked across the robot's way and is a step beyond it, and so many of the
+    ways that he may go."""
+    track = Track(
+        id=1, x_m=1.2, y_m=0.9, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0
+    )
     people = PeopleState.of((track,), ORIGIN)
     return dataclasses.replace(people, walking=people.walking[ways])
 
@@ -163,23 +213,36 @@ def test_behind_somebody_the_robot_waits_until_it_would_be_past_before_he_is_bac
     waiting = decide(people=just_past())
     assert waiting.outcome is ControllerState.YIELD and waiting.twist.v_mps == 0.0
     assert waiting.twist.w_radps > 0  # after him, so that he stays in the picture
-    assert decide(people=just_past(ways=slice(1))).twist.v_mps > 0.1  # the control: as though nobody ever turned back
+    assert (
+        decide(people=just_past(ways=slice(1))).twist.v_mps > 0.1
+    )  # the control: as though nobody ever turned back
 
 
 def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bool]:
-    """Somebody crosses the robot's way, turns, after a rest, and comes back; whether they touch, and while the robot moves.
+    """Somebody crosses the robot's way, turns, after a rest, and comes back; whether they touch,
+    and while the robot moves.
 
     The camera sees 43° to either side; out of sight he is thought to walk on.
     """
     pose, motion, period_s, v_mps = ORIGIN, IDLE, 0.1, 0.0
-    path, y, seen, unseen_s, stood_s = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)]), -2.2, (3.0, -2.2, 0.8), 0.0, 0.0
+    path, y, seen, unseen_s, stood_s = (
+        np.column_stack([np.linspace(0, 9, 91), np.zeros(91)]),
+        -2.2,
+        (3.0, -2.2, 0.8),
+        0.0,
+        0.0,
+    )
     for k in range(250):
         t = k * period_s
         speed = 0.8 if t < turns_s else -0.8 if t > turns_s + stands_s and y > -2.2 else 0.0
         y += speed * period_s
         x, aside = (path_from(np.array([[3.0, y]]), pose) @ np.eye(2))[0].tolist()
         if abs(math.atan2(aside, x - 0.35)) < math.radians(43.0):
-            seen, unseen_s, stood_s = (3.0, y, speed), 0.0, stood_s + period_s if speed == 0.0 else 0.0
+            seen, unseen_s, stood_s = (
+                (3.0, y, speed),
+                0.0,
+                stood_s + period_s if speed == 0.0 else 0.0,
+            )
         else:
             unseen_s += period_s
         track = Track(
@@ -197,7 +260,10 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
             course_rad=math.copysign(math.pi / 2, seen[2]),
         )
         motion = decide(
-            path=path, pose=pose, previous=motion, people=PeopleState.of((track,) if care and unseen_s < 8.0 else (), pose)
+            path=path,
+            pose=pose,
+            previous=motion,
+            people=PeopleState.of((track,) if care and unseen_s < 8.0 else (), pose),
         )
         v_mps += float(np.clip(motion.twist.v_mps - v_mps, -3.0 * period_s, 3.0 * period_s))
         pose = driven(pose, dataclasses.replace(motion.twist, v_mps=v_mps), period_s)
@@ -207,7 +273,9 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
 
 
 @pytest.mark.parametrize(("turns_s", "stands_s"), [(2.6, 0.0), (3.4, 0.0), (3.4, 4.0), (4.2, 3.0)])
-def test_the_robot_does_not_drive_into_somebody_who_comes_back_out_of_sight_or_in_it(turns_s: float, stands_s: float) -> None:
+def test_the_robot_does_not_drive_into_somebody_who_comes_back_out_of_sight_or_in_it(
+    turns_s: float, stands_s: float
+) -> None:
     assert comes_back(turns_s, stands_s, care=True) == (False, False)
 
 
@@ -216,8 +284,20 @@ def test_without_care_it_does() -> None:
     assert any(comes_back(turns_s, 0.0, care=False)[1] for turns_s in (2.6, 3.0, 3.4))
 
 
-def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> None:
-    lost = Track(id=1, x_m=0.8, y_m=1.6, vx_mps=0.0, vy_mps=0.8, radius_m=0.35, age_s=3.0, last_seen_ns=0, unseen_s=1.0)
+def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> (
+    None
+):
+    lost = Track(
+        id=1,
+        x_m=0.8,
+        y_m=1.6,
+        vx_mps=0.0,
+        vy_mps=0.8,
+        radius_m=0.35,
+        age_s=3.0,
+        last_seen_ns=0,
+        unseen_s=1.0,
+    )
     here = ORIGIN
     assert stands(decide(people=PeopleState.of((lost,), here)), ControllerState.YIELD)
     later = dataclasses.replace(lost, y_m=7.3, unseen_s=8.1)
@@ -226,26 +306,39 @@ def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_l
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(seed: int, ignore_predictions: bool) -> None:
-    """Whatever he does within the speed he walks at, for the time that it takes to notice him and to brake."""
+def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(
+    seed: int, ignore_predictions: bool
+) -> None:
+    """Whatever he does within the speed he walks at, for the time that it takes to notice him and
+    to brake."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-3, 3, 2)
     speed, heading = rng.uniform(0.5, 1.6), rng.uniform(-math.pi, math.pi)
     twist = decide(
-        people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading)), ignore_predictions=ignore_predictions
+        people=crossing(x, y, speed * math.cos(heading), speed * math.sin(heading)),
+        ignore_predictions=ignore_predictions,
     ).twist
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3
-    assert fastest == 0.0 or gap > speed * (PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2)
+    assert fastest == 0.0 or gap > speed * (
+        PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2
+    )
 
 
 def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> tuple[float, bool]:
-    """Somebody walks up and down the strip in which the robot stands and from which its path leads, waits before it, and turns.
+    """Somebody walks up and down the strip in which the robot stands and from which its path leads,
+    waits before it, and turns.
 
-    After how many seconds it has left the strip (infinite if not `for_s`), and whether they ever touched.
+    After how many seconds it has left the strip (infinite if not `for_s`), and whether they ever
+    touched.
     """
     pose, motion, period_s, touched = ORIGIN, IDLE, 0.1, False
-    path = np.vstack([np.column_stack([np.linspace(0, 2.2, 23), np.zeros(23)]), [[2.2, -0.1 * k] for k in range(1, 40)]])
+    path = np.vstack(
+        [
+            np.column_stack([np.linspace(0, 2.2, 23), np.zeros(23)]),
+            [[2.2, -0.1 * k] for k in range(1, 40)],
+        ]
+    )
     beside = np.array([[0.1 * k, -0.75] for k in range(-30, 16)])
     x, sense, waited_s, course = 3.5, -1, 0.0, math.pi
     for k in range(round(for_s / period_s)):
@@ -278,7 +371,10 @@ def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> t
 
 
 def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for_ever() -> None:
-    assert leaves_his_lane_after_s(None, for_s=90.0) == (math.inf, False)  # the control: neither gives way
+    assert leaves_his_lane_after_s(None, for_s=90.0) == (
+        math.inf,
+        False,
+    )  # the control: neither gives way
     leaves_s, touched = leaves_his_lane_after_s(WaitingTimer(), for_s=90.0)
     assert PEOPLE_CONFIG.patience_s < leaves_s < 90.0 and not touched
 
@@ -287,7 +383,12 @@ def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for
 @given(st.integers(0, 2**32 - 1))
 def test_nobody_beside_a_robot_that_turns_is_reached_by_its_rim_before_it_stands(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    x, y, speed, twist_w = rng.uniform(-1.5, 1.5), rng.uniform(-2, 2), rng.uniform(0.5, 1.4), rng.uniform(0.2, 0.9)
+    x, y, speed, twist_w = (
+        rng.uniform(-1.5, 1.5),
+        rng.uniform(-2, 2),
+        rng.uniform(0.5, 1.4),
+        rng.uniform(0.2, 0.9),
+    )
     people = crossing(x, y, 0.0, -math.copysign(speed, y))
     rim = min(
         speed_limit_near_people(people, Twist(v_mps=0.0, w_radps=twist_w), HUSKY, PEOPLE_CONFIG),

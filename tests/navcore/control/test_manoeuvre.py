@@ -1,4 +1,5 @@
-"""Manoeuvres: the true footprint is free at every pose, and they lead through where no single arc does."""
+"""Manoeuvres: the true footprint is free at every pose, and they lead through where no single arc
+does."""
 
 from __future__ import annotations
 
@@ -11,7 +12,14 @@ import shapely
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.control.local_planner import Points, plan_motion
-from navcore.control.manoeuvre import LOST_M, Manoeuvre, ManoeuvreProblem, manoeuvre_along, manoeuvre_to_see, steer
+from navcore.control.manoeuvre import (
+    LOST_M,
+    Manoeuvre,
+    ManoeuvreProblem,
+    manoeuvre_along,
+    manoeuvre_to_see,
+    steer,
+)
 from navcore.control.motion import BOXED_IN, IDLE, ControllerState, Motion
 from navcore.control.social import NOBODY, PeopleState
 from navcore.control.state_lattice import REACH_M
@@ -37,34 +45,55 @@ def line(*corners: tuple[float, float]) -> Points:
 
 def tight(obstacles: Points, unseen: Points = NONE) -> ManoeuvreProblem:
     return ManoeuvreProblem(
-        obstacles=obstacles, reach_m=REACH, unseen=unseen, unseen_clearance_m=REACH, profile=HUSKY, room_m=ROOM_M
+        obstacles=obstacles,
+        reach_m=REACH,
+        unseen=unseen,
+        unseen_clearance_m=REACH,
+        profile=HUSKY,
+        room_m=ROOM_M,
     )
 
 
-def find(path: Points, obstacles: Points = NONE, unseen: Points = NONE, pose: Pose2 = HERE) -> Manoeuvre | None:
+def find(
+    path: Points, obstacles: Points = NONE, unseen: Points = NONE, pose: Pose2 = HERE
+) -> Manoeuvre | None:
     return manoeuvre_along(path, tight(obstacles, unseen), pose)
 
 
 def bodies(poses: Points) -> list[shapely.Polygon]:
     """The oriented footprint at each of (K, 3) poses."""
     return [
-        shapely.affinity.translate(shapely.affinity.rotate(shapely.box(-0.5, -0.35, 0.5, 0.35), yaw, (0, 0), True), x, y)
+        shapely.affinity.translate(
+            shapely.affinity.rotate(shapely.box(-0.5, -0.35, 0.5, 0.35), yaw, (0, 0), True), x, y
+        )
         for x, y, yaw in poses.tolist()
     ]
 
 
 AHEAD = line((0, 0), (3, 0))
-ZIGZAG = np.vstack([line((1.1, 0.5), (1.1, 2.5)), line((1.1, -0.5), (1.1, -2.5)), line((2.6, 0.3), (2.6, -2.5))])
+ZIGZAG = np.vstack(
+    [line((1.1, 0.5), (1.1, 2.5)), line((1.1, -0.5), (1.1, -2.5)), line((2.6, 0.3), (2.6, -2.5))]
+)
 """A gap of a metre straight ahead, and a wall behind it that only leaves the left."""
-SIDE_DOOR = np.vstack([line((-3, 0.6), (0.9, 0.6)), line((1.95, 0.6), (3, 0.6)), line((-3, -0.75), (3, -0.75))])
+SIDE_DOOR = np.vstack(
+    [line((-3, 0.6), (0.9, 0.6)), line((1.95, 0.6), (3, 0.6)), line((-3, -0.75), (3, -0.75))]
+)
 """A corridor with a door in its side."""
-DEAD_END = np.vstack([line((0.75, -0.8), (0.75, 0.8)), line((-3.0, 0.8), (0.75, 0.8)), line((-3.0, -0.8), (0.75, -0.8))])
+DEAD_END = np.vstack(
+    [
+        line((0.75, -0.8), (0.75, 0.8)),
+        line((-3.0, 0.8), (0.75, 0.8)),
+        line((-3.0, -0.8), (0.75, -0.8)),
+    ]
+)
 NARROW = DEAD_END * [1.0, 0.6]
 BOX = line((0.8, 0.65), (0.8, -0.65), (-0.8, -0.65), (-0.8, 0.65), (0.8, 0.65))
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_true_footprint_is_free_at_every_pose_and_each_pose_follows_from_the_one_before(seed: int) -> None:
+def test_the_true_footprint_is_free_at_every_pose_and_each_pose_follows_from_the_one_before(
+    seed: int,
+) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-2.5, 2.5, (int(rng.choice([8, 20, 40])), 2))
     points = points[(np.abs(points) > [0.6, 0.45]).any(axis=1)]
@@ -80,7 +109,9 @@ def test_the_true_footprint_is_free_at_every_pose_and_each_pose_follows_from_the
     base = manoeuvre.in_base(pose)
     clear_of = shapely.multipoints(points)
     for body in bodies(base):
-        assert body.distance(clear_of) > ROOM_M + REACH - 0.004  # between two steps a corner bulges by millimetres
+        assert (
+            body.distance(clear_of) > ROOM_M + REACH - 0.004
+        )  # between two steps a corner bulges by millimetres
         assert (
             len(unseen) == 0
             or body.distance(shapely.multipoints(unseen)) > 0
@@ -105,7 +136,9 @@ def test_nothing_is_found_in_a_closed_place_or_before_a_wall_and_what_is_unseen_
     assert find(AHEAD, BOX) is None
     assert find(AHEAD, line((0.62, -3), (0.62, 3))) is None
     assert find(AHEAD, unseen=line((0.62, -3), (0.62, 3))) is None
-    assert find(AHEAD, line((0.62, -3), (0.62, 0.4))) is not None  # control: a wall that leaves a way round
+    assert (
+        find(AHEAD, line((0.62, -3), (0.62, 0.4))) is not None
+    )  # control: a wall that leaves a way round
 
 
 def test_a_path_that_leads_back_out_of_a_dead_end_is_come_to_in_reverse() -> None:
@@ -114,7 +147,14 @@ def test_a_path_that_leads_back_out_of_a_dead_end_is_come_to_in_reverse() -> Non
     assert found is not None and found.ways[0] == -1
 
 
-def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, people: PeopleState = NOBODY) -> Motion:
+def decide(
+    path: Points,
+    near: Points,
+    previous: Motion,
+    *,
+    pose: Pose2 = HERE,
+    people: PeopleState = NOBODY,
+) -> Motion:
     """A decision among cells of the base frame."""
     return plan_motion(
         geometric=near,
@@ -130,7 +170,9 @@ def decide(path: Points, near: Points, previous: Motion, *, pose: Pose2 = HERE, 
     )
 
 
-def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0, seed: int = 0) -> tuple[list[Motion], Pose2]:
+def drive(
+    path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0, seed: int = 0
+) -> tuple[list[Motion], Pose2]:
     """A robot that moves as it decides, but for some slip; it must never touch anything."""
     rng, pose, motion, motions = np.random.default_rng(seed), HERE, IDLE, list[Motion]()
     cells = shapely.multipoints(obstacles)
@@ -142,7 +184,12 @@ def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0,
         moved = motion.twist.v_mps * TICK_S * (1 + slip * rng.normal())
         turned = motion.twist.w_radps * TICK_S * (1 + slip * rng.normal())
         half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=turned / 2)
-        pose = pose @ half @ Pose2(x_m=moved, y_m=slip * rng.normal() * abs(turned) * 0.2, yaw_rad=0.0) @ half
+        pose = (
+            pose
+            @ half
+            @ Pose2(x_m=moved, y_m=slip * rng.normal() * abs(turned) * 0.2, yaw_rad=0.0)
+            @ half
+        )
         (body,) = bodies(np.array([[pose.x_m, pose.y_m, pose.yaw_rad]]))
         assert body.distance(cells) > 0
         if motion.outcome is ControllerState.ARRIVED:
@@ -160,7 +207,9 @@ def drive(path: Points, obstacles: Points, *, seconds: float, slip: float = 0.0,
         (line((0, 0), (-2.5, 0)), DEAD_END * [1.0, 0.6]),
     ],
 )
-def test_the_robot_comes_through_tight_places_without_touching_anything(path: Points, obstacles: Points, slip: float) -> None:
+def test_the_robot_comes_through_tight_places_without_touching_anything(
+    path: Points, obstacles: Points, slip: float
+) -> None:
     motions, pose = drive(path, obstacles, seconds=60.0, slip=slip)
     assert motions[-1].outcome is ControllerState.ARRIVED
     assert pose.distance_to(*path[-1].tolist()) < 0.15
@@ -174,7 +223,10 @@ def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it(
     while (steered := steer(left, pose, braking_mps2=0.8)) is not None and count < 600:
         twist, left = steered
         half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=twist.w_radps * TICK_S / 2)
-        pose, count = pose @ half @ Pose2(x_m=twist.v_mps * TICK_S, y_m=0.0, yaw_rad=0.0) @ half, count + 1
+        pose, count = (
+            pose @ half @ Pose2(x_m=twist.v_mps * TICK_S, y_m=0.0, yaw_rad=0.0) @ half,
+            count + 1,
+        )
     x, y, yaw = found.poses[-1].tolist()
     assert pose.distance_to(x, y) < 0.05 and abs(wrap_angle(pose.yaw_rad - yaw)) < 0.1
     assert steer(found, Pose2(x_m=0.0, y_m=LOST_M + 0.02, yaw_rad=0.0), braking_mps2=0.8) is None
@@ -203,13 +255,29 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
     assert abs(wrap_angle(math.atan2(corner[1] - y, corner[0] - x) - yaw)) < math.radians(30)
     assert shapely.LineString([(x, y), corner]).distance(shapely.multipoints(wall_left)) > 0.02
     beside = line((0, -0.1), (3, -0.1))
-    assert manoeuvre_to_see(beside, tight(wall_left, unseen), HERE) is None  # nothing hides that path
+    assert (
+        manoeuvre_to_see(beside, tight(wall_left, unseen), HERE) is None
+    )  # nothing hides that path
 
 
 def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_him() -> None:
     first = decide(-AHEAD, NARROW, IDLE)
     assert first.manoeuvre is not None
-    walker = Track(id=1, x_m=-2.4, y_m=0.0, vx_mps=0.7, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.7)
+    walker = Track(
+        id=1,
+        x_m=-2.4,
+        y_m=0.0,
+        vx_mps=0.7,
+        vy_mps=0.0,
+        radius_m=0.3,
+        age_s=9.0,
+        last_seen_ns=0,
+        pace_mps=0.7,
+    )
     waiting = decide(-AHEAD, NARROW, first, people=PeopleState.of((walker,), HERE))
-    assert waiting.outcome is ControllerState.YIELD and waiting.twist.v_mps == 0.0 and waiting.manoeuvre is not None
+    assert (
+        waiting.outcome is ControllerState.YIELD
+        and waiting.twist.v_mps == 0.0
+        and waiting.manoeuvre is not None
+    )
     assert decide(-AHEAD, NARROW, waiting).outcome is ControllerState.MANOEUVRE

@@ -28,9 +28,16 @@ def walker(x_m: float, y_m: float, vx_mps: float, vy_mps: float) -> PeopleState:
 
 
 def along(bearing_rad: float, metres: float) -> tuple[Poses, npt.NDArray[np.float64]]:
-    """(S, 3) poses a tenth of a metre apart on a straight line, heading along it, and when the robot is there."""
+    """(S, 3) poses a tenth of a metre apart on a straight line, heading along it, and when the
+    robot is there."""
     away = np.arange(0.1, metres + 0.05, 0.1)
-    poses = np.column_stack([away * math.cos(bearing_rad), away * math.sin(bearing_rad), np.full(len(away), bearing_rad)])
+    poses = np.column_stack(
+        [
+            away * math.cos(bearing_rad),
+            away * math.sin(bearing_rad),
+            np.full(len(away), bearing_rad),
+        ]
+    )
     return poses, away / SPEED_MPS
 
 
@@ -55,5 +62,7 @@ def test_from_beside_his_line_nowhere_on_it_is_a_place_to_wait() -> None:
 
 
 def test_who_stands_in_somebodys_way_goes_on_where_it_is_no_more_so() -> None:
-    towards = walker(3.0, 0.0, 0.9, 0.0)  # he goes, and may come back this moment: the robot stands on his line
+    towards = walker(
+        3.0, 0.0, 0.9, 0.0
+    )  # he goes, and may come back this moment: the robot stands on his line
     assert waits_at(towards, -math.pi / 3) > 0.9

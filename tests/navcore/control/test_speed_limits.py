@@ -1,4 +1,5 @@
-"""Speed limits: kept while any part of the robot is in the zone, reached before it is, and counted in the time of a way."""
+"""Speed limits: kept while any part of the robot is in the zone, reached before it is, and counted
+in the time of a way."""
 
 from __future__ import annotations
 
@@ -18,7 +19,11 @@ from navcore.robot.profile import HUSKY
 
 RULES = LocalPlannerConfig()
 SLOW = Zone(
-    id="s", name="s", polygon=((2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (2.0, 2.0)), kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.25
+    id="s",
+    name="s",
+    polygon=((2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (2.0, 2.0)),
+    kind=ZoneKind.SPEED_LIMIT,
+    max_speed_mps=0.25,
 )
 
 
@@ -28,7 +33,12 @@ def at(x_m: float, y_m: float = 0.0, yaw_rad: float = 0.0) -> Pose2:
 
 def test_the_limit_holds_while_any_part_of_the_footprint_touches_the_zone() -> None:
     nose = 2.0 - HUSKY.length_m / 2
-    for pose in (at(3.0), at(nose + 0.01), at(4.0 + HUSKY.length_m / 2 - 0.01), at(3.0, 2.0 + HUSKY.width_m / 2 - 0.01)):
+    for pose in (
+        at(3.0),
+        at(nose + 0.01),
+        at(4.0 + HUSKY.length_m / 2 - 0.01),
+        at(3.0, 2.0 + HUSKY.width_m / 2 - 0.01),
+    ):
         assert allowed_speed_mps([SLOW], pose, 0.25, HUSKY, RULES) == 0.25
     assert allowed_speed_mps([SLOW], at(nose - 0.5), 0.25, HUSKY, RULES) > 0.25
     for free in (
@@ -39,7 +49,8 @@ def test_the_limit_holds_while_any_part_of_the_footprint_touches_the_zone() -> N
 
 
 def test_a_robot_that_obeys_is_slow_enough_when_it_comes_to_the_zone() -> None:
-    """Simulated with the lag and the deceleration that speeds are planned with; without looking ahead it would be too fast."""
+    """Simulated with the lag and the deceleration that speeds are planned with; without looking
+    ahead it would be too fast."""
     x_m, speed, obeyed = 0.0, 1.0, [1.0] * round(LAG_S / 0.01)
     while x_m + HUSKY.length_m / 2 < 2.0:
         obeyed.append(min(1.0, allowed_speed_mps([SLOW], at(x_m), speed, HUSKY, RULES)))
@@ -49,9 +60,16 @@ def test_a_robot_that_obeys_is_slow_enough_when_it_comes_to_the_zone() -> None:
 
 
 def test_a_slowed_motion_keeps_its_arc_and_a_turn_in_place_its_rate() -> None:
-    motion = slowed(Motion(twist=Twist(v_mps=1.0, w_radps=0.4), outcome=ControllerState.FOLLOW), 0.25)
+    motion = slowed(
+        Motion(twist=Twist(v_mps=1.0, w_radps=0.4), outcome=ControllerState.FOLLOW), 0.25
+    )
     assert motion.twist.v_mps == 0.25 and motion.twist.w_radps == pytest.approx(0.1)
-    assert slowed(Motion(twist=Twist(v_mps=-1.0, w_radps=0.0), outcome=ControllerState.BACK), 0.25).twist.v_mps == -0.25
+    assert (
+        slowed(
+            Motion(twist=Twist(v_mps=-1.0, w_radps=0.0), outcome=ControllerState.BACK), 0.25
+        ).twist.v_mps
+        == -0.25
+    )
     turn = Motion(twist=Twist(v_mps=0.0, w_radps=0.9), outcome=ControllerState.TURN)
     assert slowed(turn, 0.25) is turn
 

@@ -17,7 +17,10 @@ SPEC = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
 
 
 def zones_of(mask: BoolGrid) -> list[Zone]:
-    return [Zone(id=str(i), name="z", polygon=check_polygon(ring, SPEC)) for i, ring in enumerate(polygons_of(mask, SPEC))]
+    return [
+        Zone(id=str(i), name="z", polygon=check_polygon(ring, SPEC))
+        for i, ring in enumerate(polygons_of(mask, SPEC))
+    ]
 
 
 @law(25)
@@ -42,7 +45,10 @@ def test_the_floor_within_a_fence_stays_free() -> None:
 
 def test_the_mask_holds_margins_and_neither_limits_nor_what_is_off() -> None:
     square = ((0.0, 0.0), (0.3, 0.0), (0.3, 0.3), (0.0, 0.3))
-    plain, wide = Zone(id="a", name="a", polygon=square), Zone(id="b", name="b", polygon=square, margin_m=0.1)
+    plain, wide = (
+        Zone(id="a", name="a", polygon=square),
+        Zone(id="b", name="b", polygon=square, margin_m=0.1),
+    )
     slow = Zone(id="c", name="c", polygon=square, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)
     off = Zone(id="d", name="d", polygon=square, enabled=False)
     assert 0 < closed_cells([plain], SPEC).sum() < closed_cells([wide], SPEC).sum()
@@ -66,7 +72,10 @@ def test_a_comb_becomes_zones_however_it_lies_and_a_finer_one_is_refused(across:
         return np.ascontiguousarray(mask.T if across else mask), spec
 
     mask, spec = comb(520, 2)
-    zones = [Zone(id=str(i), name="z", polygon=check_polygon(ring, spec)) for i, ring in enumerate(polygons_of(mask, spec))]
+    zones = [
+        Zone(id=str(i), name="z", polygon=check_polygon(ring, spec))
+        for i, ring in enumerate(polygons_of(mask, spec))
+    ]
     assert 1 < len(zones) < 20
     np.testing.assert_array_equal(closed_cells(zones, spec), mask)
     dense = np.zeros((160, 160), dtype=np.bool_)

@@ -34,7 +34,10 @@ def test_ground_and_swamp_can_be_entered_and_all_else_cannot(tmp_path: Path, end
         ("", "line 1: expected 'type' and a value, got the end of the file"),
         ("type tile\n", "line 1: expected 'type octile', got 'type tile'"),
         ("type octile\nwidth 7\n", "line 2: expected 'height' and a value, got 'width 7'"),
-        ("type octile\nheight -2\n", "line 2: height: expected a whole number of at least 0, got '-2'"),
+        (
+            "type octile\nheight -2\n",
+            "line 2: height: expected a whole number of at least 0, got '-2'",
+        ),
         ("type octile\nheight 0\nwidth 7\nmap\n", "line 2: height 0 is out of range"),
         ("type octile\nheight 99999999\nwidth 7\nmap\n", "line 2: height 99999999 is out of range"),
         ("type octile\nheight 60000\nwidth 60000\nmap\n", "60000 × 60000 cells"),
@@ -70,14 +73,21 @@ def test_a_query_has_its_columns_as_x_and_its_rows_as_y(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_query_that_is_wrong_is_refused_by_line_and_column(tmp_path: Path, text: str, words: str) -> None:
+def test_a_query_that_is_wrong_is_refused_by_line_and_column(
+    tmp_path: Path, text: str, words: str
+) -> None:
     with pytest.raises(BadConfiguration) as refusal:
         load_scenario(stored(tmp_path, text, "a.scen"))
     assert words in str(refusal.value)
 
 
-@pytest.mark.parametrize(("folder", "name"), [("dao", "arena2"), ("cities", "Berlin_0_1024"), ("random", "random512-35-0")])
-def test_published_queries_have_their_published_lengths_on_the_maps_read_here(folder: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("dao", "arena2"), ("cities", "Berlin_0_1024"), ("random", "random512-35-0")],
+)
+def test_published_queries_have_their_published_lengths_on_the_maps_read_here(
+    folder: str, name: str
+) -> None:
     blocked = load_map(map_data("movingai", folder, f"{name}.map"))
     queries = load_scenario(map_data("movingai", folder, f"{name}.map.scen"))
     for query in (queries[at] for at in np.linspace(0, len(queries) - 1, 4).astype(int)):

@@ -1,4 +1,5 @@
-"""Nav2 maps: what pixels mean, that nothing is lost on the way in and out, and that what is wrong is named."""
+"""Nav2 maps: what pixels mean, that nothing is lost on the way in and out, and that what is wrong
+is named."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ GOOD = {
 PIXELS = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 254, 254, 0])
 
 
-def written(folder: Path, changes: Mapping[str, str | None] | None = None, *, pixels: bytes = PIXELS) -> Path:
+def written(
+    folder: Path, changes: Mapping[str, str | None] | None = None, *, pixels: bytes = PIXELS
+) -> Path:
     """A map's two files; a key that is changed to None is left out."""
     values = {key: value for key, value in {**GOOD, **(changes or {})}.items() if value is not None}
     (folder / "hall.pgm").write_bytes(pixels)
@@ -45,7 +48,9 @@ def written(folder: Path, changes: Mapping[str, str | None] | None = None, *, pi
 
 def test_the_top_row_of_the_picture_is_the_largest_y(tmp_path: Path) -> None:
     nav2_map = load(written(tmp_path))
-    assert nav2_map.spec == GridSpec(resolution_m=0.05, rows=2, cols=3, origin_x_m=-1.5, origin_y_m=2.0)
+    assert nav2_map.spec == GridSpec(
+        resolution_m=0.05, rows=2, cols=3, origin_x_m=-1.5, origin_y_m=2.0
+    )
     assert nav2_map.states().tolist() == [[0, 0, 1], [1, 2, 0]]
     assert nav2_map.cells(State.OCCUPIED)[nav2_map.spec.cell(-1.49, 2.09)]
     assert nav2_map.cells(State.OCCUPIED)[nav2_map.spec.cell(-1.36, 2.01)]
@@ -68,17 +73,25 @@ def test_the_top_row_of_the_picture_is_the_largest_y(tmp_path: Path) -> None:
 def test_the_mode_and_the_thresholds_decide_what_a_shade_means(
     tmp_path: Path, changes: dict[str, str | None], states: list[list[int]]
 ) -> None:
-    """In raw mode 0 to 100 are per cent: 0 is free, 66 and 100 are above 65 %, the others are no percentage."""
+    """In raw mode 0 to 100 are per cent: 0 is free, 66 and 100 are above 65 %, the others are no
+    percentage."""
     image = b"P5\n6 1\n255\n" + bytes([0, 66, 100, 205, 206, 255])
     assert load(written(tmp_path, changes, pixels=image)).states().tolist() == states
 
 
 def test_opacity_counts_as_a_colour_in_trinary_and_makes_unknown_in_scale() -> None:
-    pixels = np.array([[[0, 0, 0, 255], [0, 0, 0, 0], [255, 255, 255, 255], [255, 255, 255, 0]]], dtype=np.uint8)
+    pixels = np.array(
+        [[[0, 0, 0, 255], [0, 0, 0, 0], [255, 255, 255, 255], [255, 255, 255, 0]]], dtype=np.uint8
+    )
 
     def states(mode: Mode) -> list[int]:
         about = Description(resolution_m=1.0, origin_x_m=0.0, origin_y_m=0.0, mode=mode)
-        return [int(state) for state in Nav2Map(description=about, image=MapImage(pixels=pixels, white=255)).states()[0]]
+        return [
+            int(state)
+            for state in Nav2Map(
+                description=about, image=MapImage(pixels=pixels, white=255)
+            ).states()[0]
+        ]
 
     assert states(Mode.TRINARY) == [State.OCCUPIED, State.OCCUPIED, State.FREE, State.UNKNOWN]
     assert states(Mode.SCALE) == [State.OCCUPIED, State.UNKNOWN, State.FREE, State.UNKNOWN]
@@ -92,7 +105,9 @@ def images(draw: st.DrawFn) -> MapImage:
     if channels > 1:
         shape, white = (*shape, channels), 65535 if white > 255 else 255
     values = np.random.default_rng(draw(st.integers(0, 2**32 - 1))).integers(0, white + 1, shape)
-    return MapImage(pixels=values.astype(np.uint8) if white < 256 else values.astype(np.uint16), white=white)
+    return MapImage(
+        pixels=values.astype(np.uint8) if white < 256 else values.astype(np.uint16), white=white
+    )
 
 
 @st.composite
@@ -119,7 +134,10 @@ def test_a_map_comes_back_as_it_went_out_number_by_number_and_pixel_by_pixel(
     picture = save(nav2_map, folder / "a map: 1.yaml")
     again = load(folder / "a map: 1.yaml")
     assert again.description == nav2_map.description
-    assert (again.image.white, again.image.pixels.dtype) == (nav2_map.image.white, nav2_map.image.pixels.dtype)
+    assert (again.image.white, again.image.pixels.dtype) == (
+        nav2_map.image.white,
+        nav2_map.image.pixels.dtype,
+    )
     np.testing.assert_array_equal(again.image.pixels, nav2_map.image.pixels)
     np.testing.assert_array_equal(again.states(), nav2_map.states())
     text, data = (folder / "a map: 1.yaml").read_bytes(), picture.read_bytes()
@@ -129,7 +147,12 @@ def test_a_map_comes_back_as_it_went_out_number_by_number_and_pixel_by_pixel(
 
 @law(60)
 @given(
-    st.builds(Description, resolution_m=st.floats(1e-3, 100), origin_x_m=st.floats(-1e6, 1e6), origin_y_m=st.floats(-1e6, 1e6))
+    st.builds(
+        Description,
+        resolution_m=st.floats(1e-3, 100),
+        origin_x_m=st.floats(-1e6, 1e6),
+        origin_y_m=st.floats(-1e6, 1e6),
+    )
 )
 def test_what_is_written_is_numbers_to_other_readers_of_yaml_too(about: Description) -> None:
     assert yaml.safe_load(yaml_text(about, "on")) == {
@@ -145,8 +168,13 @@ def test_what_is_written_is_numbers_to_other_readers_of_yaml_too(about: Descript
 
 @law(60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 9), st.integers(1, 9))
-def test_a_drawn_map_says_of_every_cell_what_it_was_drawn_for(seed: int, rows: int, cols: int) -> None:
-    rng, spec = np.random.default_rng(seed), GridSpec(resolution_m=0.1, rows=rows, cols=cols, origin_x_m=-3, origin_y_m=1.5)
+def test_a_drawn_map_says_of_every_cell_what_it_was_drawn_for(
+    seed: int, rows: int, cols: int
+) -> None:
+    rng, spec = (
+        np.random.default_rng(seed),
+        GridSpec(resolution_m=0.1, rows=rows, cols=cols, origin_x_m=-3, origin_y_m=1.5),
+    )
     occupied, known = rng.random((2, rows, cols)) < 0.5
     made = drawn(occupied=occupied, known=known, spec=spec)
     assert made.spec == spec
@@ -190,11 +218,16 @@ def test_a_plain_pgm_with_remarks_is_the_same_picture_as_a_binary_one() -> None:
         ({"free_thresh": "0.7"}, "hall.yaml.free_thresh: 0.7 must be below occupied_thresh"),
         ({"resolution": "0.05\nresolution: 0.1"}, "hall.yaml.resolution: given twice"),
         ({"resolution": "[" * 5000}, "not readable as YAML"),
-        ({"resolution": "!!python/object/apply:os.getcwd []"}, "hall.yaml.resolution: expected one value"),
+        (
+            {"resolution": "!!python/object/apply:os.getcwd []"},
+            "hall.yaml.resolution: expected one value",
+        ),
         ({"resolution": "0.05\n? [a, b]\n: 1"}, "unknown key '(a list or table)'"),
     ],
 )
-def test_a_field_that_is_wrong_is_refused_by_name(tmp_path: Path, changes: dict[str, str | None], words: str) -> None:
+def test_a_field_that_is_wrong_is_refused_by_name(
+    tmp_path: Path, changes: dict[str, str | None], words: str
+) -> None:
     with pytest.raises(BadConfiguration) as refusal:
         load(written(tmp_path, changes))
     assert words in str(refusal.value)
@@ -209,7 +242,9 @@ def test_a_picture_below_the_folder_or_named_in_full_is_taken(tmp_path: Path) ->
         assert load(written(tmp_path, {"image": name})).spec.rows == 2
 
 
-@pytest.mark.parametrize("text", [b"", b"a", b"- 1", b"\xff\xfe", b"a: b: c", b"&a [*a]", b"x" * (1 << 17)])
+@pytest.mark.parametrize(
+    "text", [b"", b"a", b"- 1", b"\xff\xfe", b"a: b: c", b"&a [*a]", b"x" * (1 << 17)]
+)
 def test_a_file_that_is_no_yaml_of_a_map_is_refused(tmp_path: Path, text: bytes) -> None:
     (tmp_path / "m.yaml").write_bytes(text)
     with pytest.raises(BadConfiguration, match=r"m\.yaml"):
@@ -220,7 +255,9 @@ def png(rows: int, cols: int) -> bytes:
     """A whole PNG that promises so many pixels and holds none."""
     head, parts = struct.pack(">IIBBBBB", cols, rows, 8, 0, 0, 0, 0), []
     for kind, body in ((b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")):
-        parts.append(struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)))
+        parts.append(
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        )
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -254,8 +291,15 @@ def test_a_picture_that_is_torn_damaged_or_huge_is_refused(data: bytes, words: s
 
 
 @law(150)
-@given(st.sampled_from([encode(MapImage(pixels=np.arange(48, dtype=np.uint8).reshape(4, 4, 3), white=255)), PIXELS]), st.data())
-def test_no_damage_to_a_picture_ends_in_anything_but_a_picture_or_a_refusal(whole: bytes, data: st.DataObject) -> None:
+@given(
+    st.sampled_from(
+        [encode(MapImage(pixels=np.arange(48, dtype=np.uint8).reshape(4, 4, 3), white=255)), PIXELS]
+    ),
+    st.data(),
+)
+def test_no_damage_to_a_picture_ends_in_anything_but_a_picture_or_a_refusal(
+    whole: bytes, data: st.DataObject
+) -> None:
     bent = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 3))):
         bent[data.draw(st.integers(0, len(bent) - 1))] = data.draw(st.integers(0, 255))
@@ -268,13 +312,18 @@ def test_no_damage_to_a_picture_ends_in_anything_but_a_picture_or_a_refusal(whol
 def test_grey_pictures_of_few_bits_and_16_bits_are_read_as_opencv_writes_them() -> None:
     deep = np.array([[0, 65535], [40000, 1]], dtype=np.uint16)
     assert decode(cv2.imencode(".png", deep)[1].tobytes(), "deep").pixels.tolist() == deep.tolist()
-    one_bit = cv2.imencode(".png", np.array([[0, 255]], dtype=np.uint8), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes()
+    one_bit = cv2.imencode(
+        ".png", np.array([[0, 255]], dtype=np.uint8), [cv2.IMWRITE_PNG_BILEVEL, 1]
+    )[1].tobytes()
     assert decode(one_bit, "bits").pixels.tolist() == [[0, 255]]
 
 
 @pytest.mark.parametrize(("name", "inflated_by_m"), [("tb3_sandbox", 0.15), ("warehouse", 0.25)])
-def test_the_cells_of_published_robot_maps_lie_where_their_queries_say(name: str, inflated_by_m: float) -> None:
-    """The queries' grids are our cells, unknown ones included, grown by a distance, but for 23 cells of the warehouse."""
+def test_the_cells_of_published_robot_maps_lie_where_their_queries_say(
+    name: str, inflated_by_m: float
+) -> None:
+    """The queries' grids are our cells, unknown ones included, grown by a distance, but for 23
+    cells of the warehouse."""
     nav2_map = load(map_data("ros", f"{name}.yaml"))
     with np.load(map_data("ros", f"{name}_queries.npz")) as stored:
         rows, cols = (int(side) for side in stored["shape"])

@@ -19,7 +19,9 @@ def test_points_at_stations_are_those_that_numpy_interpolates(seed: int, corners
     line = generator.uniform(-3, 3, (corners, 2))
     line = np.repeat(line, generator.integers(1, 3, corners), axis=0)  # a corner may come twice
     metres = metres_along(line)
-    np.testing.assert_array_equal(metres, np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))]))
+    np.testing.assert_array_equal(
+        metres, np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    )
     stations = np.sort(np.concatenate([generator.uniform(-1, metres[-1] + 1, 20), metres]))
     expected = np.column_stack([np.interp(stations, metres, line[:, axis]) for axis in (0, 1)])
     np.testing.assert_allclose(points_at(line, metres, stations), expected, rtol=0, atol=1e-12)

@@ -27,7 +27,9 @@ def grids(draw: st.DrawFn, sides: st.SearchStrategy[int] = SIDES) -> BoolGrid:
     return blocked
 
 
-def some_cells(generator: np.random.Generator, shape: tuple[int, int], most: int) -> npt.NDArray[np.int64]:
+def some_cells(
+    generator: np.random.Generator, shape: tuple[int, int], most: int
+) -> npt.NDArray[np.int64]:
     """(N, 2) up to `most` cells anywhere on the grid."""
     count = int(generator.integers(0, most + 1))
     return np.column_stack([generator.integers(0, side, count) for side in shape])

@@ -39,7 +39,9 @@ def test_unpacking_a_packed_grid_gives_the_grid(mask: BoolGrid) -> None:
 @law(60)
 @given(grids())
 def test_the_transposed_plane_is_the_plane_of_the_transposed_grid(mask: BoolGrid) -> None:
-    plane, turned, expected = (empty_plane(*shape) for shape in (mask.shape, mask.T.shape, mask.T.shape))
+    plane, turned, expected = (
+        empty_plane(*shape) for shape in (mask.shape, mask.T.shape, mask.T.shape)
+    )
     pack(mask, plane)
     transpose(plane, turned)
     pack(mask.T, expected)

@@ -20,7 +20,9 @@ def test_a_mask_and_every_window_of_it_equal_the_grid(seed: int, rows: int, cols
     np.testing.assert_array_equal(mask.bools, grid)
     top, bottom = np.sort(rng.integers(0, rows + 1, 2))
     left, right = np.sort(rng.integers(0, cols + 1, 2))
-    np.testing.assert_array_equal(mask.window(top, left, bottom, right), grid[top:bottom, left:right])
+    np.testing.assert_array_equal(
+        mask.window(top, left, bottom, right), grid[top:bottom, left:right]
+    )
 
 
 def test_a_mask_cannot_be_written_to_and_does_not_follow_what_it_was_copied_from() -> None:

@@ -1,4 +1,5 @@
-"""Floods on packed bits reach what OpenCV says is connected, and the cells beside are those one straight step away."""
+"""Floods on packed bits reach what OpenCV says is connected, and the cells beside are those one
+straight step away."""
 
 from __future__ import annotations
 

@@ -8,7 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid.bitplane import PAD
-from navcore.grid.free_space import AHEAD, DEAD_END_AHEAD, FREE, SQUARE, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.free_space import (
+    AHEAD,
+    DEAD_END_AHEAD,
+    FREE,
+    SQUARE,
+    VAIN_BACK,
+    FreeSpace,
+    look_along,
+)
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids, some_cells
 from tests.navcore.laws import law
@@ -19,14 +27,20 @@ SEEDS = st.integers(0, 2**32 - 1)
 def assert_same_space(space: FreeSpace, other: FreeSpace) -> None:
     """Equal wherever a search looks."""
     rows, cols = slice(PAD, PAD + space.rows), slice(PAD, PAD + space.cols)
-    np.testing.assert_array_equal(space.across[:DEAD_END_AHEAD, rows], other.across[:DEAD_END_AHEAD, rows])
-    np.testing.assert_array_equal(space.along[:DEAD_END_AHEAD, cols], other.along[:DEAD_END_AHEAD, cols])
+    np.testing.assert_array_equal(
+        space.across[:DEAD_END_AHEAD, rows], other.across[:DEAD_END_AHEAD, rows]
+    )
+    np.testing.assert_array_equal(
+        space.along[:DEAD_END_AHEAD, cols], other.along[:DEAD_END_AHEAD, cols]
+    )
     np.testing.assert_array_equal(space.across[SQUARE], other.across[SQUARE])
 
 
 @law(60)
 @given(grids(), SEEDS)
-def test_a_space_that_follows_changed_cells_equals_one_made_anew(blocked: BoolGrid, seed: int) -> None:
+def test_a_space_that_follows_changed_cells_equals_one_made_anew(
+    blocked: BoolGrid, seed: int
+) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     for _ in range(4):
         cells, block = some_cells(generator, blocked.shape, 30), bool(generator.random() < 0.5)
@@ -38,7 +52,9 @@ def test_a_space_that_follows_changed_cells_equals_one_made_anew(blocked: BoolGr
 
 @law(60)
 @given(grids(), SEEDS)
-def test_a_space_that_follows_a_changed_grid_equals_one_made_anew(blocked: BoolGrid, seed: int) -> None:
+def test_a_space_that_follows_a_changed_grid_equals_one_made_anew(
+    blocked: BoolGrid, seed: int
+) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     for share in (0.5, 0.001, 0.01):
         blocked ^= generator.random(blocked.shape) < share
@@ -80,7 +96,9 @@ def one_cell(shape: tuple[int, int], row: int, col: int) -> BoolGrid:
     return mask
 
 
-def ends_at_a_jump_point(space: FreeSpace, blocked: BoolGrid, row: int, col: int, step: int) -> bool:
+def ends_at_a_jump_point(
+    space: FreeSpace, blocked: BoolGrid, row: int, col: int, step: int
+) -> bool:
     """By walking the row cell by cell."""
     free = np.pad(~blocked, 1)
     at, row = col + 1, row + 1
@@ -94,7 +112,9 @@ def ends_at_a_jump_point(space: FreeSpace, blocked: BoolGrid, row: int, col: int
 
 @law(40)
 @given(grids(st.integers(1, 70)))
-def test_a_walk_is_in_vain_where_walking_it_cell_by_cell_meets_an_obstacle_first(blocked: BoolGrid) -> None:
+def test_a_walk_is_in_vain_where_walking_it_cell_by_cell_meets_an_obstacle_first(
+    blocked: BoolGrid,
+) -> None:
     space = FreeSpace.of(blocked)
     row = blocked.shape[0] // 2
     look_along(space.across, row + PAD)

@@ -15,7 +15,9 @@ from tests.navcore.grid.random_grids import grids, some_cells
 from tests.navcore.grid.test_free_space import assert_same_space
 from tests.navcore.laws import law
 
-RADII = st.lists(st.one_of(st.integers(0, 12), st.integers(60, 70)), min_size=1, max_size=3, unique=True)
+RADII = st.lists(
+    st.one_of(st.integers(0, 12), st.integers(60, 70)), min_size=1, max_size=3, unique=True
+)
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -51,7 +53,9 @@ def test_layers_that_follow_changed_grids_block_what_full_inflation_blocks(
     generator, grid = np.random.default_rng(seed), InflatedGrid(*first.shape)
     masks = {radius: first & (generator.random(first.shape) < 0.05) for radius in radii}
     for share in (0.0, 0.0005, 0.002):
-        masks = {radius: mask ^ (generator.random(first.shape) < share) for radius, mask in masks.items()}
+        masks = {
+            radius: mask ^ (generator.random(first.shape) < share) for radius, mask in masks.items()
+        }
         grid.update(masks)
         np.testing.assert_array_equal(grid.space.blocked(), fully_inflated(masks))
     assert_same_space(grid.space, FreeSpace.of(fully_inflated(masks)))
@@ -96,4 +100,6 @@ def test_inflating_packed_cells_once_gives_the_same(mask: BoolGrid, radii: list[
         pack(cells, planes[radius])
     made = inflated(planes, *mask.shape)
     np.testing.assert_array_equal(unpack(made, *mask.shape), fully_inflated(masks))
-    assert int(np.bitwise_count(made).sum()) == int(fully_inflated(masks).sum()), "the padding is empty"
+    assert int(np.bitwise_count(made).sum()) == int(fully_inflated(masks).sum()), (
+        "the padding is empty"
+    )

@@ -1,4 +1,5 @@
-"""One computing thread: networks this small gain nothing from a second, and on a busy machine threads wait for each other."""
+"""One computing thread: networks this small gain nothing from a second, and on a busy machine
+threads wait for each other."""
 
 from __future__ import annotations
 

@@ -46,5 +46,11 @@ def data_set(folder: Path, *, train: int = 8, valid: int = 3, test: int = 2) -> 
 
 def tiny_recipe(**changes: object) -> Recipe:
     """The smallest network on 64×64 pictures, in float32."""
-    told = {"width": 0.125, "size": Size(height=SIDE, width=SIDE), "epochs": 3, "batch": 4, "precision": "float32"}
+    told = {
+        "width": 0.125,
+        "size": Size(height=SIDE, width=SIDE),
+        "epochs": 3,
+        "batch": 4,
+        "precision": "float32",
+    }
     return Recipe(**{**told, **changes})  # type: ignore[arg-type]

@@ -1,4 +1,5 @@
-"""Class offsets undo a skew that is constant a class and never make their split worse; a temperature undoes false certainty."""
+"""Class offsets undo a skew that is constant a class and never make their split worse; a
+temperature undoes false certainty."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ from tests.navcore.learning.made import data_set
 
 def score(logits: np.ndarray, classes: np.ndarray, weights: np.ndarray) -> float:
     repeated = np.repeat(np.arange(len(classes)), weights.astype(int))
-    return mean_iou(confusion_matrix(classes[repeated] + 1, logits.argmax(axis=1)[repeated], logits.shape[1]))
+    return mean_iou(
+        confusion_matrix(classes[repeated] + 1, logits.argmax(axis=1)[repeated], logits.shape[1])
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -59,10 +62,15 @@ def test_what_is_calibrated_names_the_same_classes_less_surely(tmp_path: Path) -
     network = build("r18-nbt1d", 2, width=0.125).eval()
     with torch.no_grad():
         network.decoder.upsample2.conv.weight *= 50.0  # wrong as often as right, and sure of it
-    pictures, looking = Pictures(dataset, "valid", cache_mb=1), Looking(size=Size(height=64, width=64))
+    pictures, looking = (
+        Pictures(dataset, "valid", cache_mb=1),
+        Looking(size=Size(height=64, width=64)),
+    )
     batch = plain_batch([pictures[0]], looking.size, dataset.card.depth)
     before = logits_of(network, batch, looking)
     offsets, temperature = calibrate(network, pictures, looking)
     assert temperature > 1.5
     shifted = before + torch.from_numpy(offsets).float()[None, :, None, None]
-    torch.testing.assert_close(logits_of(network, batch, looking), shifted / temperature, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(
+        logits_of(network, batch, looking), shifted / temperature, rtol=1e-4, atol=1e-4
+    )

@@ -1,4 +1,5 @@
-"""Data sets on the disk: what is written is read back, what is damaged or leads astray is refused by name."""
+"""Data sets on the disk: what is written is read back, what is damaged or leads astray is refused
+by name."""
 
 from __future__ import annotations
 
@@ -13,15 +14,28 @@ import pytest
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import KINDS
 from navcore.learning.data.dataset import DatasetWriter, load_dataset, measure_depth
-from navcore.learning.data.images import MAX_SIDE_PX, decode_rgb, picture_size, read_labels, write_rgb
+from navcore.learning.data.images import (
+    MAX_SIDE_PX,
+    decode_rgb,
+    picture_size,
+    read_labels,
+    write_rgb,
+)
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from tests.navcore.learning.made import NAMES, data_set, sample
 
 
 def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d", train=3, valid=0, test=2)
-    assert (len(dataset), dataset.count("train"), dataset.count("valid"), dataset.count("test")) == (5, 3, 0, 2)
-    for index, (split, at) in enumerate([("train", 0), ("train", 1), ("train", 2), ("test", 0), ("test", 1)], start=1):
+    assert (
+        len(dataset),
+        dataset.count("train"),
+        dataset.count("valid"),
+        dataset.count("test"),
+    ) == (5, 3, 0, 2)
+    for index, (split, at) in enumerate(
+        [("train", 0), ("train", 1), ("train", 2), ("test", 0), ("test", 1)], start=1
+    ):
         assert split in ("train", "test")
         read, made = dataset.read("train" if split == "train" else "test", at), sample(index)
         np.testing.assert_array_equal(read.rgb, made.rgb)
@@ -46,7 +60,9 @@ def test_the_lists_are_those_the_official_code_reads(tmp_path: Path) -> None:
     """As src/datasets/sunrgbd there: cv2.imread, np.load, one relative path per line."""
     folder = tmp_path / "d"
     data_set(folder, train=2, valid=0, test=1)
-    rgb, depth, labels = ((folder / f"train_{kind}.txt").read_text().splitlines()[1] for kind in KINDS)
+    rgb, depth, labels = (
+        (folder / f"train_{kind}.txt").read_text().splitlines()[1] for kind in KINDS
+    )
     made = sample(2)
     colours = np.asarray(cv2.imread(str(folder / rgb), cv2.IMREAD_UNCHANGED))
     np.testing.assert_array_equal(colours[..., ::-1], made.rgb)
@@ -60,7 +76,11 @@ def test_without_a_card_names_and_statistics_must_be_told(tmp_path: Path) -> Non
     with pytest.raises(BadConfiguration, match="class names"):
         load_dataset(tmp_path / "d")
     again = load_dataset(tmp_path / "d", class_names=NAMES, depth=told.depth)
-    assert (again.card.class_names, again.card.depth, again.card.counts) == (NAMES, told.depth, told.counts)
+    assert (again.card.class_names, again.card.depth, again.card.counts) == (
+        NAMES,
+        told.depth,
+        told.counts,
+    )
 
 
 def test_jpeg_keeps_the_colours_nearly(tmp_path: Path) -> None:
@@ -83,11 +103,15 @@ def test_half_a_data_set_is_none(tmp_path: Path) -> None:
         writer.add("train", "b", one.rgb, one.depth, one.labels)
 
 
-@pytest.mark.parametrize("name", ["", "../a", "a/b", "/a", ".hidden", "a\0b", "ä", "x" * 101, "a\n"])
+@pytest.mark.parametrize(
+    "name", ["", "../a", "a/b", "/a", ".hidden", "a\0b", "ä", "x" * 101, "a\n"]
+)
 def test_unsafe_names_are_refused(name: str, tmp_path: Path) -> None:
     one = sample(1)
     with pytest.raises(BadConfiguration, match="is no name"):
-        DatasetWriter(tmp_path, class_names=NAMES).add("train", name, one.rgb, one.depth, one.labels)
+        DatasetWriter(tmp_path, class_names=NAMES).add(
+            "train", name, one.rgb, one.depth, one.labels
+        )
 
 
 def test_the_writer_refuses_what_does_not_fit(tmp_path: Path) -> None:
@@ -113,7 +137,9 @@ def test_class_names_are_unique_and_not_too_many(names: tuple[str, ...], tmp_pat
         DatasetWriter(tmp_path, class_names=names)
 
 
-@pytest.mark.parametrize("path", ["../outside.png", "/etc/passwd", "train/../../x", "", "link.png", "a\0b"])
+@pytest.mark.parametrize(
+    "path", ["../outside.png", "/etc/passwd", "train/../../x", "", "link.png", "a\0b"]
+)
 def test_a_list_cannot_lead_out_of_the_folder(path: str, tmp_path: Path) -> None:
     folder = tmp_path / "d"
     data_set(folder, train=1, valid=0, test=0)
@@ -150,7 +176,9 @@ def test_lists_that_do_not_match_are_refused(tmp_path: Path) -> None:
         ({"source": "a text"}, "source"),
     ],
 )
-def test_a_card_that_does_not_fit_is_refused(change: dict[str, object], text: str, tmp_path: Path) -> None:
+def test_a_card_that_does_not_fit_is_refused(
+    change: dict[str, object], text: str, tmp_path: Path
+) -> None:
     data_set(tmp_path / "d")
     path = tmp_path / "d" / "dataset.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
@@ -183,7 +211,9 @@ def test_labels_are_never_unpickled_and_never_believed_to_be_huge(tmp_path: Path
     with pytest.raises(BadConfiguration, match="whole numbers"):
         read_labels(path)
     with path.open("wb") as file:
-        np.lib.format.write_array_header_1_0(file, {"descr": "|u1", "fortran_order": False, "shape": (10**9, 10**9)})
+        np.lib.format.write_array_header_1_0(
+            file, {"descr": "|u1", "fortran_order": False, "shape": (10**9, 10**9)}
+        )
     with pytest.raises(BadConfiguration, match="whole numbers"):
         read_labels(path)
     np.save(path, np.array([[300]], dtype=np.int64))

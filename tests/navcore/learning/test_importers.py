@@ -1,4 +1,5 @@
-"""Imports: what people drew in CVAT and labelme comes out as labels; archives and paths that mean harm are refused."""
+"""Imports: what people drew in CVAT and labelme comes out as labels; archives and paths that mean
+harm are refused."""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ def archive(path: Path, **changes: bytes | None) -> Path:
         "JPEGImages/room/a.png": png(RGB),
         "ImageSets/Segmentation/val.txt": b"room/a\n",
     }
-    replaced = {key.replace("__", "/").replace("_dot_", "."): value for key, value in changes.items()}
+    replaced = {
+        key.replace("__", "/").replace("_dot_", "."): value for key, value in changes.items()
+    }
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         for name, content in {**entries, **replaced}.items():
             if content is not None:
@@ -97,7 +100,10 @@ def test_cvat_pictures_may_lie_elsewhere(tmp_path: Path, depth_dir: Path) -> Non
         ({"labelmap_dot_txt": b"book:1,2,3::\ncup:1,2,3::\n"}, "two labels one colour"),
         ({"labelmap_dot_txt": b"\xff\xfe"}, "not UTF-8"),
         ({"labelmap_dot_txt": b"background:0,0,0::\n"}, "names 0 classes"),
-        ({"labelmap_dot_txt": b"background:0,0,0::\nbook:200,10,20::\n"}, "colour 0,90,0 is not in labelmap.txt"),
+        (
+            {"labelmap_dot_txt": b"background:0,0,0::\nbook:200,10,20::\n"},
+            "colour 0,90,0 is not in labelmap.txt",
+        ),
         ({"SegmentationClass__room__a_dot_png": None}, "no mask"),
         ({"SegmentationClass__room__a_dot_png": b"text"}, "neither PNG nor JPEG"),
         ({"JPEGImages__room__a_dot_png": png(RGB[1:])}, "sizes differ"),
@@ -115,7 +121,9 @@ def test_archives_that_do_not_fit_are_refused_by_name(
     assert "a.zip" in str(refused.value)
 
 
-def test_what_unpacks_to_too_much_is_refused(tmp_path: Path, depth_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_unpacks_to_too_much_is_refused(
+    tmp_path: Path, depth_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(imports, "MAX_FILE_BYTES", 10_000)
     bomb = archive(tmp_path / "a.zip", SegmentationClass__room__a_dot_png=b"\0" * 1_000_000)
     assert bomb.stat().st_size < 10_000
@@ -138,7 +146,11 @@ def test_a_damaged_archive_or_a_missing_depth_is_refused(tmp_path: Path, depth_d
 def labelme(folder: Path, **changes: object) -> Path:
     document = {
         "shapes": [
-            {"label": "cup", "points": [[4.0, 2.0], [9.0, 2.0], [9.0, 8.0], [4.0, 8.0]], "shape_type": "polygon"},
+            {
+                "label": "cup",
+                "points": [[4.0, 2.0], [9.0, 2.0], [9.0, 8.0], [4.0, 8.0]],
+                "shape_type": "polygon",
+            },
             {"label": "book", "points": [[12, 3], [18, 9]], "shape_type": "rectangle"},
             {"label": "book", "points": [[6, 4], [7, 4], [7, 5]]},
         ],
@@ -171,12 +183,18 @@ def test_labelme_polygons_become_labels(inside: bool, tmp_path: Path) -> None:
     assert (labels[12:] == 0).all()
 
 
-def test_what_nobody_drew_on_can_be_a_class_in_labelme_too_and_a_drawn_background_is_one(tmp_path: Path) -> None:
+def test_what_nobody_drew_on_can_be_a_class_in_labelme_too_and_a_drawn_background_is_one(
+    tmp_path: Path,
+) -> None:
     folder = labelme(tmp_path / "l")
     source = LabelmeFolder(folder, depth_dir=folder, keep_background=True)
     assert source.class_names == ("background", "book", "cup")
     (one,) = source
-    assert (one.sample.labels[3, 4], one.sample.labels[4, 14], one.sample.labels[15, 0]) == (3, 2, 1)
+    assert (one.sample.labels[3, 4], one.sample.labels[4, 14], one.sample.labels[15, 0]) == (
+        3,
+        2,
+        1,
+    )
     shape = {"label": "background", "points": [[0, 12], [20, 19]], "shape_type": "rectangle"}
     drawn = labelme(tmp_path / "m", shapes=[shape])
     (one,) = LabelmeFolder(drawn, depth_dir=drawn, class_names=("cup", "background"))
@@ -185,7 +203,9 @@ def test_what_nobody_drew_on_can_be_a_class_in_labelme_too_and_a_drawn_backgroun
 
 def test_the_classes_of_labelme_can_be_told(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
-    source = LabelmeFolder(folder, depth_dir=folder, class_names=("background", "cup", "book"), split="test")
+    source = LabelmeFolder(
+        folder, depth_dir=folder, class_names=("background", "cup", "book"), split="test"
+    )
     (one,) = source
     assert (one.split, one.sample.labels[2, 4], one.sample.labels[4, 14]) == ("test", 2, 3)
     with pytest.raises(BadConfiguration, match="book"):
@@ -204,10 +224,15 @@ def test_the_classes_of_labelme_can_be_told(tmp_path: Path) -> None:
         ({"shapes": [{"label": "a", "points": [[0, 0], [1, 1]]}]}, "expected a polygon"),
         ({"shapes": [{"label": "a", "points": [[0, 0], [1, 1], [1e9, 0]]}]}, "expected a polygon"),
         ({"shapes": [{"label": "a", "points": [[0, 0], [1, "x"], [2, 0]]}]}, "expected a polygon"),
-        ({"shapes": [{"label": "a", "points": [[0, 0], [5, 5]], "shape_type": "circle"}]}, "'circle'"),
+        (
+            {"shapes": [{"label": "a", "points": [[0, 0], [5, 5]], "shape_type": "circle"}]},
+            "'circle'",
+        ),
     ],
 )
-def test_labelme_files_that_do_not_fit_are_refused_by_name(changes: dict[str, object], text: str, tmp_path: Path) -> None:
+def test_labelme_files_that_do_not_fit_are_refused_by_name(
+    changes: dict[str, object], text: str, tmp_path: Path
+) -> None:
     folder = labelme(tmp_path / "l", **changes)
     with pytest.raises(BadConfiguration, match=text) as refused:
         list(LabelmeFolder(folder, depth_dir=folder))

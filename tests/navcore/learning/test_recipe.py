@@ -19,10 +19,14 @@ CARD = DatasetCard(class_names=("a",), depth=DepthStatistics(mean=1.0, std=1.0, 
 @pytest.mark.parametrize("epochs", [11, 20, 60, 500])
 def test_the_schedule_is_the_official_one(epochs: int) -> None:
     recipe = Recipe(batch=5)
-    optimiser = torch.optim.SGD([torch.nn.Parameter(torch.zeros(1))], lr=1.0, momentum=0.9, nesterov=True)
+    optimiser = torch.optim.SGD(
+        [torch.nn.Parameter(torch.zeros(1))], lr=1.0, momentum=0.9, nesterov=True
+    )
     largest = 0.01 * 5 / 8
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # torch wants optimiser.step() first, and there is none here
+        warnings.simplefilter(
+            "ignore"
+        )  # torch wants optimiser.step() first, and there is none here
         official = torch.optim.lr_scheduler.OneCycleLR(
             optimiser,
             max_lr=largest,
@@ -71,9 +75,16 @@ def test_a_recipe_that_cannot_be_is_refused_by_name(text: str, named: str, tmp_p
 
 def test_a_recipe_is_read_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "recipe.toml"
-    path.write_text('variant = "r34"\nsize = { height = 256, width = 320 }\naugmentation = { flip = 0 }\n')
+    path.write_text(
+        'variant = "r34"\nsize = { height = 256, width = 320 }\naugmentation = { flip = 0 }\n'
+    )
     recipe = load_recipe(path)
-    assert (recipe.variant, recipe.size.width, recipe.augmentation.flip, recipe.augmentation.scale) == (
+    assert (
+        recipe.variant,
+        recipe.size.width,
+        recipe.augmentation.flip,
+        recipe.augmentation.scale,
+    ) == (
         "r34",
         320,
         0,

@@ -1,4 +1,5 @@
-"""Training: it learns, it goes on after a kill as if nothing had happened, and several processes agree with one."""
+"""Training: it learns, it goes on after a kill as if nothing had happened, and several processes
+agree with one."""
 
 from __future__ import annotations
 
@@ -21,7 +22,11 @@ from navcore.learning.training.batches import Pictures, epoch_batches, training_
 from navcore.learning.training.checkpoint import Epoch, RunState
 from navcore.learning.training.evaluation import Looking, evaluate, predict
 from navcore.learning.training.initial_weights import fresh_network, taught_network
-from navcore.learning.training.metrics import confusion_matrix, count_pixels, median_frequency_weights
+from navcore.learning.training.metrics import (
+    confusion_matrix,
+    count_pixels,
+    median_frequency_weights,
+)
 from navcore.learning.training.recipe import Recipe, learning_rate, momentum
 from navcore.learning.training.trainer import (
     MODEL_NAME,
@@ -51,7 +56,9 @@ def same(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
 
 
 @pytest.mark.parametrize("averaging", [0.0, 0.9])
-def test_a_resumed_run_equals_the_uninterrupted_one_bit_for_bit(averaging: float, tmp_path: Path) -> None:
+def test_a_resumed_run_equals_the_uninterrupted_one_bit_for_bit(
+    averaging: float, tmp_path: Path
+) -> None:
     data_set(tmp_path / "d")
     recipe = tiny_recipe(averaging=averaging, schedule="batch")
     whole = begun(recipe, tmp_path / "d", tmp_path / "whole").run()
@@ -64,7 +71,9 @@ def test_a_resumed_run_equals_the_uninterrupted_one_bit_for_bit(averaging: float
     assert same(whole.average, resumed.average)
     assert whole.history == resumed.history
     assert (whole.best_epoch, whole.best_miou) == (resumed.best_epoch, resumed.best_miou)
-    kept = [weights.load(tmp_path / name / MODEL_NAME).network.state_dict() for name in ("whole", "cut")]
+    kept = [
+        weights.load(tmp_path / name / MODEL_NAME).network.state_dict() for name in ("whole", "cut")
+    ]
     assert same(*kept)
 
 
@@ -86,7 +95,12 @@ def test_it_learns_and_keeps_the_best_epoch(tmp_path: Path) -> None:
     confusion = evaluate(trained.network, pictures, Looking(size=training.recipe.size, batch=2))
     by_hand = np.zeros((2, 2), dtype=np.int64)
     for index in range(3):
-        (classes,) = predict(trained.network, [pictures[index]], Looking(size=training.recipe.size), trained.card.depth)
+        (classes,) = predict(
+            trained.network,
+            [pictures[index]],
+            Looking(size=training.recipe.size),
+            trained.card.depth,
+        )
         by_hand += confusion_matrix(pictures[index].labels, classes, 2)
     np.testing.assert_array_equal(confusion, by_hand)
 
@@ -96,7 +110,9 @@ def test_bfloat16_learns_nearly_the_same(tmp_path: Path) -> None:
     losses = []
     for bfloat16 in (False, True):
         surroundings = Surroundings(device=CPU, bfloat16=bfloat16)
-        state = begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / str(bfloat16), surroundings).run()
+        state = begun(
+            tiny_recipe(epochs=1), tmp_path / "d", tmp_path / str(bfloat16), surroundings
+        ).run()
         losses.append(state.history[0].loss)
         assert all(value.dtype != torch.bfloat16 for value in state.network.values())
     assert losses[1] == pytest.approx(losses[0], rel=0.05)
@@ -108,7 +124,9 @@ def test_the_jaccard_loss_counts_as_often_as_the_recipe_says(tmp_path: Path) -> 
     first: list[float] = []
     for weight in (0.0, 1.0, 3.0):
         news: list[Step | Epoch] = []
-        begun(tiny_recipe(epochs=1, jaccard=weight), tmp_path / "d", tmp_path / str(weight)).run(news.append)
+        begun(tiny_recipe(epochs=1, jaccard=weight), tmp_path / "d", tmp_path / str(weight)).run(
+            news.append
+        )
         assert isinstance(news[0], Step)
         first.append(news[0].loss)
     without, once, thrice = first
@@ -132,8 +150,12 @@ def test_class_weights_follow_the_recipe(tmp_path: Path) -> None:
     counts = count_pixels((dataset.read("train", index).labels for index in range(8)), 2)
     expected = median_frequency_weights(counts)
     np.testing.assert_allclose(class_weights(tiny_recipe(), dataset), expected)
-    np.testing.assert_allclose(class_weights(tiny_recipe(weight_power=0.5), dataset), np.sqrt(expected))
-    np.testing.assert_array_equal(class_weights(tiny_recipe(class_weights="none"), dataset), [1.0, 1.0])
+    np.testing.assert_allclose(
+        class_weights(tiny_recipe(weight_power=0.5), dataset), np.sqrt(expected)
+    )
+    np.testing.assert_array_equal(
+        class_weights(tiny_recipe(class_weights="none"), dataset), [1.0, 1.0]
+    )
 
 
 def test_runs_that_cannot_be_are_refused(tmp_path: Path) -> None:
@@ -143,7 +165,11 @@ def test_runs_that_cannot_be_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadConfiguration, match="do not fill"):
         begun(tiny_recipe(batch=9, selection="test"), tmp_path / "d", tmp_path / "out")
     with pytest.raises(BadConfiguration, match="lower learning_rate"):
-        begun(tiny_recipe(learning_rate=10.0, epochs=40, selection="last"), tmp_path / "d", tmp_path / "out").run()
+        begun(
+            tiny_recipe(learning_rate=10.0, epochs=40, selection="last"),
+            tmp_path / "d",
+            tmp_path / "out",
+        ).run()
 
 
 def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
@@ -155,9 +181,15 @@ def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadConfiguration, match="--resume"):
         train(tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), out, resume=False)
     with pytest.raises(BadConfiguration, match="no run to go on with"):
-        train(tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), tmp_path / "elsewhere", resume=True)
+        train(
+            tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), tmp_path / "elsewhere", resume=True
+        )
     whole = (out / STATE_NAME).read_bytes()
-    for content in (whole[:1000], pickle.dumps({"format": "bewarenav-training-1"}), pickle.dumps(_Hostile(out / "struck"))):
+    for content in (
+        whole[:1000],
+        pickle.dumps({"format": "bewarenav-training-1"}),
+        pickle.dumps(_Hostile(out / "struck")),
+    ):
         (out / STATE_NAME).write_bytes(content)
         with pytest.raises(BadConfiguration, match=STATE_NAME):
             begun(tiny_recipe(epochs=1), tmp_path / "d", out).resume()
@@ -193,7 +225,10 @@ def test_two_processes_take_the_steps_that_one_would_take(tmp_path: Path) -> Non
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     context = multiprocessing.get_context("spawn")
-    children = [context.Process(target=_one_of_two, args=(rank, port, recipe, tmp_path)) for rank in range(2)]
+    children = [
+        context.Process(target=_one_of_two, args=(rank, port, recipe, tmp_path))
+        for rank in range(2)
+    ]
     for child in children:
         child.start()
     for child in children:
@@ -234,21 +269,33 @@ def _one_of_two(rank: int, port: int, recipe: Recipe, folder: Path) -> None:
 
 
 def _by_hand(recipe: Recipe, data: Path) -> dict[str, Tensor]:
-    """The parameters after the run: in each step the mean of both halves' gradients, by one process."""
+    """The parameters after the run: in each step the mean of both halves' gradients, by one
+    process."""
     dataset = load_dataset(data)
     network = fresh_network(recipe, 2).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-    optimiser = torch.optim.SGD(network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay)
+    optimiser = torch.optim.SGD(
+        network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay
+    )
     pictures = Pictures(dataset, "train", cache_mb=16)
     loss_weights = torch.from_numpy(class_weights(recipe, dataset)).float()
     for epoch in range(1, recipe.epochs + 1):
         group = optimiser.param_groups[0]
-        group["lr"], group["momentum"] = (how(recipe, epoch - 1, recipe.epochs) for how in (learning_rate, momentum))
-        halves = [epoch_batches(8, recipe.batch, seed=0, epoch=epoch, rank=rank, ranks=2) for rank in range(2)]
+        group["lr"], group["momentum"] = (
+            how(recipe, epoch - 1, recipe.epochs) for how in (learning_rate, momentum)
+        )
+        halves = [
+            epoch_batches(8, recipe.batch, seed=0, epoch=epoch, rank=rank, ranks=2)
+            for rank in range(2)
+        ]
         for step in zip(*halves, strict=True):
             optimiser.zero_grad()
             for indexes in step:
-                batch = training_batch(pictures, indexes, recipe.size, recipe.augmentation, seed=0, epoch=epoch)
-                torch.autograd.backward(training_loss(network, batch, loss_weights, bfloat16=False) / 2)
+                batch = training_batch(
+                    pictures, indexes, recipe.size, recipe.augmentation, seed=0, epoch=epoch
+                )
+                torch.autograd.backward(
+                    training_loss(network, batch, loss_weights, bfloat16=False) / 2
+                )
             optimiser.step()
     return {key: value.detach() for key, value in network.named_parameters()}
 
@@ -262,10 +309,18 @@ def test_a_run_goes_on_from_trained_weights(tmp_path: Path) -> None:
     out = tmp_path / "second"
     out.mkdir()
     second = Training(recipe, load_dataset(tmp_path / "d"), out, HERE, start=start)
-    assert same(second.network.state_dict(), weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict())
+    assert same(
+        second.network.state_dict(),
+        weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict(),
+    )
     second.run()
-    assert not same(second.network.state_dict(), weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict())
-    with pytest.raises(BadConfiguration, match="another recipe or other data"):  # the start is part of what a run is
+    assert not same(
+        second.network.state_dict(),
+        weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict(),
+    )
+    with pytest.raises(
+        BadConfiguration, match="another recipe or other data"
+    ):  # the start is part of what a run is
         begun(recipe, tmp_path / "d", out).resume()
 
 
@@ -274,9 +329,14 @@ def test_what_was_learned_is_carried_over_to_other_classes(tmp_path: Path) -> No
     begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
     start = weights.load(tmp_path / "first" / MODEL_NAME)
     kept = start.card.class_names[1]
-    card = dataclasses.replace(start.card, num_classes=3, class_names=("puddle", kept.capitalize(), "ladder"))
+    card = dataclasses.replace(
+        start.card, num_classes=3, class_names=("puddle", kept.capitalize(), "ladder")
+    )
     recipe = tiny_recipe(epochs=1)
-    taught, fresh = taught_network(start, recipe, card).state_dict(), fresh_network(recipe, 3).state_dict()
+    taught, fresh = (
+        taught_network(start, recipe, card).state_dict(),
+        fresh_network(recipe, 3).state_dict(),
+    )
     learned = start.network.state_dict()
     others = [key for key in taught if taught[key].shape == learned[key].shape]
     assert all(torch.equal(taught[key], learned[key]) for key in others)
@@ -291,5 +351,7 @@ def test_a_run_does_not_start_from_another_kind_of_network(tmp_path: Path) -> No
     data_set(tmp_path / "d")
     begun(tiny_recipe(epochs=1), tmp_path / "d", tmp_path / "first").run()
     start = weights.load(tmp_path / "first" / MODEL_NAME)
-    with pytest.raises(BadConfiguration, match=r"r18-nbt1d × 0\.125; the recipe asks for r18-nbt1d × 0\.25"):
+    with pytest.raises(
+        BadConfiguration, match=r"r18-nbt1d × 0\.125; the recipe asks for r18-nbt1d × 0\.25"
+    ):
         Training(tiny_recipe(width=0.25), load_dataset(tmp_path / "d"), tmp_path, HERE, start=start)

@@ -1,4 +1,5 @@
-"""Edits of the beware list while driving: the map is the one that the final list would have made from the start."""
+"""Edits of the beware list while driving: the map is the one that the final list would have made
+from the start."""
 
 from __future__ import annotations
 
@@ -20,7 +21,12 @@ from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 from tests.navcore.scene import RED_FLOOR, SPEC, Box, Paint, picture
 
-BLUE = BewareClass(name="blue", class_id=7, margin_m=0.1, colour=ColourRule(hue_deg=(200.0, 260.0), max_height_m=0.2))
+BLUE = BewareClass(
+    name="blue",
+    class_id=7,
+    margin_m=0.1,
+    colour=ColourRule(hue_deg=(200.0, 260.0), max_height_m=0.2),
+)
 GREEN = (30, 160, 60)
 THINGS = (
     Paint(x=(1.0, 1.8), y=(-0.4, 0.1)),
@@ -28,8 +34,15 @@ THINGS = (
     Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.0, 0.1), colour=(220, 20, 20)),  # somebody in red shoes
     Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.1, 1.7), colour=GREEN),
 )
-FRAMES = [picture(*THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k * 100_000_000) for k in range(4)]
-WARM = BewareClass(name="warm", class_id=8, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.2))
+FRAMES = [
+    picture(
+        *THINGS, pose=Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k), stamp_ns=k * 100_000_000
+    )
+    for k in range(4)
+]
+WARM = BewareClass(
+    name="warm", class_id=8, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.2)
+)
 BOOK = BewareClass(name="book", class_id=2, margin_m=0.05)
 CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
 SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
@@ -53,8 +66,8 @@ EDITS = st.lists(
 
 
 class Reader:
-    """A network that takes the red paint for a book, more surely from picture to picture, what is blue for a cup and what is
-    green, and the red below it, for somebody."""
+    """A network that takes the red paint for a book, more surely from picture to picture, what is
+    blue for a cup and what is green, and the red below it, for somebody."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """By colour."""
@@ -65,7 +78,9 @@ class Reader:
             [SOMEBODY.class_id, BOOK.class_id, CUP.class_id],
         )
         sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns / 1e8, dtype=np.float32)
-        return Labels(class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure))
+        return Labels(
+            class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure)
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         """Books, cups and people."""
@@ -80,7 +95,9 @@ def seen(lists: list[BewareList], segmenter: Segmenter) -> Costmap:
     return decision.occupancy
 
 
-def claims_of(segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]) -> tuple[Costmap, Costmap]:
+def claims_of(
+    segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]
+) -> tuple[Costmap, Costmap]:
     """What is held after edits on the way, and under their final list from the start."""
     lists, beware = [], CLAIMED_TWICE
     for moment in range(len(FRAMES)):
@@ -107,7 +124,9 @@ def test_what_two_claimed_is_there_for_either_that_is_switched_on_later() -> Non
     off: dict[str, object] = {"enabled": False}
     for entry in (BOOK, RED_FLOOR, WARM):
         all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]
-        edited, _ = claims_of(FusedSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})])
+        edited, _ = claims_of(
+            FusedSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})]
+        )
         assert edited.grid.beware.keys() == {entry.class_id}
         assert edited.grid.beware[entry.class_id].any()
         assert edited.blocked.any()

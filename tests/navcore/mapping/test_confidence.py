@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.mapping.confidence import initial_confidence
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
@@ -29,13 +30,15 @@ def labels(confidence: float, *, there: bool) -> Labels:
     class_ids = np.zeros(FLOOR.depth_m.shape, dtype=np.uint8)
     if there:
         class_ids[85:95, 70:90] = MAT.class_id
-    return Labels(class_ids=class_ids, confidence=np.full(class_ids.shape, confidence, dtype=np.float32))
+    return Labels(
+        class_ids=class_ids, confidence=np.full(class_ids.shape, confidence, dtype=np.float32)
+    )
 
 
 def look(cloud: PointMap, seen: Labels, frame: Frame = FLOOR) -> int:
     """How many cells the mat binds after one more look."""
     cloud.insert(observe(frame, seen, LIST, SPEC, ObservationConfig()), frame, seen)
-    return int(cloud.grid(LIST, ()).beware[MAT.class_id].sum())
+    return int(layer_grid(cloud, LIST, ()).beware[MAT.class_id].sum())
 
 
 def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
@@ -50,7 +53,10 @@ def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> N
     cloud, seen = PointMap(SPEC, MappingConfig()), labels(0.99, there=True)
     for _ in range(20):
         look(cloud, seen)
-    bound = [int(cloud.grid(LIST.edited("mat", min_confidence=least), ()).beware[7].sum()) for least in (0.5, 0.95, 0.99, 1.0)]
+    bound = [
+        int(layer_grid(cloud, LIST.edited("mat", min_confidence=least), ()).beware[7].sum())
+        for least in (0.5, 0.95, 0.99, 1.0)
+    ]
     assert bound[0] > 0
     assert bound == bound[:1] * 4
 
@@ -90,11 +96,20 @@ def test_what_is_certain_stays_whatever_later_pictures_say() -> None:
 
 
 def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certain() -> None:
-    all_hypotheses, new, known = np.linspace(0.2, 0.999, 50, dtype=np.float32), np.zeros(50, np.bool_), np.ones(50, np.bool_)
+    all_hypotheses, new, known = (
+        np.linspace(0.2, 0.999, 50, dtype=np.float32),
+        np.zeros(50, np.bool_),
+        np.ones(50, np.bool_),
+    )
     assert np.all(initial_confidence(all_hypotheses, new) <= all_hypotheses + 0.1)
     assert np.all(np.diff(initial_confidence(all_hypotheses, new)) >= 0)
-    assert np.all(initial_confidence(all_hypotheses, known) < initial_confidence(all_hypotheses, new))
-    assert initial_confidence(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [1.0, 1.0]
+    assert np.all(
+        initial_confidence(all_hypotheses, known) < initial_confidence(all_hypotheses, new)
+    )
+    assert initial_confidence(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [
+        1.0,
+        1.0,
+    ]
 
 
 @law(20)

@@ -1,4 +1,5 @@
-"""The file of a map: what comes out is what went in, bit by bit, a map made of it goes on as before, and damage is refused."""
+"""The file of a map: what comes out is what went in, bit by bit, a map made of it goes on as
+before, and damage is refused."""
 
 from __future__ import annotations
 
@@ -57,7 +58,9 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
 
 def arrays(state: MapState) -> dict[str, npt.NDArray[Any]]:
     """All that a state holds, by name."""
-    points = {field.name: getattr(state.points, field.name) for field in dataclasses.fields(state.points)}
+    points = {
+        field.name: getattr(state.points, field.name) for field in dataclasses.fields(state.points)
+    }
     masks = {name: getattr(state, name).bools for name in ("seen", "looked", "trodden", "prior")}
     return points | masks | {"poses": state.poses, "volume": state.volume}
 
@@ -89,7 +92,9 @@ def test_a_map_without_a_point_or_a_pose_is_a_map_too(tmp_path: Path) -> None:
     assert_same(empty, load(tmp_path / "m").state)
 
 
-def test_saving_replaces_the_old_file_in_one_step_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+def test_saving_replaces_the_old_file_in_one_step_and_leaves_nothing_beside_it(
+    tmp_path: Path,
+) -> None:
     for seed in (1, 2):
         save(tmp_path / "m", state_of(seed), NAMES)
         assert_same(state_of(seed), load(tmp_path / "m").state)
@@ -147,7 +152,10 @@ def test_a_file_that_was_cut_short_is_refused(
 def remade(whole: bytes, name: str, content: bytes | npt.NDArray[Any] | None) -> bytes:
     """The same file with one part put in the place of another, or left out; checksums are right."""
     out = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(whole)) as source, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
+    with (
+        zipfile.ZipFile(io.BytesIO(whole)) as source,
+        zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target,
+    ):
         for entry in source.namelist():
             if entry != f"{name}.npy":
                 target.writestr(entry, source.read(entry))
@@ -163,7 +171,14 @@ def remade(whole: bytes, name: str, content: bytes | npt.NDArray[Any] | None) ->
 
 def head(**changed: object) -> npt.NDArray[np.uint8]:
     spec = {"resolution_m": 0.1, "rows": 13, "cols": 21, "origin_x_m": -1.3, "origin_y_m": 0.7}
-    values = {"format": "bewarenav map", "version": 1, "spec": spec, "class_ids": [1], "class_names": ["a"], **changed}
+    values = {
+        "format": "bewarenav map",
+        "version": 1,
+        "spec": spec,
+        "class_ids": [1],
+        "class_names": ["a"],
+        **changed,
+    }
     return np.frombuffer(json.dumps(values).encode(), dtype=np.uint8)
 
 
@@ -180,10 +195,18 @@ HUGE = (
     [
         ("rgb", None, "no map of this program; expected the parts"),
         ("extra", np.zeros(1), "no map of this program; expected the parts"),
-        ("rgb", np.array([None, {}], dtype=object), "m: rgb: damaged: Object arrays cannot be loaded"),
+        (
+            "rgb",
+            np.array([None, {}], dtype=object),
+            "m: rgb: damaged: Object arrays cannot be loaded",
+        ),
         ("rgb", b"", "m: rgb: damaged"),
         ("points_map", HUGE, "m: points_map: damaged"),
-        ("points_map", GOOD["points_map"].astype(np.float64), "m: points_map: expected 2 axes of float32"),
+        (
+            "points_map",
+            GOOD["points_map"].astype(np.float64),
+            "m: points_map: expected 2 axes of float32",
+        ),
         ("points_map", GOOD["points_map"][:, :2].copy(), "m: points_map: holds values"),
         ("points_map", GOOD["points_map"][:-1], "m: points: holds values"),
         ("points_map", GOOD["points_map"] + np.float32(50), "m: points_map: holds values"),
@@ -229,21 +252,32 @@ def test_a_map_made_down_a_slope_is_a_map_too(tmp_path: Path) -> None:
     assert_same(load(tmp_path / "m").state, state)
 
 
-def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     save(tmp_path / "m", state_of(3), NAMES)
     stored = load(tmp_path / "m")
-    classes = tuple(BewareClass(name=name, class_id=class_id, enabled=False) for class_id, name in NAMES.items())
+    classes = tuple(
+        BewareClass(name=name, class_id=class_id, enabled=False) for class_id, name in NAMES.items()
+    )
     check_classes(stored, BewareList(classes=(*classes, BewareClass(name="fourth", class_id=4))))
     with caplog.at_level(logging.WARNING):
         check_classes(stored, BewareList(classes=classes[:2]))  # taken off the list by the operator
     assert "'third' (class 62), which the beware list lacks" in caplog.text
     renamed = (dataclasses.replace(classes[0], name="other"), *classes[1:])
-    with pytest.raises(BadConfiguration, match="class 1 is 'first' in the stored map and 'other' in the beware list"):
+    with pytest.raises(
+        BadConfiguration,
+        match="class 1 is 'first' in the stored map and 'other' in the beware list",
+    ):
         check_classes(stored, BewareList(classes=renamed))
 
 
 def test_a_pipe_or_a_missing_file_is_refused_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for name, words in (("pipe", "not a plain file"), ("none", "no such file"), (".", "not a plain file")):
+    for name, words in (
+        ("pipe", "not a plain file"),
+        ("none", "no such file"),
+        (".", "not a plain file"),
+    ):
         with pytest.raises(BadConfiguration, match=words):
             load(tmp_path / name)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadConfiguration
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.map_file import load, save
@@ -34,7 +35,7 @@ def prior() -> BoolGrid:
 
 def assert_same_grids(first: PointMap, second: PointMap) -> None:
     for beware in (ALL, SURE):
-        one, other = first.grid(beware, ()), second.grid(beware, ())
+        one, other = layer_grid(first, beware, ()), layer_grid(second, beware, ())
         np.testing.assert_array_equal(one.geometric, other.geometric)
         assert one.beware.keys() == other.beware.keys()
         for class_id, layer in one.beware.items():
@@ -93,6 +94,8 @@ def test_a_map_of_another_place_is_refused_and_nothing_is_lost(tmp_path: Path) -
     )
     step(cloud, 1)
     save(tmp_path / "m", cloud.state(), {})
-    with pytest.raises(BadConfiguration, match=r"the stored map covers x -3 to 3 m.*this one x -2\.5 to 2\.5 m"):
+    with pytest.raises(
+        BadConfiguration, match=r"the stored map covers x -3 to 3 m.*this one x -2\.5 to 2\.5 m"
+    ):
         other.restore(load(tmp_path / "m").state)
     assert other.version == 0

@@ -1,4 +1,5 @@
-"""What the map keeps of what it has seen: nothing where the camera sees through, everything where it cannot look."""
+"""What the map keeps of what it has seen: nothing where the camera sees through, everything where
+it cannot look."""
 
 from __future__ import annotations
 
@@ -26,12 +27,17 @@ KERB = Box(x=(2.0, 2.2), y=(-0.3, 0.3), z=(0.0, 0.2))
 
 
 def looker() -> Navigator:
-    return Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    return Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
 
 
 def held(navigator: Navigator, frame: Frame, thing: Box) -> int:
     """Occupied cells at and about a thing, after one more frame."""
-    (top, left), (bottom, right) = SPEC.cell(thing.x[0] - 0.2, thing.y[0] - 0.2), SPEC.cell(thing.x[1] + 0.2, thing.y[1] + 0.2)
+    (top, left), (bottom, right) = (
+        SPEC.cell(thing.x[0] - 0.2, thing.y[0] - 0.2),
+        SPEC.cell(thing.x[1] + 0.2, thing.y[1] + 0.2),
+    )
     return int(navigator.tick(frame, ORDER).occupancy.grid.geometric[top:bottom, left:right].sum())
 
 
@@ -39,7 +45,8 @@ def held(navigator: Navigator, frame: Frame, thing: Box) -> int:
 def test_who_left_is_gone_within_a_second_where_the_camera_looks_and_stays_where_it_does_not(
     stood_frames: int, away: bool
 ) -> None:
-    # The wall matters: a pixel that measures nothing may show something too near or too dark, and proves nothing.
+    # The wall matters: a pixel that measures nothing may show something too near or too dark, and
+    # proves nothing.
     navigator, pose = looker(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi if away else 0.0)
     for k in range(stood_frames):
         before = held(navigator, picture(WALL, SOMEBODY, stamp_ns=k * TENTH_NS), SOMEBODY)
@@ -49,14 +56,22 @@ def test_who_left_is_gone_within_a_second_where_the_camera_looks_and_stays_where
     assert left == (before if away else 0)
 
 
-def test_what_came_too_near_for_the_camera_is_remembered_beside_and_under_the_robot_for_as_long_as_it_stays() -> None:
+def test_what_came_too_near_for_the_camera_is_remembered_beside_and_under_the_robot_for_as_long_as_it_stays() -> (
+    None
+):
     navigator = looker()
     for k in range(18):
-        seen = held(navigator, picture(KERB, pose=Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0), stamp_ns=k * TENTH_NS), KERB)
+        seen = held(
+            navigator,
+            picture(KERB, pose=Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0), stamp_ns=k * TENTH_NS),
+            KERB,
+        )
         if k == 8:
             before = seen
     assert before > 5
     near = Pose2(x_m=1.7, y_m=0.0, yaw_rad=0.0)  # the bumper is above it
     for k in range(18, 80):
-        seen = held(navigator, picture(pose=near, stamp_ns=k * TENTH_NS), KERB)  # nobody took it away: it is out of sight
+        seen = held(
+            navigator, picture(pose=near, stamp_ns=k * TENTH_NS), KERB
+        )  # nobody took it away: it is out of sight
     assert seen >= before // 2

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadConfiguration
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
@@ -27,14 +28,29 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
-from tests.navcore.scene import MOUNT, ORIGIN, RED_FLOOR, RED_ID, RED_LIST, SPEC, Box, Paint, picture
+from tests.navcore.scene import (
+    MOUNT,
+    ORIGIN,
+    RED_FLOOR,
+    RED_ID,
+    RED_LIST,
+    SPEC,
+    Box,
+    Paint,
+    picture,
+)
 
 SMALL = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
 TINY_LENS = Intrinsics(width=16, height=12, fx=8.0, fy=8.0, cx=7.5, cy=5.5)
 FIRST = BewareClass(name="first", class_id=1, min_confidence=0.0)
 SECOND = BewareClass(name="second", class_id=2, min_confidence=0.0)
 ALL = BewareList(classes=(FIRST, SECOND))
-SURE = BewareList(classes=(dataclasses.replace(FIRST, min_confidence=0.5), dataclasses.replace(SECOND, min_confidence=0.8)))
+SURE = BewareList(
+    classes=(
+        dataclasses.replace(FIRST, min_confidence=0.5),
+        dataclasses.replace(SECOND, min_confidence=0.8),
+    )
+)
 Layers = dict[int, BoolGrid]
 
 
@@ -65,7 +81,7 @@ def random_step(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Ob
 
 
 def layers(cloud: PointMap, beware: BewareList) -> Layers:
-    grid = cloud.grid(beware, ())
+    grid = layer_grid(cloud, beware, ())
     return {NOTHING: grid.geometric, **grid.beware}
 
 
@@ -73,12 +89,21 @@ def rebuilt(cloud: PointMap, beware: BewareList) -> Layers:
     """The same layers, from the public points alone."""
     points, spec = cloud.points, cloud.spec
     xyz = points.points_map.astype(np.float64)
-    cols = np.clip(np.floor((xyz[:, 0] - spec.origin_x_m) / spec.resolution_m).astype(int), 0, spec.cols - 1)
-    rows = np.clip(np.floor((xyz[:, 1] - spec.origin_y_m) / spec.resolution_m).astype(int), 0, spec.rows - 1)
+    cols = np.clip(
+        np.floor((xyz[:, 0] - spec.origin_x_m) / spec.resolution_m).astype(int), 0, spec.cols - 1
+    )
+    rows = np.clip(
+        np.floor((xyz[:, 1] - spec.origin_y_m) / spec.resolution_m).astype(int), 0, spec.rows - 1
+    )
     made = {}
-    for class_id, least in [(NOTHING, 0.0), *((entry.class_id, entry.min_confidence) for entry in beware.enabled)]:
+    for class_id, least in [
+        (NOTHING, 0.0),
+        *((entry.class_id, entry.min_confidence) for entry in beware.enabled),
+    ]:
         mask = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
-        chosen = (points.class_ids == class_id) & np.greater_equal(points.confidence, np.float32(least))
+        chosen = (points.class_ids == class_id) & np.greater_equal(
+            points.confidence, np.float32(least)
+        )
         mask[rows[chosen], cols[chosen]] = True
         made[class_id] = mask
     return made
@@ -129,7 +154,9 @@ def test_the_version_grows_whenever_a_layer_changes(seed: int) -> None:
         assert cloud.version >= version
 
 
-def seen(*points: tuple[float, float, float], class_id: int = 1, confidence: float = 1.0) -> Observation:
+def seen(
+    *points: tuple[float, float, float], class_id: int = 1, confidence: float = 1.0
+) -> Observation:
     """An observation of the given points, as if each was measured a metre away."""
     return Observation(
         points_map=np.array(points, dtype=np.float32).reshape(-1, 3),
@@ -157,7 +184,9 @@ def test_the_version_grows_whenever_a_layer_of_sure_points_changes(seed: int) ->
     for _ in range(8):
         before, version = layers(cloud, SURE), cloud.version
         point = (float(rng.choice([1.05, 1.15])), 0.05, float(rng.choice([0.0, 0.12])))
-        cloud.insert(seen(point, class_id=int(rng.integers(1, 3)), confidence=float(rng.random())), BLIND)
+        cloud.insert(
+            seen(point, class_id=int(rng.integers(1, 3)), confidence=float(rng.random())), BLIND
+        )
         after = layers(cloud, SURE)
         if any((before[k] != after[k]).any() for k in after):
             assert cloud.version > version
@@ -193,14 +222,22 @@ def test_an_edit_of_the_least_confidence_acts_on_what_was_seen_before() -> None:
     cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.6), BLIND)
     cloud.insert(seen((1.05, 0.05, 0.0), confidence=0.9), BLIND)
-    counts = [int(layers(cloud, ALL.edited("first", min_confidence=least))[1].sum()) for least in (0.0, 0.5, 0.7, 0.95, 0.3)]
+    counts = [
+        int(layers(cloud, ALL.edited("first", min_confidence=least))[1].sum())
+        for least in (0.0, 0.5, 0.7, 0.95, 0.3)
+    ]
     assert counts == [2, 2, 1, 0, 2]
 
 
 def drive(*frames: Frame, cloud: PointMap | None = None, beware: BewareList = RED_LIST) -> PointMap:
     cloud = cloud or PointMap(SPEC, MappingConfig())
     for frame in frames:
-        cloud.insert(observe(frame, ColourSegmenter().segment(frame, beware), beware, SPEC, ObservationConfig()), frame)
+        cloud.insert(
+            observe(
+                frame, ColourSegmenter().segment(frame, beware), beware, SPEC, ObservationConfig()
+            ),
+            frame,
+        )
     return cloud
 
 
@@ -211,17 +248,22 @@ PATCH = Paint(x=(1.6, 2.4), y=(-0.2, 0.2))
 
 def test_switching_a_class_off_frees_its_cells_and_on_brings_them_back() -> None:
     cloud = drive(picture(PATCH))
-    on, off = cloud.grid(RED_LIST, ()), cloud.grid(RED_LIST.edited("red floor", enabled=False), ())
+    on, off = (
+        layer_grid(cloud, RED_LIST, ()),
+        layer_grid(cloud, RED_LIST.edited("red floor", enabled=False), ()),
+    )
     assert on.occupied().sum() > 10
     assert off.occupied().sum() == 0
     assert RED_ID not in off.beware
-    np.testing.assert_array_equal(cloud.grid(RED_LIST, ()).occupied(), on.occupied())
+    np.testing.assert_array_equal(layer_grid(cloud, RED_LIST, ()).occupied(), on.occupied())
 
 
 def test_a_class_switched_on_later_counts_what_was_seen_while_it_was_off() -> None:
     off = RED_LIST.edited("red floor", enabled=False)
     late, early = drive(picture(PATCH), beware=off), drive(picture(PATCH))
-    np.testing.assert_array_equal(late.grid(RED_LIST, ()).occupied(), early.grid(RED_LIST, ()).occupied())
+    np.testing.assert_array_equal(
+        layer_grid(late, RED_LIST, ()).occupied(), layer_grid(early, RED_LIST, ()).occupied()
+    )
 
 
 def test_only_enabled_zones_are_on_the_grid_and_those_with_a_margin_by_themselves() -> None:
@@ -230,10 +272,10 @@ def test_only_enabled_zones_are_on_the_grid_and_those_with_a_margin_by_themselve
     off = dataclasses.replace(plain, id="b", enabled=False)
     wide = dataclasses.replace(plain, id="c", margin_m=0.3)
     cloud = PointMap(SPEC, MappingConfig())
-    grid = cloud.grid(RED_LIST, (plain, off, wide))
+    grid = layer_grid(cloud, RED_LIST, (plain, off, wide))
     np.testing.assert_array_equal(grid.zones, rasterise(corners, SPEC))
     assert [margin for margin, _ in grid.wide_zones] == [0.3]
-    assert not cloud.grid(RED_LIST, (off,)).zones.any()
+    assert not layer_grid(cloud, RED_LIST, (off,)).zones.any()
 
 
 def test_standing_still_does_not_grow_the_map() -> None:
@@ -249,7 +291,12 @@ def test_a_noisy_camera_that_stands_still_does_not_grow_the_map_for_ever() -> No
     for _ in range(30):
         frame = picture(TALL, WALL)
         noise = rng.normal(0, 0.01, frame.depth_m.shape) * frame.depth_m
-        drive(dataclasses.replace(frame, depth_m=np.maximum(frame.depth_m + noise, 0).astype(np.float32)), cloud=cloud)
+        drive(
+            dataclasses.replace(
+                frame, depth_m=np.maximum(frame.depth_m + noise, 0).astype(np.float32)
+            ),
+            cloud=cloud,
+        )
         counts.append(len(cloud.points.class_ids))
     assert counts[-1] < 1.3 * counts[9]
 
@@ -258,16 +305,19 @@ def test_the_same_pose_id_replaces_its_points_and_a_new_one_appends() -> None:
     near, far = Pose2(x_m=0.1, y_m=0.0, yaw_rad=0.05), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.3)
     assert set(drive(picture(TALL), picture(TALL, pose=near)).points.pose_ids.tolist()) == {0}
     other = Box(x=(2.0, 2.3), y=(1.0, 1.5), z=(0.0, 0.4))
-    assert set(drive(picture(TALL), picture(TALL, other, pose=far)).points.pose_ids.tolist()) == {0, 1}
+    assert set(drive(picture(TALL), picture(TALL, other, pose=far)).points.pose_ids.tolist()) == {
+        0,
+        1,
+    }
 
 
 @pytest.mark.parametrize("then", [(WALL,), ()], ids=["a wall behind", "bare floor behind"])
 @pytest.mark.parametrize("yaw", [0.0, 0.2], ids=["same pose", "another pose"])
 def test_what_is_seen_through_is_cleared(then: tuple[Box, ...], yaw: float) -> None:
     cloud = drive(picture(TALL))
-    before, version = cloud.grid(RED_LIST, ()).geometric.sum(), cloud.version
+    before, version = layer_grid(cloud, RED_LIST, ()).geometric.sum(), cloud.version
     drive(picture(*then, pose=dataclasses.replace(ORIGIN, yaw_rad=yaw)), cloud=cloud)
-    left = cloud.grid(RED_LIST, ()).geometric[:, : SPEC.cell(3.0, 0.0)[1]]
+    left = layer_grid(cloud, RED_LIST, ()).geometric[:, : SPEC.cell(3.0, 0.0)[1]]
     assert before > 5
     assert left.sum() == 0
     assert cloud.version > version
@@ -285,24 +335,24 @@ def test_what_is_seen_through_is_cleared(then: tuple[Box, ...], yaw: float) -> N
 )
 def test_what_is_not_looked_at_stays(look_away: Callable[[], Frame]) -> None:
     cloud = drive(picture(TALL, PATCH))
-    before = cloud.grid(RED_LIST, ()).occupied()
+    before = layer_grid(cloud, RED_LIST, ()).occupied()
     drive(look_away(), cloud=cloud)
-    assert not (before & ~cloud.grid(RED_LIST, ()).occupied()).any()
+    assert not (before & ~layer_grid(cloud, RED_LIST, ()).occupied()).any()
     assert before.any()
 
 
 def test_what_stands_there_still_is_kept_while_driving_past() -> None:
     path = [Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k) for k in range(10)]
     cloud = drive(*(picture(TALL, WALL, PATCH, pose=pose) for pose in path))
-    first = drive(picture(TALL, PATCH)).grid(RED_LIST, ())
-    now = cloud.grid(RED_LIST, ())
+    first = layer_grid(drive(picture(TALL, PATCH)), RED_LIST, ())
+    now = layer_grid(cloud, RED_LIST, ())
     assert (first.geometric & ~now.geometric).sum() <= 0.1 * first.geometric.sum()
     assert not (first.beware[RED_ID] & ~now.beware[RED_ID]).any()
 
 
 def test_a_floor_marking_is_not_lost_when_its_label_flickers() -> None:
     def marked(cloud: PointMap) -> npt.NDArray[np.bool_]:
-        return cloud.grid(RED_LIST, ()).beware[RED_ID]
+        return layer_grid(cloud, RED_LIST, ()).beware[RED_ID]
 
     cloud = drive(picture(PATCH))
     before = marked(cloud)
@@ -314,10 +364,16 @@ def test_a_floor_marking_is_not_lost_when_its_label_flickers() -> None:
 
 def test_a_thing_to_beware_of_that_is_carried_away_is_cleared() -> None:
     """Control of the flicker rule: a thing with a body is seen through, unlike a marking."""
-    cup = BewareList(classes=(BewareClass(name="cup", class_id=3, colour=dataclasses.replace(RED_COLOUR, max_height_m=1.0)),))
+    cup = BewareList(
+        classes=(
+            BewareClass(
+                name="cup", class_id=3, colour=dataclasses.replace(RED_COLOUR, max_height_m=1.0)
+            ),
+        )
+    )
     red_box = dataclasses.replace(TALL, colour=(220, 20, 20))
     cloud = drive(picture(red_box), beware=cup)
-    assert cloud.grid(cup, ()).beware[3].sum() > 5
+    assert layer_grid(cloud, cup, ()).beware[3].sum() > 5
     drive(picture(WALL), cloud=cloud, beware=cup)
     high = cloud.points.points_map[cloud.points.class_ids == 3]
     assert np.count_nonzero(np.greater(high[:, 2], 0.2)) == 0
@@ -342,15 +398,21 @@ def test_exploring_only_grows_and_points_are_copies() -> None:
 
 @law(25)
 @given(st.integers(0, 2**32 - 1))
-def test_after_a_correction_of_poses_the_layers_equal_those_rebuilt_from_the_points(seed: int) -> None:
+def test_after_a_correction_of_poses_the_layers_equal_those_rebuilt_from_the_points(
+    seed: int,
+) -> None:
     rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(6):
         frame, observation = random_step(rng, confident=False)
         cloud.insert(observation, frame)
         if rng.random() < 0.4:
             moved = {
-                int(pose_id): Pose2(x_m=rng.uniform(-1, 1), y_m=rng.uniform(-1, 1), yaw_rad=rng.uniform(-3, 3))
-                for pose_id in rng.choice(len(cloud.poses), size=rng.integers(1, len(cloud.poses) + 1), replace=False)
+                int(pose_id): Pose2(
+                    x_m=rng.uniform(-1, 1), y_m=rng.uniform(-1, 1), yaw_rad=rng.uniform(-3, 3)
+                )
+                for pose_id in rng.choice(
+                    len(cloud.poses), size=rng.integers(1, len(cloud.poses) + 1), replace=False
+                )
             }
             cloud.correct(moved)
             assert all(cloud.poses[pose_id] == pose for pose_id, pose in moved.items())
@@ -366,7 +428,9 @@ def test_a_corrected_pose_takes_what_was_seen_from_it_along_and_nothing_else() -
     cloud.correct({0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0)})
     after = cloud.points
     moved = after.points_map[after.pose_ids == 0]
-    np.testing.assert_allclose(np.sort(moved[:, 0]), np.sort(before.points_map[first][:, 0] + 0.5), atol=1e-5)
+    np.testing.assert_allclose(
+        np.sort(moved[:, 0]), np.sort(before.points_map[first][:, 0] + 0.5), atol=1e-5
+    )
     stayed = after.points_map[after.pose_ids == 1]
     np.testing.assert_array_equal(np.sort(stayed[:, 0]), np.sort(before.points_map[~first][:, 0]))
 
@@ -394,10 +458,13 @@ def test_over_its_budget_the_map_gives_up_detail_but_no_obstacle() -> None:
 def test_thinning_changes_no_layer() -> None:
     rng = np.random.default_rng(4)
     rich, poor = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig(budget_mb=0.01))
-    # From one pose each, and nothing sees through anything: what the two hold differs by the thinning alone.
+    # From one pose each, and nothing sees through anything: what the two hold differs by the
+    # thinning alone.
     for index in range(3):
         frame, observation = random_step(rng, confident=True)
-        blind = dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m), pose=Pose2(x_m=index, y_m=0.0, yaw_rad=0.0))
+        blind = dataclasses.replace(
+            frame, depth_m=np.zeros_like(frame.depth_m), pose=Pose2(x_m=index, y_m=0.0, yaw_rad=0.0)
+        )
         rich.insert(observation, blind)
         poor.insert(observation, blind)
     assert poor.memory_mb < rich.memory_mb
@@ -410,9 +477,9 @@ def test_a_prior_map_is_occupied_until_the_camera_sees_its_floor_free() -> None:
     ahead, behind = SPEC.cell(1.5, 0.0), SPEC.cell(-3.0, 0.0)
     prior[ahead] = prior[behind] = True
     cloud.load_prior(prior)
-    np.testing.assert_array_equal(cloud.grid(RED_LIST, ()).geometric, prior)
+    np.testing.assert_array_equal(layer_grid(cloud, RED_LIST, ()).geometric, prior)
     drive(picture(), cloud=cloud)
-    now = cloud.grid(RED_LIST, ()).geometric
+    now = layer_grid(cloud, RED_LIST, ()).geometric
     assert not now[ahead]
     assert now[behind]
 

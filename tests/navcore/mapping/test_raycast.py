@@ -15,7 +15,9 @@ WALL = Box(x=(1.9, 2.1), y=(-3.0, 3.0), z=(0.0, 2.0))
 
 def test_the_camera_looks_into_the_cells_before_a_wall_and_into_none_behind_it() -> None:
     cloud = PointMap(SPEC, MappingConfig())
-    cloud.explored.look(picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig())
+    cloud.explored.look(
+        picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig()
+    )
     seen = cloud.explored.seen.bools
     before = SPEC.cell(1.2, 0.0)
     assert seen[before]
@@ -27,7 +29,9 @@ def test_looking_into_the_open_explores_more_than_looking_at_a_wall() -> None:
     areas, volumes = [], []
     for scene in ((WALL,), ()):
         cloud = PointMap(SPEC, MappingConfig())
-        cloud.explored.look(picture(*scene, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig())
+        cloud.explored.look(
+            picture(*scene, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig()
+        )
         areas.append(cloud.explored.area_m2)
         volumes.append(cloud.explored.volume_m3)
     assert areas[1] > areas[0] > 0
@@ -39,7 +43,10 @@ def test_a_camera_that_measures_nothing_has_looked_nowhere() -> None:
     frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     blind = np.zeros_like(frame.depth_m)
     cloud.explored.look(
-        type(frame)(**{**{name: getattr(frame, name) for name in frame.__slots__}, "depth_m": blind}), ObservationConfig()
+        type(frame)(
+            **{**{name: getattr(frame, name) for name in frame.__slots__}, "depth_m": blind}
+        ),
+        ObservationConfig(),
     )
     assert cloud.explored.area_m2 == 0
 

@@ -56,7 +56,9 @@ def test_there_is_a_goal_to_drive_to_only_while_driving() -> None:
         (DRIVING.resume, "only a paused"),
     ],
 )
-def test_an_action_that_does_not_fit_the_phase_is_refused(action: Callable[[], Mission], word: str) -> None:
+def test_an_action_that_does_not_fit_the_phase_is_refused(
+    action: Callable[[], Mission], word: str
+) -> None:
     with pytest.raises(Refused, match=word):
         action()
 
@@ -70,7 +72,11 @@ def test_cancelling_is_always_possible_and_forgets_what_waits(mission: Mission) 
 
 def test_arriving_advances_to_the_next_goal_and_at_the_last_ends_the_mission() -> None:
     first = DRIVING.arrive()
-    assert (first.phase, first.queue, first.reached) == (Phase.DRIVING, TWO.queue[1:], TWO.queue[:1])
+    assert (first.phase, first.queue, first.reached) == (
+        Phase.DRIVING,
+        TWO.queue[1:],
+        TWO.queue[:1],
+    )
     last = first.arrive()
     assert (last.phase, last.queue, last.reached) == (Phase.IDLE, (), TWO.queue)
 
@@ -119,7 +125,9 @@ def test_goals_are_named_turned_moved_and_ordered_while_they_wait() -> None:
         moved.change(Goal(id=9, x_m=0.0, y_m=0.0), SPEC)
 
 
-def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_switched_off() -> None:
+def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_switched_off() -> (
+    None
+):
     mission = DRIVING.repeat(True)
     for _ in range(5):
         mission = mission.arrive()
@@ -132,7 +140,11 @@ def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_sw
 def test_a_kept_mission_takes_the_place_of_what_waits_but_not_under_way() -> None:
     kept = (Goal(id=0, x_m=1.0, y_m=1.0, yaw_rad=0.5, name="a"), Goal(id=0, x_m=2.0, y_m=2.0))
     loaded = PAUSED.refill(kept, SPEC, loop=True)
-    assert (loaded.phase, loaded.loop, [goal.id for goal in loaded.queue]) == (Phase.IDLE, True, [3, 4])
+    assert (loaded.phase, loaded.loop, [goal.id for goal in loaded.queue]) == (
+        Phase.IDLE,
+        True,
+        [3, 4],
+    )
     assert (loaded.queue[0].name, loaded.queue[0].yaw_rad) == ("a", 0.5)
     with pytest.raises(Refused, match="driving"):
         DRIVING.refill(kept, SPEC, loop=False)

@@ -57,12 +57,15 @@ def test_a_good_polygon_passes_unchanged_and_a_closing_corner_is_dropped() -> No
 
 
 def overlaps(polygon: Sequence[Sequence[float]], *, deeper_than: float) -> BoolGrid:
-    """(rows, cols) cells whose square, shrunk by `deeper_than` cells on every side, meets the polygon; by shapely."""
+    """(rows, cols) cells whose square, shrunk by `deeper_than` cells on every side, meets the
+    polygon; by shapely."""
     shape = Polygon(polygon)
     shapely.prepare(shape)
     rows, cols = np.mgrid[: SPEC.rows, : SPEC.cols]
     x, y, d = SPEC.origin_x_m + cols * 0.1, SPEC.origin_y_m + rows * 0.1, deeper_than * 0.1
-    return np.asarray(shapely.intersects(shape, shapely.box(x + d, y + d, x + 0.1 - d, y + 0.1 - d)))
+    return np.asarray(
+        shapely.intersects(shape, shapely.box(x + d, y + d, x + 0.1 - d, y + 0.1 - d))
+    )
 
 
 def star(seed: int, corners: int) -> list[tuple[float, float]]:
@@ -71,15 +74,22 @@ def star(seed: int, corners: int) -> list[tuple[float, float]]:
     angles = np.sort((np.arange(corners) + rng.uniform(0.05, 0.95, corners)) / corners * 2 * np.pi)
     radii = rng.uniform(0.05, 1.4, corners)
     x, y = rng.uniform(-1.5, 1.5), rng.uniform(-0.5, 0.5)
-    return [(float(x + r * math.cos(a)), float(y + r * math.sin(a))) for r, a in zip(radii, angles, strict=True)]
+    return [
+        (float(x + r * math.cos(a)), float(y + r * math.sin(a)))
+        for r, a in zip(radii, angles, strict=True)
+    ]
 
 
 @law(150)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 12))
-def test_every_cell_that_a_zone_overlaps_by_more_than_a_hair_is_marked(seed: int, corners: int) -> None:
+def test_every_cell_that_a_zone_overlaps_by_more_than_a_hair_is_marked(
+    seed: int, corners: int
+) -> None:
     polygon = check_polygon(star(seed, corners), SPEC)
     missing = overlaps(polygon, deeper_than=HAIR) & ~rasterise(polygon, SPEC)
-    assert not missing.any(), f"{int(missing.sum())} cells, first {np.argwhere(missing)[0]}, of {polygon}"
+    assert not missing.any(), (
+        f"{int(missing.sum())} cells, first {np.argwhere(missing)[0]}, of {polygon}"
+    )
 
 
 def test_the_tip_that_a_slanted_edge_puts_into_a_cell_is_marked() -> None:
@@ -107,7 +117,10 @@ def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
     """Control: cells by their centres alone, as a plain fill would have them, lose touched cells."""
     polygon = star(3, 5)
     by_centre = np.array(
-        [[Polygon(polygon).contains(shapely.Point(SPEC.centre(r, c))) for c in range(SPEC.cols)] for r in range(SPEC.rows)]
+        [
+            [Polygon(polygon).contains(shapely.Point(SPEC.centre(r, c))) for c in range(SPEC.cols)]
+            for r in range(SPEC.rows)
+        ]
     )
     assert (overlaps(polygon, deeper_than=HAIR) & ~by_centre).any()
 
@@ -127,7 +140,9 @@ def test_of_a_small_zone_on_a_large_map_only_its_box_is_remembered() -> None:
 def test_a_part_of_a_map_gets_the_cells_of_a_zone_that_the_whole_map_gets_there(seed: int) -> None:
     rng = np.random.default_rng(seed)
     origin = rng.uniform(-20, 0, 2)
-    spec = GridSpec(resolution_m=0.05, rows=500, cols=600, origin_x_m=origin[0], origin_y_m=origin[1])
+    spec = GridSpec(
+        resolution_m=0.05, rows=500, cols=600, origin_x_m=origin[0], origin_y_m=origin[1]
+    )
     ends = np.sort(rng.uniform(0, 1, (2, 2)) * [30, 25], axis=0) + origin  # a long, oblique strip
     across = rng.uniform(0.05, 2.0) * np.array([1.0, -1.0])
     strip = np.array([ends[0], ends[0] + across, ends[1] + across, ends[1]])

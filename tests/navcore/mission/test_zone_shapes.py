@@ -1,4 +1,5 @@
-"""Circles and corridors: the polygon that binds the robot holds all of them, and a shape is kept only while it is true."""
+"""Circles and corridors: the polygon that binds the robot holds all of them, and a shape is kept
+only while it is true."""
 
 from __future__ import annotations
 
@@ -32,7 +33,12 @@ def test_no_part_of_a_circle_or_a_strip_is_outside_its_polygon_and_little_else_i
         (Corridor(line=((0.0, 0.0), (0.0, 0.0)), width_m=1.0), "distinct points"),
         (Corridor(line=((0.0, 0.0), (math.inf, 0.0)), width_m=1.0), "not finite"),
         (Corridor(line=((0.0, 0.0), (1.0, 0.0)), width_m=0.0), "width"),
-        (Corridor(line=((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0), (0.0, 0.0)), width_m=0.2), "closes around"),
+        (
+            Corridor(
+                line=((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0), (0.0, 0.0)), width_m=0.2
+            ),
+            "closes around",
+        ),
         (Corridor(line=tuple((0.1 * i, 0.0) for i in range(300)), width_m=0.2), "at most 200"),
     ],
 )

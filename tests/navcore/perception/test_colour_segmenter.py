@@ -28,19 +28,30 @@ def label(colour: Colour, *entries: BewareClass) -> int:
     return int(labels.class_ids[0, 0])
 
 
-def entry(first: float, last: float, class_id: int = 3, *, min_saturation: float = 0.5, min_value: float = 0.2) -> BewareClass:
+def entry(
+    first: float,
+    last: float,
+    class_id: int = 3,
+    *,
+    min_saturation: float = 0.5,
+    min_value: float = 0.2,
+) -> BewareClass:
     rule = ColourRule(hue_deg=(first, last), min_saturation=min_saturation, min_value=min_value)
     return BewareClass(name=f"hue {class_id}", class_id=class_id, colour=rule)
 
 
 def rgb(hue_deg: float, saturation: float = 1.0, value: float = 1.0) -> Colour:
-    red, green, blue = (round(255 * part) for part in colorsys.hsv_to_rgb(hue_deg / 360, saturation, value))
+    red, green, blue = (
+        round(255 * part) for part in colorsys.hsv_to_rgb(hue_deg / 360, saturation, value)
+    )
     return red, green, blue
 
 
 @pytest.mark.parametrize("hue", [350, 355, 0, 5, 10])
 @pytest.mark.parametrize("span", [(345, 15), (340, 20)])
-def test_a_range_that_wraps_around_red_holds_reds_on_both_sides(hue: float, span: tuple[float, float]) -> None:
+def test_a_range_that_wraps_around_red_holds_reds_on_both_sides(
+    hue: float, span: tuple[float, float]
+) -> None:
     assert label(rgb(hue), entry(*span)) == 3
 
 
@@ -56,7 +67,9 @@ def test_pure_red_is_both_the_first_hue_and_the_last(span: tuple[float, float]) 
 
 @law(100)
 @given(st.floats(0, 359.9), st.floats(0, 359.9), st.floats(0, 359.9))
-def test_a_hue_well_inside_the_range_is_hit_and_one_well_outside_is_not(first: float, last: float, hue: float) -> None:
+def test_a_hue_well_inside_the_range_is_hit_and_one_well_outside_is_not(
+    first: float, last: float, hue: float
+) -> None:
     width, along = (last - first) % 360, (hue - first) % 360
     hit = label(rgb(hue), entry(first, last)) == 3
     if 3 < along < width - 3:

@@ -1,4 +1,5 @@
-"""Depth and colour decide together: a print of a thing is no thing, and what cannot be decided stays one."""
+"""Depth and colour decide together: a print of a thing is no thing, and what cannot be decided
+stays one."""
 
 from __future__ import annotations
 
@@ -45,7 +46,9 @@ def noisy(frame: Frame, seed: int = 0) -> Frame:
     """With the depth error of the stereo camera."""
     z = frame.depth_m
     error = 0.08 * z**2 / (LENS.fx * 0.095) * np.random.default_rng(seed).standard_normal(z.shape)
-    return dataclasses.replace(frame, depth_m=np.where(z > 0, z + error, 0).clip(0).astype(np.float32))
+    return dataclasses.replace(
+        frame, depth_m=np.where(z > 0, z + error, 0).clip(0).astype(np.float32)
+    )
 
 
 def a_print(x: float, side: float = 0.15) -> Paint:
@@ -69,7 +72,12 @@ def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
     frame = picture(a_print(1.5, side=0.15))
     cols = np.flatnonzero((frame.rgb == PINK).all(axis=2).any(axis=0))
     lens = dataclasses.replace(LENS, width=int(cols[len(cols) // 2]) + 1)
-    cut = dataclasses.replace(frame, rgb=frame.rgb[:, : lens.width], depth_m=frame.depth_m[:, : lens.width], intrinsics=lens)
+    cut = dataclasses.replace(
+        frame,
+        rgb=frame.rgb[:, : lens.width],
+        depth_m=frame.depth_m[:, : lens.width],
+        intrinsics=lens,
+    )
     assert kept(cut, CABLE) == 1.0
 
 
@@ -80,16 +88,23 @@ def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
         ([a_print(1.5, side=0.2)], 1.0),
         ([Paint(x=(1.4, 1.44), y=(-0.25, 0.25), colour=PINK)], 1.0),
         ([Paint(x=(1.2, 2.0), y=(0.1, 0.14), colour=PINK)], 1.0),
-        ([Paint(x=(1.5, 1.55), y=(0.08 * k, 0.08 * k + 0.05), colour=PINK) for k in range(4)], 1.0),  # worn, but a line
+        (
+            [Paint(x=(1.5, 1.55), y=(0.08 * k, 0.08 * k + 0.05), colour=PINK) for k in range(4)],
+            1.0,
+        ),  # worn, but a line
     ],
 )
-def test_of_a_colour_too_specks_are_none_and_what_is_long_is_one_however_thin(things: list[Paint], share: float) -> None:
+def test_of_a_colour_too_specks_are_none_and_what_is_long_is_one_however_thin(
+    things: list[Paint], share: float
+) -> None:
     frame = noisy(picture(*things))
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 4
     assert remove_small_regions(pink, frame, 0.1)[pink].mean() == share
     assert not remove_small_regions(pink, frame, 0.1)[~pink].any()
-    assert remove_small_regions(pink, dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m)), 0.1)[pink].all()
+    assert remove_small_regions(
+        pink, dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m)), 0.1
+    )[pink].all()
 
 
 def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> None:
@@ -97,7 +112,9 @@ def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> N
     frame = picture(field)
     grains = np.random.default_rng(0).random(frame.depth_m.shape) < 0.01
     grains[:, :4] = grains[:, -4:] = grains[:4] = grains[-4:] = False
-    spotted = dataclasses.replace(frame, rgb=np.where(grains[..., None], np.array(RED, dtype=np.uint8), frame.rgb))
+    spotted = dataclasses.replace(
+        frame, rgb=np.where(grains[..., None], np.array(RED, dtype=np.uint8), frame.rgb)
+    )
     red, near = (frame.rgb == RED).all(axis=2), (frame.depth_m > 0) & (frame.depth_m < 1.5)
     beside = near & ~cv2.dilate(red.view(np.uint8), np.ones((9, 9), np.uint8)).astype(np.bool_)
     assert (grains & beside).sum() > 50
@@ -136,7 +153,10 @@ def test_a_print_without_enough_depth_stays(share: float) -> None:
     frame = picture(a_print(0.9))
     pink = (frame.rgb == PINK).all(axis=2)
     gone = pink & (np.random.default_rng(1).random(pink.shape) >= share)
-    assert kept(dataclasses.replace(frame, depth_m=np.where(gone, np.float32(0), frame.depth_m)), CUP) == 1.0
+    assert (
+        kept(dataclasses.replace(frame, depth_m=np.where(gone, np.float32(0), frame.depth_m)), CUP)
+        == 1.0
+    )
 
 
 def test_a_class_that_may_be_flat_is_never_dismissed() -> None:
@@ -153,7 +173,9 @@ def test_a_nod_of_the_robot_neither_makes_a_print_real_nor_a_cup_a_print() -> No
         frame = picture(thing)
         nod = np.eye(4)
         nod[:3, :3] = [[np.cos(0.02), 0, np.sin(0.02)], [0, 1, 0], [-np.sin(0.02), 0, np.cos(0.02)]]
-        assert kept(dataclasses.replace(frame, T_base_camera=nod @ frame.T_base_camera), CUP) == share
+        assert (
+            kept(dataclasses.replace(frame, T_base_camera=nod @ frame.T_base_camera), CUP) == share
+        )
 
 
 def test_of_something_tall_the_floor_at_its_feet_is_released_and_the_rest_stays() -> None:
@@ -170,11 +192,15 @@ def test_a_few_pixels_are_too_few_to_dismiss() -> None:
     frame = picture()
     ids: Ids = np.zeros(frame.depth_m.shape, dtype=np.uint8)
     ids[100:103, 80:83] = CUP.class_id
-    assert reject_flat_regions(ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))).all()
+    assert reject_flat_regions(
+        ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))
+    ).all()
 
 
 @pytest.mark.parametrize("x", [1.2, 2.0, 3.0])
-def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the_thing(x: float) -> None:
+def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the_thing(
+    x: float,
+) -> None:
     frame = picture(a_box(x, height=0.3, side=0.3))
     pink = (frame.rgb == PINK).all(axis=2)
     labelled = cv2.dilate(pink.view(np.uint8), np.ones((3, 3), dtype=np.uint8)) > 0
@@ -185,7 +211,13 @@ def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the
 
 
 def test_of_what_lies_flat_or_leads_away_nothing_spills() -> None:
-    for thing in (a_print(1.5), a_print(3.0, side=0.4), Paint(x=(1.2, 4.0), y=(0.1, 0.2), colour=PINK)):
+    for thing in (
+        a_print(1.5),
+        a_print(3.0, side=0.4),
+        Paint(x=(1.2, 4.0), y=(0.1, 0.2), colour=PINK),
+    ):
         frame = picture(thing)
         pink = (frame.rgb == PINK).all(axis=2)
-        assert trim_label_bleed(np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame).all()
+        assert trim_label_bleed(
+            np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame
+        ).all()

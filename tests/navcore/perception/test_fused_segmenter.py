@@ -21,7 +21,11 @@ from tests.navcore.scene import RED, Box, Paint, picture
 RED_RULE = ColourRule(hue_deg=(340.0, 20.0), max_height_m=0.05)
 RED_FLOOR = BewareClass(name="red floor", class_id=1, colour=RED_RULE)
 BOOK = BewareClass(name="book", class_id=2, min_confidence=0.5)
-CUP = BewareClass(name="cup", class_id=3, colour=ColourRule(hue_deg=(200.0, 250.0), max_height_m=0.15, fallback=True))
+CUP = BewareClass(
+    name="cup",
+    class_id=3,
+    colour=ColourRule(hue_deg=(200.0, 250.0), max_height_m=0.15, fallback=True),
+)
 LIST = BewareList(classes=(RED_FLOOR, BOOK, CUP))
 FRAME = picture(Paint(x=(1.0, 2.0), y=(-0.5, 0.5)))
 
@@ -35,7 +39,10 @@ class Oracle:
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         shape = frame.depth_m.shape
         class_id, confidence = self._said
-        return Labels(class_ids=np.full(shape, class_id, np.uint8), confidence=np.full(shape, confidence, np.float32))
+        return Labels(
+            class_ids=np.full(shape, class_id, np.uint8),
+            confidence=np.full(shape, confidence, np.float32),
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK if entry.name in self._names else LabelSource.NOTHING
@@ -44,7 +51,9 @@ class Oracle:
 def painted_part(labels: Labels) -> tuple[set[int], set[int]]:
     """Class ids on the red paint and beside it."""
     red = (FRAME.rgb == RED).all(axis=2)
-    return set(np.unique(labels.class_ids[red]).tolist()), set(np.unique(labels.class_ids[~red]).tolist())
+    return set(np.unique(labels.class_ids[red]).tolist()), set(
+        np.unique(labels.class_ids[~red]).tolist()
+    )
 
 
 def test_the_network_wins_where_it_is_sure_and_the_paint_where_it_is_not() -> None:
@@ -64,9 +73,15 @@ def test_both_may_find_the_same_class_and_the_rule_is_certain_of_it() -> None:
 
 def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them() -> None:
     red = (FRAME.rgb == RED).all(axis=2)
-    for beware in (LIST, LIST.edited("book", enabled=False), LIST.edited("red floor", enabled=False)):
+    for beware in (
+        LIST,
+        LIST.edited("book", enabled=False),
+        LIST.edited("red floor", enabled=False),
+    ):
         for confidence in (0.9, 0.4):
-            network, rules = FusedSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).all_hypotheses
+            network, rules = (
+                FusedSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).all_hypotheses
+            )
             assert (network.class_ids == 2).all()
             assert (network.confidence == np.float32(confidence)).all()
             np.testing.assert_array_equal(rules.class_ids, np.where(red, 1, 0))
@@ -76,14 +91,18 @@ def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them
 class Shown(Oracle):
     """A network that says it of what has one of some colours, and nothing of all else."""
 
-    def __init__(self, class_id: int, confidence: float, name: str, *colours: tuple[int, int, int]) -> None:
+    def __init__(
+        self, class_id: int, confidence: float, name: str, *colours: tuple[int, int, int]
+    ) -> None:
         super().__init__(class_id, confidence, name)
         self._colours = colours
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         said = np.logical_or.reduce([(frame.rgb == colour).all(axis=2) for colour in self._colours])
         whole = super().segment(frame, beware)
-        return dataclasses.replace(whole, class_ids=np.where(said, whole.class_ids, np.uint8(NOTHING)))
+        return dataclasses.replace(
+            whole, class_ids=np.where(said, whole.class_ids, np.uint8(NOTHING))
+        )
 
 
 BLUE = (20, 40, 200)
@@ -96,38 +115,63 @@ def test_somebodys_red_shoes_are_no_red_floor() -> None:
     frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
     for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
         labels = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
-        assert not any((claim.class_ids == RED_FLOOR.class_id).any() for claim in (labels, *labels.all_hypotheses))
-        unsure = FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).all_hypotheses
+        assert not any(
+            (claim.class_ids == RED_FLOOR.class_id).any()
+            for claim in (labels, *labels.all_hypotheses)
+        )
+        unsure = (
+            FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).all_hypotheses
+        )
         assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
 
 
-def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_a_part_of_him() -> None:
-    frame = picture(Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 1.7), colour=BLUE), Paint(x=(1.7, 2.0), y=(-0.2, 0.2)))
+def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_a_part_of_him() -> (
+    None
+):
+    frame = picture(
+        Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 1.7), colour=BLUE),
+        Paint(x=(1.7, 2.0), y=(-0.2, 0.2)),
+    )
     red = (frame.rgb == RED).all(axis=2)
-    _, rules = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).all_hypotheses
+    _, rules = (
+        FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).all_hypotheses
+    )
     np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, red)
 
 
 @pytest.mark.parametrize("changes", [{}, {"enabled": False}, {"min_confidence": 0.8}])
-def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(changes: dict[str, object]) -> None:
+def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(
+    changes: dict[str, object],
+) -> None:
     beware = WITH_PEOPLE.edited(PERSON, **changes)
     _, rules = FusedSegmenter(Shown(11, 0.7, PERSON, RED)).segment(FRAME, beware).all_hypotheses
-    np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, (FRAME.rgb == RED).all(axis=2))
+    np.testing.assert_array_equal(
+        rules.class_ids == RED_FLOOR.class_id, (FRAME.rgb == RED).all(axis=2)
+    )
 
 
 def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:
-    wide = BewareClass(name="warm floor", class_id=4, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.05))
+    wide = BewareClass(
+        name="warm floor", class_id=4, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.05)
+    )
     beware = BewareList(classes=(wide, RED_FLOOR, CUP))
     for segmenter in (ColourSegmenter(), FusedSegmenter(Oracle(0, 1.0))):
         both = segmenter.segment(FRAME, beware)
         assert painted_part(both)[0] == {4}
-        assert {tuple(np.unique(claim.class_ids)) for claim in both.all_hypotheses} >= {(0, 4), (0, 1)}
-        assert painted_part(segmenter.segment(FRAME, beware.edited("warm floor", enabled=False)))[0] == {1}
+        assert {tuple(np.unique(claim.class_ids)) for claim in both.all_hypotheses} >= {
+            (0, 4),
+            (0, 1),
+        }
+        assert painted_part(segmenter.segment(FRAME, beware.edited("warm floor", enabled=False)))[
+            0
+        ] == {1}
 
 
 @law(60)
 @given(st.integers(0, 2**32 - 1), st.lists(st.booleans(), min_size=3, max_size=3), st.floats(0, 1))
-def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(seed: int, enabled: list[bool], least: float) -> None:
+def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(
+    seed: int, enabled: list[bool], least: float
+) -> None:
     rng = np.random.default_rng(seed)
     beware = BewareList(
         classes=tuple(
@@ -135,7 +179,10 @@ def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(seed: int,
             for entry, on in zip(LIST.classes, enabled, strict=True)
         )
     )
-    seen = Labels(class_ids=rng.integers(0, 4, (20, 30), dtype=np.uint8), confidence=rng.random((20, 30), dtype=np.float32))
+    seen = Labels(
+        class_ids=rng.integers(0, 4, (20, 30), dtype=np.uint8),
+        confidence=rng.random((20, 30), dtype=np.float32),
+    )
     by_colour: npt.NDArray[np.uint8] = rng.choice([0, 0, 1, 3], (20, 30)).astype(np.uint8)
     colour = Labels(class_ids=by_colour, confidence=np.ones((20, 30), dtype=np.float32))
     both = fuse(seen, by_colour, beware)
@@ -144,9 +191,14 @@ def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(seed: int,
 
 
 def test_the_mask_is_the_union_of_the_enabled_classes_that_are_sure_enough() -> None:
-    labels = Labels(class_ids=np.array([[0, 1, 2, 2, 3]], np.uint8), confidence=np.array([[1, 0.5, 0.49, 0.5, 1]], np.float32))
+    labels = Labels(
+        class_ids=np.array([[0, 1, 2, 2, 3]], np.uint8),
+        confidence=np.array([[1, 0.5, 0.49, 0.5, 1]], np.float32),
+    )
     np.testing.assert_array_equal(labels.mask(LIST), [[False, True, False, True, True]])
-    np.testing.assert_array_equal(labels.mask(LIST.edited("cup", enabled=False)), [[False, True, False, True, False]])
+    np.testing.assert_array_equal(
+        labels.mask(LIST.edited("cup", enabled=False)), [[False, True, False, True, False]]
+    )
 
 
 def test_a_fallback_rule_is_silent_once_a_network_knows_the_class() -> None:
@@ -169,7 +221,10 @@ def test_a_flat_print_of_a_thing_with_height_is_left_to_the_colour_rules() -> No
 
     class Print(Oracle):
         def segment(self, frame: Frame, beware: BewareList) -> Labels:
-            return Labels(class_ids=np.where(red, 2, 0).astype(np.uint8), confidence=np.ones(red.shape, np.float32))
+            return Labels(
+                class_ids=np.where(red, 2, 0).astype(np.uint8),
+                confidence=np.ones(red.shape, np.float32),
+            )
 
     assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, tall)) == ({1}, {0})
     assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, LIST)) == ({2}, {0})
@@ -185,4 +240,7 @@ def test_it_is_said_what_finds_a_class_and_that_nothing_does() -> None:
         LabelSource.NOTHING,
     ]
     assert FusedSegmenter(Oracle(0, 1.0)).finds(CUP) is LabelSource.COLOUR
-    assert [ColourSegmenter().finds(entry) for entry in (CUP, BOOK)] == [LabelSource.COLOUR, LabelSource.NOTHING]
+    assert [ColourSegmenter().finds(entry) for entry in (CUP, BOOK)] == [
+        LabelSource.COLOUR,
+        LabelSource.NOTHING,
+    ]

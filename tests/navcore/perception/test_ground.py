@@ -1,4 +1,5 @@
-"""Heights are measured from the ground: slopes are ground, steps and drops are not, and flat ground is the robot's plane."""
+"""Heights are measured from the ground: slopes are ground, steps and drops are not, and flat ground
+is the robot's plane."""
 
 from __future__ import annotations
 
@@ -29,9 +30,12 @@ FAR_M = 12.0
 
 
 def seen(surface: Surface) -> Frame:
-    """What the camera sees of a surface z(x, y) in the robot's plane: the first place where a ray is below it."""
+    """What the camera sees of a surface z(x, y) in the robot's plane: the first place where a ray
+    is below it."""
     rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
-    optical = np.stack([(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1)
+    optical = np.stack(
+        [(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1
+    )
     rays, eye = optical @ MOUNT[:3, :3].T, MOUNT[:3, 3]
 
     def above(depth: Floats) -> Floats:
@@ -71,18 +75,25 @@ def ramp(slope: float, from_m: float = 1.2) -> Surface:
 
 def hills(x: Floats, y: Floats) -> Floats:
     """Ground that leaves the robot's plane by more than 10 cm within sight."""
-    return np.asarray(0.18 * (1 - np.cos(2 * math.pi * x / 12.0)) + 0.08 * np.sin(2 * math.pi * y / 9.0) * np.minimum(x, 1.0))
+    return np.asarray(
+        0.18 * (1 - np.cos(2 * math.pi * x / 12.0))
+        + 0.08 * np.sin(2 * math.pi * y / 9.0) * np.minimum(x, 1.0)
+    )
 
 
 @pytest.mark.parametrize("surface", [ramp(0.12), ramp(-0.12), hills])
 def test_a_slope_that_the_robot_can_drive_is_ground_and_no_obstacle(surface: Surface) -> None:
     frame = seen(surface)
-    assert len(obstacles(frame, terrain=False)) > 50  # the control: above or below the robot's plane by too much
+    assert (
+        len(obstacles(frame, terrain=False)) > 50
+    )  # the control: above or below the robot's plane by too much
     assert len(obstacles(frame)) == 0
 
 
 @pytest.mark.parametrize("surface", [ramp(0.12), ramp(-0.12), hills])
-def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground(surface: Surface) -> None:
+def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground(
+    surface: Surface,
+) -> None:
     def with_box(height_m: float) -> Surface:
         def lifted(x: Floats, y: Floats) -> Floats:
             on = (np.abs(x - 2.6) < 0.15) & (np.abs(y) < 0.15)
@@ -143,7 +154,9 @@ def test_noise_of_the_depth_makes_no_hills() -> None:
 def test_a_depth_picture_of_rubbish_gives_finite_heights() -> None:
     rng = np.random.default_rng(1)
     frame = picture()
-    depth = rng.choice(np.array([np.nan, np.inf, -1.0, 0.0, 1e30, 0.3, 4.0], dtype=np.float32), frame.depth_m.shape)
+    depth = rng.choice(
+        np.array([np.nan, np.inf, -1.0, 0.0, 1e30, 0.3, 4.0], dtype=np.float32), frame.depth_m.shape
+    )
     rubbish = Frame(
         stamp_ns=0,
         rgb=frame.rgb,
@@ -163,13 +176,17 @@ def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_s
     assert len(points) > 10
     assert lip_m - 0.15 < float(np.median(points[:, 0])) < lip_m + 0.05
     ahead = Twist(v_mps=1.0, w_radps=0.0)
-    assert time_to_contact(points, ahead, HUSKY) == pytest.approx(lip_m - HUSKY.length_m / 2, abs=0.15)
+    assert time_to_contact(points, ahead, HUSKY) == pytest.approx(
+        lip_m - HUSKY.length_m / 2, abs=0.15
+    )
     assert len(near_points(seen(ramp(-0.12)))) == 0
     assert math.isinf(time_to_contact(near_points(seen(hills)), ahead, HUSKY))
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])
-def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_on_it_is_not(slope: float) -> None:
+def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_on_it_is_not(
+    slope: float,
+) -> None:
     frame = seen(ramp(slope))
     red = dataclasses.replace(frame, rgb=np.full_like(frame.rgb, (220, 20, 20)))
     rule = RED_LIST.classes[0]
@@ -184,5 +201,9 @@ def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_
         return ramp(slope)(x, y) + 0.3 * (x > 2.0)
 
     box = seen(stepped)
-    labels = ColourSegmenter().segment(dataclasses.replace(box, rgb=np.full_like(box.rgb, (220, 20, 20))), RED_LIST).class_ids
+    labels = (
+        ColourSegmenter()
+        .segment(dataclasses.replace(box, rgb=np.full_like(box.rgb, (220, 20, 20))), RED_LIST)
+        .class_ids
+    )
     assert (labels[(box.depth_m > 2.2) & (box.depth_m < 4.0)] == rule.class_id).mean() < 0.05

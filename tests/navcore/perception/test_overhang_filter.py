@@ -1,4 +1,5 @@
-"""The foot of something higher is no low thing of the list; what stands beside it, or on it, still is one."""
+"""The foot of something higher is no low thing of the list; what stands beside it, or on it, still
+is one."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import pytest
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
@@ -31,19 +33,25 @@ class SeesMines:
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         pink = (frame.rgb == PINK).all(axis=2)
         return Labels(
-            class_ids=np.where(pink, np.uint8(MINE.class_id), np.uint8(0)), confidence=np.full(pink.shape, 0.95, np.float32)
+            class_ids=np.where(pink, np.uint8(MINE.class_id), np.uint8(0)),
+            confidence=np.full(pink.shape, 0.95, np.float32),
         )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
 
 
-def judged(frame: Frame, entry: BewareClass = MINE) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """(N,) which of the pink pixels are dismissed, and which are in doubt, when a network calls all of them `entry`."""
+def judged(
+    frame: Frame, entry: BewareClass = MINE
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """(N,) which of the pink pixels are dismissed, and which are in doubt, when a network calls all
+    of them `entry`."""
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
-    dismissed, doubtful = overhung(ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)))
+    dismissed, doubtful = overhung(
+        ids, frame, heights_above_floor(frame), BewareList(classes=(entry,))
+    )
     assert not dismissed[~pink].any() and not doubtful[~pink].any()
     return dismissed[pink], doubtful[pink]
 
@@ -72,7 +80,9 @@ def test_the_foot_of_a_chair_is_no_landmine(x: float) -> None:
 
 
 @pytest.mark.parametrize("x", [3.0, 3.4, 4.0])
-def test_from_where_depth_scatters_more_than_a_hand_it_is_in_doubt_and_nothing_is_dismissed(x: float) -> None:
+def test_from_where_depth_scatters_more_than_a_hand_it_is_in_doubt_and_nothing_is_dismissed(
+    x: float,
+) -> None:
     for frame in (picture(*chair(x)), noisy(picture(*chair(x)))):
         dismissed, doubtful = judged(frame)
         assert not dismissed.any()
@@ -100,7 +110,7 @@ def test_what_is_in_doubt_is_on_the_map_when_it_was_seen_from_nearer() -> None:
         for frame in frames:
             labels = joint.segment(frame, beware)
             world.insert(observe(frame, labels, beware, SPEC, rules), frame, labels)
-        return bool(world.grid(beware, ()).beware[MINE.class_id].any())
+        return bool(layer_grid(world, beware, ()).beware[MINE.class_id].any())
 
     def at(x_m: float) -> Pose2:
         return Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
@@ -119,7 +129,9 @@ def test_a_thing_that_may_be_as_high_as_any_is_one_under_a_chair_too() -> None:
 
 
 @pytest.mark.parametrize("x", [1.0, 1.8, 3.0])
-def test_what_stands_by_itself_stays_and_so_does_what_stands_beside_something_high(x: float) -> None:
+def test_what_stands_by_itself_stays_and_so_does_what_stands_beside_something_high(
+    x: float,
+) -> None:
     wall = Box(x=(x + 0.36, x + 0.5), y=(-2.0, 2.0), z=(0.0, 1.2))
     post = Box(x=(x + 0.1, x + 0.2), y=(0.2, 0.3), z=(0.0, 1.2))
     for beside in ((), (wall,), (post,)):
@@ -144,12 +156,21 @@ def test_nothing_measured_is_nothing_dismissed() -> None:
     blind = np.zeros_like(frame.depth_m)
     blind.flags.writeable = False
     ids = np.full(frame.depth_m.shape, MINE.class_id, dtype=np.uint8)
-    blank = Frame(**{**{name: getattr(frame, name) for name in Frame.__dataclass_fields__}, "depth_m": blind})
-    assert not any(found.any() for found in overhung(ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,))))
+    blank = Frame(
+        **{**{name: getattr(frame, name) for name in Frame.__dataclass_fields__}, "depth_m": blind}
+    )
+    assert not any(
+        found.any()
+        for found in overhung(ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,)))
+    )
 
 
 def test_the_list_that_is_shipped_knows_how_high_its_low_things_are() -> None:
-    heights = {entry.name: entry.max_height_m for entry in default_beware_list().classes if entry.max_height_m is not None}
+    heights = {
+        entry.name: entry.max_height_m
+        for entry in default_beware_list().classes
+        if entry.max_height_m is not None
+    }
     assert heights == {"bottle": 0.4, "box": 0.45, "landmine": 0.25}
 
 
@@ -181,21 +202,34 @@ def test_red_floor_that_leads_up_to_a_red_cupboard_stays_whole(x: float) -> None
 @pytest.mark.parametrize(
     ("tape", "wall"),
     [
-        (Paint(x=(2.0, 3.0), y=(-0.025, 0.025)), Box(x=(3.0, 3.2), y=(-4.0, 4.0), z=(0.0, 1.0), colour=RED)),
-        (Paint(x=(1.7, 2.0), y=(-0.15, 0.15)), Box(x=(2.0, 2.4), y=(-1.0, 1.0), z=(0.0, 1.0), colour=RED)),
+        (
+            Paint(x=(2.0, 3.0), y=(-0.025, 0.025)),
+            Box(x=(3.0, 3.2), y=(-4.0, 4.0), z=(0.0, 1.0), colour=RED),
+        ),
+        (
+            Paint(x=(1.7, 2.0), y=(-0.15, 0.15)),
+            Box(x=(2.0, 2.4), y=(-1.0, 1.0), z=(0.0, 1.0), colour=RED),
+        ),
     ],
 )
-def test_a_narrow_marking_that_leads_up_to_something_wide_and_red_stays(tape: Paint, wall: Box) -> None:
+def test_a_narrow_marking_that_leads_up_to_something_wide_and_red_stays(
+    tape: Paint, wall: Box
+) -> None:
     """Most of what is red and low is then the wall's own foot."""
     grey = Box(x=wall.x, y=wall.y, z=wall.z)
     for seed in range(5):
         alone = red(tape, grey, seed=seed)
         assert alone.sum() > 12
-        assert (red(tape, wall, seed=seed) & alone).sum() > 0.95 * alone.sum()  # noise parts single pixels from it
+        assert (
+            red(tape, wall, seed=seed) & alone
+        ).sum() > 0.95 * alone.sum()  # noise parts single pixels from it
 
 
 def test_red_floor_around_a_red_post_and_one_beside_a_red_cupboard_stay_whole() -> None:
-    around, post = Paint(x=(1.5, 2.5), y=(-0.5, 0.5)), Box(x=(1.95, 2.05), y=(-0.05, 0.05), z=(0.0, 1.0), colour=RED)
+    around, post = (
+        Paint(x=(1.5, 2.5), y=(-0.5, 0.5)),
+        Box(x=(1.95, 2.05), y=(-0.05, 0.05), z=(0.0, 1.0), colour=RED),
+    )
     grey = Box(x=post.x, y=post.y, z=post.z)
     assert (red(around, post) | ~red(around, grey)).all()
     beside = Paint(x=(1.6, 1.9), y=(-1.0, -0.6))
@@ -204,5 +238,9 @@ def test_red_floor_around_a_red_post_and_one_beside_a_red_cupboard_stay_whole() 
 
 
 def test_what_is_red_and_no_higher_than_a_kerb_is_no_foot() -> None:
-    """Depth errs by as much: only what is an obstacle for certain may speak against the operator's rule."""
-    assert red(Paint(x=(1.5, 1.6), y=(-0.4, 0.4)), Box(x=(1.6, 1.9), y=(-0.4, 0.4), z=(0.0, 0.12), colour=RED)).any()
+    """Depth errs by as much: only what is an obstacle for certain may speak against the operator's
+    rule."""
+    assert red(
+        Paint(x=(1.5, 1.6), y=(-0.4, 0.4)),
+        Box(x=(1.6, 1.9), y=(-0.4, 0.4), z=(0.0, 0.12), colour=RED),
+    ).any()

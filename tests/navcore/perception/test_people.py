@@ -1,4 +1,5 @@
-"""People are followed as they walk; nothing that stands still is a person, however the robot moves; who left is on no map."""
+"""People are followed as they walk; nothing that stands still is a person, however the robot moves;
+who left is on no map."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from navcore.config.navigator import NavigatorConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
@@ -39,7 +41,10 @@ def somebody(x_m: float, y_m: float) -> Box:
 
 
 def unlabelled(frame: Frame) -> Labels:
-    return Labels(class_ids=np.zeros(frame.depth_m.shape, np.uint8), confidence=np.ones(frame.depth_m.shape, np.float32))
+    return Labels(
+        class_ids=np.zeros(frame.depth_m.shape, np.uint8),
+        confidence=np.ones(frame.depth_m.shape, np.float32),
+    )
 
 
 class SeesPeople:
@@ -48,10 +53,20 @@ class SeesPeople:
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         camera, lens = frame.T_map_camera, frame.intrinsics
         rows, cols = np.mgrid[0 : lens.height, 0 : lens.width]
-        optical = np.stack([(cols - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1)
+        optical = np.stack(
+            [(cols - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1
+        )
         points = optical * frame.depth_m[..., None] @ camera[:3, :3].T + camera[:3, 3]
-        theirs = (frame.depth_m > 0) & (points[..., 0] < 3.0) & (points[..., 1] < 0.4) & (points[..., 2] > 0.03)
-        return Labels(class_ids=np.where(theirs, np.uint8(11), np.uint8(0)), confidence=np.full(theirs.shape, 0.95, np.float32))
+        theirs = (
+            (frame.depth_m > 0)
+            & (points[..., 0] < 3.0)
+            & (points[..., 1] < 0.4)
+            & (points[..., 2] > 0.03)
+        )
+        return Labels(
+            class_ids=np.where(theirs, np.uint8(11), np.uint8(0)),
+            confidence=np.full(theirs.shape, 0.95, np.float32),
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
@@ -62,17 +77,26 @@ def follow(tracker: PeopleTracker, frame: Frame) -> tuple[Track, ...]:
 
 
 def walk(
-    tracker: PeopleTracker, start: tuple[float, float], velocity: tuple[float, float], frames: int, *things: Box
+    tracker: PeopleTracker,
+    start: tuple[float, float],
+    velocity: tuple[float, float],
+    frames: int,
+    *things: Box,
 ) -> list[tuple[Track, ...]]:
     """What is followed while somebody walks before a standing robot, ten pictures a second."""
     (x, y), (vx, vy) = start, velocity
     return [
-        follow(tracker, picture(*things, somebody(x + vx * k / 10, y + vy * k / 10), stamp_ns=k * TENTH_NS))
+        follow(
+            tracker,
+            picture(*things, somebody(x + vx * k / 10, y + vy * k / 10), stamp_ns=k * TENTH_NS),
+        )
         for k in range(frames)
     ]
 
 
-@pytest.mark.parametrize("velocity", [(0.0, 0.5), (0.0, -0.8), (-0.6, 0.6), (-0.8, 0.0), (0.0, 1.6), (0.3, -1.0)])
+@pytest.mark.parametrize(
+    "velocity", [(0.0, 0.5), (0.0, -0.8), (-0.6, 0.6), (-0.8, 0.0), (0.0, 1.6), (0.3, -1.0)]
+)
 def test_a_straight_walkers_place_and_velocity_are_found(velocity: tuple[float, float]) -> None:
     frames = 14
     start = (2.6 - 0.7 * velocity[0], -0.65 * velocity[1])
@@ -108,7 +132,10 @@ def test_somebody_whom_the_segmenter_recognises_is_a_person_though_he_stands() -
     for k in range(3):
         frame = picture(somebody(2.0, 0.3), stamp_ns=k * TENTH_NS)
         shown = (frame.depth_m > 1.2) & (frame.depth_m < 2.2)
-        labels = Labels(class_ids=np.where(shown, 11, 0).astype(np.uint8), confidence=np.ones(shown.shape, np.float32))
+        labels = Labels(
+            class_ids=np.where(shown, 11, 0).astype(np.uint8),
+            confidence=np.ones(shown.shape, np.float32),
+        )
         tracks = tracker.follow(frame, labels, WITH_PEOPLE)
     assert len(tracks) == 1
     assert math.dist((tracks[0].x_m, tracks[0].y_m), (2.0, 0.3)) < 0.15
@@ -122,7 +149,9 @@ def test_who_stops_has_no_velocity_a_while_later_and_walks_on_as_himself() -> No
         (standing,) = follow(tracker, picture(somebody(2.4, -0.08), stamp_ns=k * TENTH_NS))
     assert (standing.id, standing.speed_mps) == (number, 0.0)
     for k in range(30, 40):
-        (walking,) = follow(tracker, picture(somebody(2.4, -0.08 + (k - 29) * 0.08), stamp_ns=k * TENTH_NS))
+        (walking,) = follow(
+            tracker, picture(somebody(2.4, -0.08 + (k - 29) * 0.08), stamp_ns=k * TENTH_NS)
+        )
     assert walking.id == number
     assert walking.vy_mps == pytest.approx(0.8, abs=0.15)
 
@@ -166,7 +195,9 @@ def test_who_stands_far_away_is_known_to_stand_though_his_place_trembles() -> No
 def at_range(x_m: float, y_m: float) -> Cluster:
     """What could be a person, where floor was seen before."""
     cells = np.array([[round(y_m / 0.1), round(x_m / 0.1)]])
-    return Cluster(x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, fresh=1.0, labelled=0.0, cells=cells)
+    return Cluster(
+        x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, fresh=1.0, labelled=0.0, cells=cells
+    )
 
 
 def test_who_sets_out_slowly_again_is_known_to_walk() -> None:
@@ -176,12 +207,17 @@ def test_who_sets_out_slowly_again_is_known_to_walk() -> None:
     for k in range(12, 40):
         follow(tracker, picture(somebody(2.0, 0.06), stamp_ns=k * TENTH_NS))
     for k in range(40, 52):
-        (track,) = follow(tracker, picture(somebody(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS))
+        (track,) = follow(
+            tracker, picture(somebody(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS)
+        )
     assert track.vy_mps == pytest.approx(-0.42, abs=0.12)
 
 
-def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_floor_beside_him() -> None:
-    """The camera turns away from somebody who stands: what it sees of him last is his side, and then the floor beside that."""
+def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_floor_beside_him() -> (
+    None
+):
+    """The camera turns away from somebody who stands: what it sees of him last is his side, and
+    then the floor beside that."""
     tracker = PeopleTracker()
     walk(tracker, (1.6, -0.6), (0.0, 0.6), 12)
     place = (1.6, 0.06)
@@ -195,7 +231,8 @@ def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_f
 
 
 def test_who_walks_in_from_the_border_of_the_picture_is_noticed_as_soon_as_anybody() -> None:
-    """First half of him is seen, whose middle is uncertain; how far he has come is told from where all of him was."""
+    """First half of him is seen, whose middle is uncertain; how far he has come is told from where
+    all of him was."""
     came = {}
     for start_y in (1.9, 1.0):  # at the border at 2 m, and well within the picture
         seen = walk(PeopleTracker(), (2.0, start_y), (0.0, -0.9), 20)
@@ -210,7 +247,9 @@ def test_who_stands_out_of_sight_takes_up_no_more_room() -> None:
     for k in range(12, 60):
         (last,) = follow(tracker, picture(somebody(2.0, 0.26), stamp_ns=k * TENTH_NS))
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
-    (later,) = [follow(tracker, picture(pose=away, stamp_ns=(60 + k) * TENTH_NS)) for k in range(30)][-1]
+    (later,) = [
+        follow(tracker, picture(pose=away, stamp_ns=(60 + k) * TENTH_NS)) for k in range(30)
+    ][-1]
     assert later.radius_m == last.radius_m
 
 
@@ -218,7 +257,9 @@ def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_
     tracker = PeopleTracker()
     (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
-    (later,) = [follow(tracker, picture(pose=away, stamp_ns=(12 + k) * TENTH_NS)) for k in range(10)][-1]
+    (later,) = [
+        follow(tracker, picture(pose=away, stamp_ns=(12 + k) * TENTH_NS)) for k in range(10)
+    ][-1]
     assert later.y_m == pytest.approx(last.y_m + 1.0 * last.vy_mps, abs=0.05)
     assert later.radius_m > last.radius_m
     assert later.last_seen_ns == last.last_seen_ns
@@ -242,8 +283,11 @@ def test_a_jump_of_the_clock_forgets_everybody() -> None:
 
 
 def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -> int:
-    """Cells held where somebody walked, when the camera turned away while he was still there and a second has passed."""
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    """Cells held where somebody walked, when the camera turned away while he was still there and a
+    second has passed."""
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     if not tracked:
         navigator.track = lambda *arguments: ()  # type: ignore[method-assign]
     order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
@@ -260,26 +304,36 @@ def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -
 
 def test_somebody_who_walked_leaves_no_ghost_on_the_map_though_the_camera_looked_away() -> None:
     assert occupied_after_he_left(tracked=True) == 0
-    assert occupied_after_he_left(tracked=False) > 5  # the control: without the tracker he would stand there for ever
+    assert (
+        occupied_after_he_left(tracked=False) > 5
+    )  # the control: without the tracker he would stand there for ever
 
 
 def test_nor_does_the_leg_that_is_all_a_picture_shows_of_him() -> None:
     leg = Box(x=(2.1, 2.2), y=(0.66, 0.74), z=(0.0, 0.4))
     assert occupied_after_he_left(tracked=True, at_the_end=(leg,)) == 0
     beside = Box(x=(2.1, 2.2), y=(-0.84, -0.76), z=(0.0, 0.4))
-    assert occupied_after_he_left(tracked=True, at_the_end=(beside,)) > 0, "what is too far from him to be his stays"
+    assert occupied_after_he_left(tracked=True, at_the_end=(beside,)) > 0, (
+        "what is too far from him to be his stays"
+    )
 
 
 @pytest.mark.parametrize("x_m", [2.3, 2.65])
-def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map(x_m: float) -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map(
+    x_m: float,
+) -> None:
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
     wall = Box(x=(2.9, 3.0), y=(-4.0, 4.0), z=(0.0, 2.0))
     for k in range(25):
         navigator.tick(picture(wall, stamp_ns=k * TENTH_NS), order)
-    held = int(navigator.map.grid(NO_LIST, ()).geometric.sum())
+    held = int(layer_grid(navigator.map, NO_LIST, ()).geometric.sum())
     for k in range(25, 37):
-        decision = navigator.tick(picture(wall, somebody(x_m, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order)
+        decision = navigator.tick(
+            picture(wall, somebody(x_m, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order
+        )
     assert len(decision.people) == 1
     assert int(decision.occupancy.grid.geometric.sum()) > 0.9 * held
     for k in range(37, 60):
@@ -293,9 +347,12 @@ def test_before_the_first_picture_no_place_is_bare() -> None:
 
 
 def test_nobody_floats_but_a_board_may() -> None:
-    """Who has gone is off the map when the floor there is seen, though nothing is measured behind him; a thing is not."""
+    """Who has gone is off the map when the floor there is seen, though nothing is measured behind
+    him; a thing is not."""
     board = Box(x=(2.6, 2.7), y=(0.5, 1.2), z=(0.7, 0.8))
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
+    )
     order = NavigationRequest(goal=None, beware=WITH_PEOPLE, zones=())
     for k in range(20):
         decision = navigator.tick(picture(board, somebody(2.6, -0.2), stamp_ns=k * TENTH_NS), order)
@@ -307,21 +364,34 @@ def test_nobody_floats_but_a_board_may() -> None:
         empty = picture(stamp_ns=k * TENTH_NS)
         decision = navigator.tick(empty, order)
     assert (empty.depth_m[:20] == 0).all(), "no depth where his head was"
-    assert decision.occupancy.grid.geometric[there].sum() == decision.occupancy.grid.beware[11][there].sum() == 0
-    # What the picture does show to be gone goes; the rest of the board, before which there is no depth, stays.
+    assert (
+        decision.occupancy.grid.geometric[there].sum()
+        == decision.occupancy.grid.beware[11][there].sum()
+        == 0
+    )
+    # What the picture does show to be gone goes; the rest of the board, before which there is no
+    # depth, stays.
     assert 0 < decision.occupancy.grid.geometric[floats].sum() <= held
 
 
-def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_and_shows_the_floor_at_his_feet() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_and_shows_the_floor_at_his_feet() -> (
+    None
+):
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
+    )
     order = NavigationRequest(goal=None, beware=WITH_PEOPLE, zones=())
     legs = [Box(x=(1.95, 2.05), y=y, z=(0.0, 1.0)) for y in ((-0.14, -0.06), (0.06, 0.14))]
     body = Box(x=(1.88, 2.12), y=(-0.44, 0.36), z=(1.0, 1.75))
     for k, x_m in enumerate((0.0, 0.0, 0.0, 0.0, 0.3, 0.6, 0.9)):
-        frame = picture(*legs, body, pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), stamp_ns=k * TENTH_NS)
+        frame = picture(
+            *legs, body, pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), stamp_ns=k * TENTH_NS
+        )
         decision = navigator.tick(frame, order)
     (row, left), (_, right) = SPEC.cell(1.8, -0.5), SPEC.cell(2.2, -0.5)
-    rows = np.flatnonzero(decision.occupancy.grid.beware[11][row : row + 20, left:right].any(axis=1))
+    rows = np.flatnonzero(
+        decision.occupancy.grid.beware[11][row : row + 20, left:right].any(axis=1)
+    )
     assert rows.max() - rows.min() >= 14, "with his arms"
 
 
@@ -332,8 +402,14 @@ def test_the_mount_of_these_pictures_sees_a_person_whole_enough() -> None:
     assert int((empty.depth_m != there.depth_m).sum()) > 1000
 
 
-def test_one_picture_that_names_a_post_a_person_makes_none_of_it_and_several_do_until_as_many_do_not() -> None:
-    post, tracker, seen = Box(x=(2.0, 2.2), y=(-0.1, 0.1), z=(0.0, 1.6)), PeopleTracker(), list[int]()
+def test_one_picture_that_names_a_post_a_person_makes_none_of_it_and_several_do_until_as_many_do_not() -> (
+    None
+):
+    post, tracker, seen = (
+        Box(x=(2.0, 2.2), y=(-0.1, 0.1), z=(0.0, 1.6)),
+        PeopleTracker(),
+        list[int](),
+    )
     said = [False, True, False, False, True, True, True, True] + [False] * 10
     for k, named in enumerate(said):
         frame = picture(post, stamp_ns=k * TENTH_NS)

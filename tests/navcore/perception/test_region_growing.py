@@ -18,7 +18,9 @@ LENS = FRAME.intrinsics
 def pixel(x: float, y: float, z: float) -> tuple[int, int]:
     """(row, col) that shows a place of the map frame."""
     seen = np.linalg.inv(FRAME.T_map_camera) @ np.array([x, y, z, 1.0])
-    return round(LENS.cy + LENS.fy * seen[1] / seen[2]), round(LENS.cx + LENS.fx * seen[0] / seen[2])
+    return round(LENS.cy + LENS.fy * seen[1] / seen[2]), round(
+        LENS.cx + LENS.fx * seen[0] / seen[2]
+    )
 
 
 def region(row: int, col: int, labels: np.ndarray | None = None) -> Region:

@@ -51,8 +51,12 @@ def assert_passed_for_good_reason(space: FreeSpace) -> int:
         for line in range(PAD, planes.shape[1] - PAD):
             look_along(planes, line)
     for row, col, west, north in passed(space):
-        assert bit(fresh.across[DEAD_END_AHEAD + west, row], col), "the walk along the row leads nowhere"
-        assert bit(fresh.along[DEAD_END_AHEAD + north, col], row), "the walk along the column leads nowhere"
+        assert bit(fresh.across[DEAD_END_AHEAD + west, row], col), (
+            "the walk along the row leads nowhere"
+        )
+        assert bit(fresh.along[DEAD_END_AHEAD + north, col], row), (
+            "the walk along the column leads nowhere"
+        )
         assert bit(fresh.across[SQUARE, row - north], col - west), "one can step on"
         count += 1
     return count
@@ -82,7 +86,9 @@ def test_cells_are_passed_only_where_no_walk_leads_anywhere(blocked: BoolGrid, s
 
 
 @pytest.mark.parametrize("shape", [(200, 330), (330, 200)])
-def test_diagonals_that_are_walked_often_get_known_and_stay_so_beside_a_small_change(shape: tuple[int, int]) -> None:
+def test_diagonals_that_are_walked_often_get_known_and_stay_so_beside_a_small_change(
+    shape: tuple[int, int],
+) -> None:
     generator = np.random.default_rng(5)
     blocked = generator.random(shape) < 0.003
     space = FreeSpace.of(blocked)
@@ -104,7 +110,9 @@ def test_all_is_surveyed_anew_once_many_lines_have_changed() -> None:
     assert assert_passed_for_good_reason(space) < known / 10
 
 
-def test_diagonals_take_turns_where_there_is_no_room_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diagonals_take_turns_where_there_is_no_room_for_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("navcore.grid.free_space.MOST_SLOPING", 1024)
     generator = np.random.default_rng(7)
     space = FreeSpace.of(generator.random((150, 170)) < 0.003)

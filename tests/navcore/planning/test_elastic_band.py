@@ -46,8 +46,12 @@ def clearance_m(points: Points, free: npt.NDArray[np.bool_]) -> Points:
 
 def test_in_the_open_the_track_stays_as_it_is() -> None:
     track = spaced((-3.0, -1.0), (2.0, 1.0), (3.0, 3.0))
-    np.testing.assert_allclose(easing(spaced((-3.0, 1.0), (3.0, 2.0)), room_without()), spaced((-3.0, 1.0), (3.0, 2.0)))
-    assert np.abs(easing(track, room_without()) - track).max() < 0.3  # but for its corner, which it cuts a little
+    np.testing.assert_allclose(
+        easing(spaced((-3.0, 1.0), (3.0, 2.0)), room_without()), spaced((-3.0, 1.0), (3.0, 2.0))
+    )
+    assert (
+        np.abs(easing(track, room_without()) - track).max() < 0.3
+    )  # but for its corner, which it cuts a little
 
 
 def test_round_a_corner_it_keeps_the_room_that_is_wanted() -> None:
@@ -60,7 +64,8 @@ def test_round_a_corner_it_keeps_the_room_that_is_wanted() -> None:
 
 
 def test_through_a_door_it_goes_by_the_middle_and_squarely() -> None:
-    """The wall runs along y with a gap of 30 cm; the path on the grid passes by one post, slantwise, and turns off at once."""
+    """The wall runs along y with a gap of 30 cm; the path on the grid passes by one post,
+    slantwise, and turns off at once."""
     free = room_without((-0.1, 0.1, -4.0, -0.15), (-0.1, 0.1, 0.15, 4.0))
     track = spaced((-2.0, -0.6), (-0.13, -0.12), (0.13, -0.12), (0.14, -2.0))
     moved = easing(track, free)
@@ -82,8 +87,13 @@ def test_what_lies_beyond_the_stretch_stays(stretch_m: float) -> None:
 
 @pytest.mark.parametrize("wanted_m", [0.0, -0.6])
 def test_where_no_more_room_is_wanted_it_stays(wanted_m: float) -> None:
-    free, track = room_without((-4.0, 0.0, -4.0, 0.0)), spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0))
-    np.testing.assert_array_equal(relax(track, CellMask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track)
+    free, track = (
+        room_without((-4.0, 0.0, -4.0, 0.0)),
+        spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0)),
+    )
+    np.testing.assert_array_equal(
+        relax(track, CellMask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track
+    )
 
 
 @law(60)
@@ -91,7 +101,9 @@ def test_where_no_more_room_is_wanted_it_stays(wanted_m: float) -> None:
 def test_it_never_leaves_the_free_cells(seed: int) -> None:
     rng = np.random.default_rng(seed)
     free = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    for row, col, high, wide in zip(*(rng.integers(0, n, 25) for n in (SPEC.rows, SPEC.cols, 20, 20)), strict=True):
+    for row, col, high, wide in zip(
+        *(rng.integers(0, n, 25) for n in (SPEC.rows, SPEC.cols, 20, 20)), strict=True
+    ):
         free[row : row + high, col : col + wide] = False
     corners = rng.uniform(-3.9, 3.9, (4, 2))
     track = spaced(*map(tuple, corners))

@@ -56,11 +56,15 @@ def test_the_way_out_is_the_shortest_path_to_any_cell_outside(seed: int) -> None
 
 def test_a_start_that_is_closed_or_outside_is_said() -> None:
     closed, inside = np.ones((3, 3), dtype=np.bool_), np.ones((3, 3), dtype=np.bool_)
-    assert way_out(closed=closed, inside=inside, start=(1, 1)) == NoPath(reason=Reason.START_BLOCKED)
+    assert way_out(closed=closed, inside=inside, start=(1, 1)) == NoPath(
+        reason=Reason.START_BLOCKED
+    )
     assert way_out(closed=closed, inside=inside, start=(9, 1)) == NoPath(reason=Reason.OUTSIDE)
 
 
-def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_but_into_no_other() -> None:
+def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_but_into_no_other() -> (
+    None
+):
     zone = Zone(id="z", name="z", polygon=((-3.0, -3.0), (0.9, -3.0), (0.9, 3.0), (-3.0, 3.0)))
     other = Zone(id="o", name="o", polygon=((2.8, -3.0), (3.4, -3.0), (3.4, 3.0), (2.8, 3.0)))
     loop, frame = navigator(), picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
@@ -81,14 +85,35 @@ def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_bu
 def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
     spec = GridSpec.centred(size_m=(30.0, 24.0), resolution_m=0.1)
-    shape, pose = (spec.rows, spec.cols), Pose2(x_m=rng.uniform(-14, 14), y_m=rng.uniform(-11, 11), yaw_rad=rng.uniform(-3, 3))
+    shape, pose = (
+        (spec.rows, spec.cols),
+        Pose2(x_m=rng.uniform(-14, 14), y_m=rng.uniform(-11, 11), yaw_rad=rng.uniform(-3, 3)),
+    )
     thing, zones = np.zeros(shape, dtype=np.bool_), list[Zone]()
     for _ in range(rng.integers(1, 4)):
-        at, (long, wide) = spec.cell(pose.x_m + rng.uniform(-3, 3), pose.y_m + rng.uniform(-3, 3)), rng.integers(2, 70, 2)
-        thing[max(at[0] - wide, 0) : max(at[0], 0), max(at[1] - long, 0) : max(at[1] + long, 0)] = True
-        x_m, y_m, side_m = pose.x_m + rng.uniform(-4, 4), pose.y_m + rng.uniform(-4, 4), rng.uniform(0.5, 7)
-        corners = ((x_m, y_m), (x_m + side_m, y_m), (x_m + side_m, y_m + side_m), (x_m, y_m + side_m))
-        zones.append(Zone(id=f"{len(zones)}", name="", polygon=corners, margin_m=float(rng.choice([0.0, 0.3]))))
+        at, (long, wide) = (
+            spec.cell(pose.x_m + rng.uniform(-3, 3), pose.y_m + rng.uniform(-3, 3)),
+            rng.integers(2, 70, 2),
+        )
+        thing[max(at[0] - wide, 0) : max(at[0], 0), max(at[1] - long, 0) : max(at[1] + long, 0)] = (
+            True
+        )
+        x_m, y_m, side_m = (
+            pose.x_m + rng.uniform(-4, 4),
+            pose.y_m + rng.uniform(-4, 4),
+            rng.uniform(0.5, 7),
+        )
+        corners = (
+            (x_m, y_m),
+            (x_m + side_m, y_m),
+            (x_m + side_m, y_m + side_m),
+            (x_m, y_m + side_m),
+        )
+        zones.append(
+            Zone(
+                id=f"{len(zones)}", name="", polygon=corners, margin_m=float(rng.choice([0.0, 0.3]))
+            )
+        )
     drawn, wide_zones = cells_of(tuple(zones), spec)
     grid = OccupancyGrid(
         spec=spec,
@@ -98,7 +123,9 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
         zones=drawn,
         wide_zones=wide_zones,
     )
-    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1)
+    known = Costmap.of(
+        grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1
+    )
     found = escape_path(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("navcore.planning.escape.NEAR_M", 1e3)
@@ -112,14 +139,19 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
 
 
 def test_what_is_one_thing_farther_off_is_one_thing_here() -> None:
-    """A fork of red floor: the robot stands on one tine, the other lies beside it, and they join beyond what is near."""
+    """A fork of red floor: the robot stands on one tine, the other lies beside it, and they join
+    beyond what is near."""
     spec = GridSpec.centred(size_m=(40.0, 40.0), resolution_m=0.1)
     row, col = spec.cell(0.05, 0.05)
     red, nothing = (np.zeros((spec.rows, spec.cols), dtype=np.bool_) for _ in range(2))
-    red[row - 18 : row + 3, col - 70 : col + 90] = red[row + 9 : row + 13, col - 70 : col + 90] = True
+    red[row - 18 : row + 3, col - 70 : col + 90] = red[row + 9 : row + 13, col - 70 : col + 90] = (
+        True
+    )
     red[row - 18 : row + 13, col + 86 : col + 90] = True
     grid = OccupancyGrid(spec=spec, geometric=nothing, beware={3: red}, zones=nothing)
-    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=0.7, safety_margin_m=0.15), version=1)
+    known = Costmap.of(
+        grid, inflate_layers(grid, vehicle_width_m=0.7, safety_margin_m=0.15), version=1
+    )
     found = escape_path(known, Pose2(x_m=0.05, y_m=0.05, yaw_rad=0.0), (), HUSKY, NavigatorConfig())
     assert isinstance(found.outcome, Path)
     assert found.outcome.length == pytest.approx(21.0)
@@ -143,7 +175,10 @@ def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[ControllerState
 def come_over(driven: list[Pose2], low: tuple[float, float], high: tuple[float, float]) -> bool:
     """Whether any part of the footprint was over a rectangle."""
     area = shapely.box(*low, *high)
-    return any(bool(shapely.intersects(area, shapely.Polygon(pose.to_parent(HUSKY.footprint())))) for pose in driven)
+    return any(
+        bool(shapely.intersects(area, shapely.Polygon(pose.to_parent(HUSKY.footprint()))))
+        for pose in driven
+    )
 
 
 def across(name: str, first_m: float, last_m: float) -> Zone:
@@ -156,7 +191,9 @@ def test_the_way_out_leads_over_nothing_that_lies_in_the_area(there: bool) -> No
     mark = Paint(x=(1.0, 1.3), y=(-0.4, 0.4))
     outcome, driven = driven_out(*[mark] * there, zones=(across("under", -3.0, 1.6),))
     assert outcome is ControllerState.ARRIVED
-    assert come_over(driven, (1.0, -0.4), (1.3, 0.4)) is not there  # without it the way out is straight ahead
+    assert (
+        come_over(driven, (1.0, -0.4), (1.3, 0.4)) is not there
+    )  # without it the way out is straight ahead
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -169,4 +206,9 @@ def test_the_way_out_leads_into_no_zone_that_overlaps_the_area(there: bool) -> N
 
 def test_off_the_map_leaving_is_a_plain_answer() -> None:
     off = picture(pose=Pose2(x_m=13.0, y_m=0.0, yaw_rad=0.0))
-    assert navigator().tick(off, order(None, zones=(across("z", -1.0, 1.0),), leave=True)).motion.twist.v_mps == 0.0
+    assert (
+        navigator()
+        .tick(off, order(None, zones=(across("z", -1.0, 1.0),), leave=True))
+        .motion.twist.v_mps
+        == 0.0
+    )

@@ -1,4 +1,5 @@
-"""Where only the margin closes the way, the robot goes nearer to look; it enters nothing that is closed."""
+"""Where only the margin closes the way, the robot goes nearer to look; it enters nothing that is
+closed."""
 
 from __future__ import annotations
 
@@ -49,7 +50,9 @@ def wall(gap_m: float) -> BoolGrid:
 
 
 def occupancy(
-    geometric: BoolGrid | None = None, zones: BoolGrid | None = None, beware: Mapping[int, BoolGrid] | None = None
+    geometric: BoolGrid | None = None,
+    zones: BoolGrid | None = None,
+    beware: Mapping[int, BoolGrid] | None = None,
 ) -> Costmap:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     grid = OccupancyGrid(
@@ -60,12 +63,18 @@ def occupancy(
         zones=nothing if zones is None else zones,
         wide_zones=(),
     )
-    return Costmap.of(grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M), version=1)
+    return Costmap.of(
+        grid,
+        inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M),
+        version=1,
+    )
 
 
 def approach(known: Costmap, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
-    found = viewpoint_before_gap(known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0)
+    found = viewpoint_before_gap(
+        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0
+    )
     if found is None:
         return None
     path = plan(known.blocked, *found)
@@ -131,7 +140,9 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
     spec = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
     geometric = rng.random((spec.rows, spec.cols)) < rng.choice([0.002, 0.01, 0.03])
     grid = OccupancyGrid(spec=spec, geometric=geometric, beware={}, zones=np.zeros_like(geometric))
-    known = Costmap.of(grid, inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.15), version=1)
+    known = Costmap.of(
+        grid, inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.15), version=1
+    )
     solid = inflate_layers(grid, vehicle_width_m=0.2, safety_margin_m=0.0)
     if known.blocked.all():
         return
@@ -150,8 +161,11 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
     assert costs[last] == least
 
 
-def closed_cells(blocked: BoolGrid, solid: BoolGrid, goal: tuple[int, ...]) -> npt.NDArray[np.float64]:
-    """(rows, cols) how many closed cells lie at least on the way to the goal; infinite where there is none."""
+def closed_cells(
+    blocked: BoolGrid, solid: BoolGrid, goal: tuple[int, ...]
+) -> npt.NDArray[np.float64]:
+    """(rows, cols) how many closed cells lie at least on the way to the goal; infinite where there
+    is none."""
     costs, queue = np.full(blocked.shape, np.inf), deque([goal])
     costs[goal] = 0
     while queue:
@@ -201,15 +215,25 @@ def test_a_robot_within_the_gap_leaves_it_on_the_side_of_the_goal() -> None:
 
 
 def test_the_navigator_drives_there_and_says_that_there_is_no_path() -> None:
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+    )
     navigator.map.load_prior(wall(GAP_M))
-    away = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)  # looks the other way, so that it sees nothing of the wall
+    away = Pose2(
+        x_m=-2.0, y_m=0.0, yaw_rad=np.pi
+    )  # looks the other way, so that it sees nothing of the wall
     order = NavigationRequest(goal=(4.0, 0.0), beware=RED_LIST, zones=())
     decision = navigator.tick(picture(pose=away), order)
-    assert decision.route is not None and decision.route.outcome == NoPath(reason=Reason.UNREACHABLE)
+    assert decision.route is not None and decision.route.outcome == NoPath(
+        reason=Reason.UNREACHABLE
+    )
     assert np.hypot(*(decision.route.points[-1] - [WALL_X_M, 0.0])) < 0.7
     assert decision.motion.outcome is ControllerState.TURN
-    there = Pose2(x_m=float(decision.route.points[-1, 0]), y_m=float(decision.route.points[-1, 1]), yaw_rad=np.pi)
+    there = Pose2(
+        x_m=float(decision.route.points[-1, 0]),
+        y_m=float(decision.route.points[-1, 1]),
+        yaw_rad=np.pi,
+    )
     decision = navigator.tick(picture(pose=there, stamp_ns=100_000_000), order)
     assert decision.route is not None and len(decision.route.points) == 0
     assert decision.motion.outcome is ControllerState.IDLE
@@ -220,17 +244,24 @@ class SeesPeople:
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         pink = (frame.rgb == PINK).all(axis=2)
-        return Labels(class_ids=np.where(pink, np.uint8(PERSON), np.uint8(0)), confidence=np.full(pink.shape, 0.95, np.float32))
+        return Labels(
+            class_ids=np.where(pink, np.uint8(PERSON), np.uint8(0)),
+            confidence=np.full(pink.shape, 0.95, np.float32),
+        )
 
     def finds(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
 
 
 @pytest.mark.parametrize("measured", [True, False])
-def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_then_drives_on(measured: bool) -> None:
+def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_then_drives_on(
+    measured: bool,
+) -> None:
     """`measured`: whether depth is there behind him."""
     beware = BewareList(classes=(BewareClass(name="person", class_id=PERSON, margin_m=0.2),))
-    navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig())
+    navigator = Navigator(
+        spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
+    )
     navigator.map.load_prior(wall(1.2))
     order = NavigationRequest(goal=(4.0, 0.0), beware=beware, zones=())
     walls = [Box(x=(2.0, 2.2), y=y, z=(0.0, 2.0)) for y in ((-4.0, -0.6), (0.6, 4.0))]
@@ -239,10 +270,14 @@ def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_the
     somebody = Box(x=(1.95, 2.25), y=(-0.25, 0.25), z=(0.0, 1.75), colour=PINK)
     before = Pose2(x_m=-0.5, y_m=0.0, yaw_rad=0.0)
     for tick in range(5):
-        decision = navigator.tick(picture(*walls, somebody, pose=before, stamp_ns=tick * 100_000_000), order)
+        decision = navigator.tick(
+            picture(*walls, somebody, pose=before, stamp_ns=tick * 100_000_000), order
+        )
     aside = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)
     decision = navigator.tick(picture(*walls, pose=aside, stamp_ns=600_000_000), order)
-    assert decision.route is not None and decision.route.outcome == NoPath(reason=Reason.UNREACHABLE)
+    assert decision.route is not None and decision.route.outcome == NoPath(
+        reason=Reason.UNREACHABLE
+    )
     assert 0.5 < decision.route.points[-1, 0] < 1.6 and abs(decision.route.points[-1, 1]) < 0.6
     near = Pose2(x_m=-1.0, y_m=0.0, yaw_rad=0.0)
     for tick in range(7, 12):

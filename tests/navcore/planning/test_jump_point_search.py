@@ -22,7 +22,9 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 @law(150)
 @given(grids(), SEEDS)
-def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(blocked: BoolGrid, seed: int) -> None:
+def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(
+    blocked: BoolGrid, seed: int
+) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
     arena = SearchWorkspace(space, cells=1 << int(generator.integers(1, 8)))
     before = space.across.copy(), space.along.copy()
@@ -38,7 +40,9 @@ def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(
             assert outcome.reason is Reason.UNREACHABLE
             assert best == np.inf
     for planes, old in zip((space.across, space.along), before, strict=True):
-        np.testing.assert_array_equal(planes[:DEAD_END_AHEAD], old[:DEAD_END_AHEAD], "a search leaves the space as it was")
+        np.testing.assert_array_equal(
+            planes[:DEAD_END_AHEAD], old[:DEAD_END_AHEAD], "a search leaves the space as it was"
+        )
 
 
 @law(60)
@@ -60,12 +64,17 @@ def test_a_path_does_not_depend_on_what_was_searched_before(blocked: BoolGrid, s
 
 @law(60)
 @given(grids(), SEEDS, st.integers(0, 200))
-def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, seed: int, budget: int) -> None:
+def test_a_budget_ends_a_search_or_leaves_its_result_alone(
+    blocked: BoolGrid, seed: int, budget: int
+) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
-    free, bounded = (plan_in(space, SearchWorkspace(space), start, goal, max_expansions=most) for most in (None, budget))
+    free, bounded = (
+        plan_in(space, SearchWorkspace(space), start, goal, max_expansions=most)
+        for most in (None, budget)
+    )
     if isinstance(bounded, NoPath):
         assert bounded == free or bounded.reason is Reason.TIMEOUT
     else:
@@ -75,18 +84,32 @@ def test_a_budget_ends_a_search_or_leaves_its_result_alone(blocked: BoolGrid, se
 
 @law(60)
 @given(grids(), SEEDS, st.integers(1, 30))
-def test_what_is_known_of_the_length_leaves_the_path_alone(blocked: BoolGrid, seed: int, units: int) -> None:
+def test_what_is_known_of_the_length_leaves_the_path_alone(
+    blocked: BoolGrid, seed: int, units: int
+) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
     status, cells, diagonal = find(space, SearchWorkspace(space, cells=4), start, goal, 1 << 40)
-    length, memory = (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT, SearchWorkspace(space).memory
-    for bound, floor in ((FAR, length), (FAR, length - 1), (length + 1, 0), (length + units * UNIT, length)):
-        known = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor)
+    length, memory = (
+        (len(cells) - 1 - diagonal) * UNIT + diagonal * ROOT,
+        SearchWorkspace(space).memory,
+    )
+    for bound, floor in (
+        (FAR, length),
+        (FAR, length - 1),
+        (length + 1, 0),
+        (length + units * UNIT, length),
+    ):
+        known = search(
+            space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor
+        )
         assert known[0] == status
         np.testing.assert_array_equal(known[1], cells)
-    none = search(space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, length, 0)
+    none = search(
+        space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, length, 0
+    )
     assert none[0] == UNREACHABLE, "no path is shorter than the shortest"
 
 
@@ -96,7 +119,8 @@ def turns(path: Path) -> int:
 
 
 def test_of_equally_short_paths_one_with_few_turns_is_taken() -> None:
-    """A robot that has come east past a wall's end goes on east before it turns, if that is no longer."""
+    """A robot that has come east past a wall's end goes on east before it turns, if that is no
+    longer."""
     blocked = np.zeros((12, 40), dtype=np.bool_)
     blocked[1:5, :10] = True
     outcome = plan(blocked, (0, 0), (8, 30))
@@ -105,7 +129,8 @@ def test_of_equally_short_paths_one_with_few_turns_is_taken() -> None:
 
 
 def test_lengths_in_units_order_as_the_real_ones() -> None:
-    """The nearest misses are fractions that approximate √2: p straight steps against q diagonal ones."""
+    """The nearest misses are fractions that approximate √2: p straight steps against q diagonal
+    ones."""
     p, q = 1, 1
     while q < 400_000:
         assert (p * UNIT < q * ROOT) == (p * p < 2 * q * q)

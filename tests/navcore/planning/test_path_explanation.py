@@ -1,4 +1,5 @@
-"""Why this way: the rules close what the planner keeps out of, and the smallest set to lift is the smallest."""
+"""Why this way: the rules close what the planner keeps out of, and the smallest set to lift is the
+smallest."""
 
 from __future__ import annotations
 
@@ -18,7 +19,12 @@ from navcore.planning.planner import plan
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
 WIDTH_M, MARGIN_M = 0.3, 0.05
-BEWARE = BewareList(classes=(BewareClass(name="cup", class_id=2, margin_m=0.1), BewareClass(name="book", class_id=3)))
+BEWARE = BewareList(
+    classes=(
+        BewareClass(name="cup", class_id=2, margin_m=0.1),
+        BewareClass(name="book", class_id=3),
+    )
+)
 NOTHING: BoolGrid = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
 
 
@@ -35,7 +41,9 @@ def world(walls: BoolGrid, cups: BoolGrid, zones: tuple[Zone, ...]) -> Occupancy
         beware={2: cups, 3: NOTHING},
         margins_m={2: 0.1, 3: 0.0},
         zones=np.logical_or.reduce([NOTHING, *plain]),
-        wide_zones=tuple((zone.margin_m, rasterise(zone.polygon, SPEC)) for zone in enabled if zone.margin_m > 0),
+        wide_zones=tuple(
+            (zone.margin_m, rasterise(zone.polygon, SPEC)) for zone in enabled if zone.margin_m > 0
+        ),
     )
 
 
@@ -50,24 +58,37 @@ def test_the_rules_together_close_exactly_what_the_planner_keeps_out_of(seed: in
     generator = np.random.default_rng(seed)
     walls, cups = (generator.random((SPEC.rows, SPEC.cols)) < share for share in (0.01, 0.005))
     zones = tuple(
-        Zone(id=str(i), name=f"z{i}", polygon=box(x, x + 0.7, y, y + 0.4), margin_m=margin, enabled=on)
-        for i, (x, y, margin, on) in enumerate(((-2.0, -1.5, 0.0, True), (0.5, 0.2, 0.25, True), (1.5, -1.0, 0.0, False)))
+        Zone(
+            id=str(i),
+            name=f"z{i}",
+            polygon=box(x, x + 0.7, y, y + 0.4),
+            margin_m=margin,
+            enabled=on,
+        )
+        for i, (x, y, margin, on) in enumerate(
+            ((-2.0, -1.5, 0.0, True), (0.5, 0.2, 0.25, True), (1.5, -1.0, 0.0, False))
+        )
     )
     grid, rules = made(walls, cups, zones)
-    assert (rules.blocked() == inflate_layers(grid, vehicle_width_m=WIDTH_M, safety_margin_m=MARGIN_M)).all()
+    assert (
+        rules.blocked() == inflate_layers(grid, vehicle_width_m=WIDTH_M, safety_margin_m=MARGIN_M)
+    ).all()
 
 
 def test_the_path_is_cut_into_stretches_that_name_what_bends_them() -> None:
-    wall, zone = rasterise(box(-2.0, -1.6, -2.0, 0.5), SPEC), Zone(id="wet", name="Wet floor", polygon=box(0.8, 1.6, -0.6, 2.0))
+    wall, zone = (
+        rasterise(box(-2.0, -1.6, -2.0, 0.5), SPEC),
+        Zone(id="wet", name="Wet floor", polygon=box(0.8, 1.6, -0.6, 2.0)),
+    )
     _, rules = made(wall, NOTHING, (zone,))
     start, goal = SPEC.cell(-2.6, -0.6), SPEC.cell(2.6, 0.4)
     path = plan(rules.blocked(), start, goal)
     assert isinstance(path, Path)
     parts = stretches(path, rules)
     assert {part.key for part in parts} == {None, "wall", "zone:wet"}
-    assert [part.first for part in parts] == [0, *(part.last + 1 for part in parts[:-1])] and parts[-1].last == len(
-        path.cells
-    ) - 1
+    assert [part.first for part in parts] == [0, *(part.last + 1 for part in parts[:-1])] and parts[
+        -1
+    ].last == len(path.cells) - 1
     for part in parts:
         if part.key == "zone:wet":
             xy = SPEC.centres(path.cells[part.first : part.last + 1])
@@ -91,7 +112,10 @@ def test_only_the_zone_that_shuts_the_door_need_be_lifted() -> None:
 def test_walls_cannot_be_lifted_and_an_open_way_needs_nothing() -> None:
     _, rules = made(rasterise(box(-0.2, 0.2, -2.0, 2.0), SPEC), NOTHING, ())
     start, goal = SPEC.cell(-2.0, 0.0), SPEC.cell(2.0, 0.0)
-    assert minimum_removal(rules, start, goal).keys is None and minimum_removal(rules, start, goal).exact
+    assert (
+        minimum_removal(rules, start, goal).keys is None
+        and minimum_removal(rules, start, goal).exact
+    )
     assert minimum_removal(rules, start, SPEC.cell(-1.0, 0.5)).keys == ()
     assert minimum_removal(rules, start, SPEC.cell(0.0, 0.0)).keys is None
     assert minimum_removal(rules, start, (-1, 5)).keys is None
@@ -103,7 +127,9 @@ def random_rules(seed: int, rows: int, cols: int, count: int) -> Rules:
     spec = GridSpec(resolution_m=1.0, rows=rows, cols=cols, origin_x_m=0.0, origin_y_m=0.0)
 
     def rule(key: str, mask: BoolGrid) -> Rule:
-        return Rule(key=key, name=key, top=0, left=0, beyond=np.where(mask, -1, 9).astype(np.float32))
+        return Rule(
+            key=key, name=key, top=0, left=0, beyond=np.where(mask, -1, 9).astype(np.float32)
+        )
 
     def blots(most: int, long: int) -> BoolGrid:
         mask = np.zeros((rows, cols), dtype=np.bool_)
@@ -119,7 +145,9 @@ def random_rules(seed: int, rows: int, cols: int, count: int) -> Rules:
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 9), st.integers(2, 9), st.integers(0, 6))
 @settings(max_examples=300, deadline=None)
-def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(seed: int, rows: int, cols: int, count: int) -> None:
+def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(
+    seed: int, rows: int, cols: int, count: int
+) -> None:
     rules = random_rules(seed, rows, cols, count)
     start, goal = (0, 0), (rows - 1, cols - 1)
     keys = [rule.key for rule in rules.liftable]
@@ -145,7 +173,9 @@ def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(seed: int, 
 @settings(max_examples=60, deadline=None)
 def test_a_search_that_is_given_up_says_so_and_its_bound_holds(seed: int, labels: int) -> None:
     rules = random_rules(seed, 9, 9, 6)
-    whole, given_up = (minimum_removal(rules, (0, 0), (8, 8), max_labels=most) for most in (100_000, labels))
+    whole, given_up = (
+        minimum_removal(rules, (0, 0), (8, 8), max_labels=most) for most in (100_000, labels)
+    )
     if given_up.exact:
         assert (given_up.keys is None) == (whole.keys is None)
     else:

@@ -24,7 +24,8 @@ SQRT2 = 2.0**0.5
 
 
 def optimum(blocked: BoolGrid, start: Cell, goal: Cell, *, cut_corners: bool = False) -> float:
-    """Length of the shortest path by SciPy's Dijkstra on the explicit graph of the corner rule; infinite without one."""
+    """Length of the shortest path by SciPy's Dijkstra on the explicit graph of the corner rule;
+    infinite without one."""
     rows, cols = blocked.shape
     ids = np.arange(rows * cols).reshape(rows, cols)
     heads: list[npt.NDArray[np.int64]] = []
@@ -42,7 +43,8 @@ def optimum(blocked: BoolGrid, start: Cell, goal: Cell, *, cut_corners: bool = F
             tails.append(ids[allowed] + dr * cols + dc)
             weights.append(np.full(int(allowed.sum()), SQRT2 if dr and dc else 1.0))
     graph = coo_matrix(
-        (np.concatenate(weights), (np.concatenate(heads), np.concatenate(tails))), shape=(rows * cols, rows * cols)
+        (np.concatenate(weights), (np.concatenate(heads), np.concatenate(tails))),
+        shape=(rows * cols, rows * cols),
     )
     return float(dijkstra(graph.tocsr(), indices=int(ids[start]))[int(ids[goal])])
 
@@ -73,7 +75,9 @@ def problems(draw: st.DrawFn) -> tuple[BoolGrid, Cell, Cell]:
 
 @law(300)
 @given(problems())
-def test_a_plan_is_as_long_as_an_independent_exact_solver_says(problem: tuple[BoolGrid, Cell, Cell]) -> None:
+def test_a_plan_is_as_long_as_an_independent_exact_solver_says(
+    problem: tuple[BoolGrid, Cell, Cell],
+) -> None:
     blocked, start, goal = problem
     best, outcome = optimum(*problem), plan(blocked, start, goal)
     if isinstance(outcome, NoPath):
@@ -86,7 +90,9 @@ def test_a_plan_is_as_long_as_an_independent_exact_solver_says(problem: tuple[Bo
 
 @law(60)
 @given(problems())
-def test_planning_the_same_problem_twice_gives_the_same_cells(problem: tuple[BoolGrid, Cell, Cell]) -> None:
+def test_planning_the_same_problem_twice_gives_the_same_cells(
+    problem: tuple[BoolGrid, Cell, Cell],
+) -> None:
     first, second = plan(*problem), plan(problem[0].copy(order="F"), *problem[1:])
     if isinstance(first, NoPath) or isinstance(second, NoPath):
         assert first == second
@@ -114,7 +120,8 @@ def test_planning_leaves_the_grid_as_it_was(problem: tuple[BoolGrid, Cell, Cell]
 
 
 def test_the_corner_rule_costs_a_detour_that_a_corner_cutter_would_not_make() -> None:
-    """Control: the exact solver without the corner rule differs, so agreement with it is not by chance."""
+    """Control: the exact solver without the corner rule differs, so agreement with it is not by
+    chance."""
     blocked = np.zeros((3, 3), dtype=np.bool_)
     blocked[1, 1] = True
     outcome = plan(blocked, (1, 0), (0, 1))
@@ -155,7 +162,9 @@ WALL[:, 3] = True
         ((0, 0), (4, 2), 2, Reason.TIMEOUT),
     ],
 )
-def test_a_plan_that_fails_says_why(start: Cell, goal: Cell, budget: int | None, reason: Reason) -> None:
+def test_a_plan_that_fails_says_why(
+    start: Cell, goal: Cell, budget: int | None, reason: Reason
+) -> None:
     outcome = plan(WALL, start, goal, max_expansions=budget)
     assert isinstance(outcome, NoPath)
     assert outcome.reason is reason
@@ -169,7 +178,8 @@ def test_a_budget_that_suffices_changes_nothing() -> None:
 
 
 def map_data(*parts: str) -> FilePath:
-    """A file of the published maps; skips where they are not installed, unless continuous integration promises them."""
+    """A file of the published maps; skips where they are not installed, unless continuous
+    integration promises them."""
     return beside(MAPS.joinpath(*parts), "the published grid maps are")
 
 
@@ -200,8 +210,12 @@ def test_a_grid_of_numbers_is_blocked_where_they_are_not_0(kind: type[np.generic
     np.testing.assert_array_equal(found.cells, wanted.cells)
 
 
-@pytest.mark.parametrize(("folder", "name", "count"), MOVINGAI, ids=[name for _, name, _ in MOVINGAI])
-def test_the_published_optimal_lengths_of_movingai_are_met(folder: str, name: str, count: int) -> None:
+@pytest.mark.parametrize(
+    ("folder", "name", "count"), MOVINGAI, ids=[name for _, name, _ in MOVINGAI]
+)
+def test_the_published_optimal_lengths_of_movingai_are_met(
+    folder: str, name: str, count: int
+) -> None:
     lines = map_data("movingai", folder, f"{name}.map").read_text().splitlines()
     blocked = np.array([[letter not in ".GS" for letter in line] for line in lines[4:]])
     scenario = map_data("movingai", folder, f"{name}.map.scen").read_text().splitlines()
@@ -229,7 +243,9 @@ PACKED = [
 
 
 @pytest.mark.parametrize(("folder", "name", "count"), PACKED, ids=[name for _, name, _ in PACKED])
-def test_the_known_optimal_lengths_of_robot_maps_are_met(folder: str, name: str, count: int) -> None:
+def test_the_known_optimal_lengths_of_robot_maps_are_met(
+    folder: str, name: str, count: int
+) -> None:
     with np.load(map_data(folder, f"{name}.npz")) as stored:
         rows, cols = (int(side) for side in stored["shape"])
         blocked = ~np.unpackbits(stored["free"], axis=1)[:rows, :cols].astype(np.bool_)
@@ -238,5 +254,7 @@ def test_the_known_optimal_lengths_of_robot_maps_are_met(folder: str, name: str,
         start_x, start_y, goal_x, goal_y = (int(number) for number in queries[at][:4])
         outcome = plan(blocked, (start_y, start_x), (goal_y, goal_x))
         assert isinstance(outcome, Path), f"{name}, query {at}"
-        assert outcome.length == pytest.approx(float(queries[at][4]), rel=1e-6), f"{name}, query {at}"
+        assert outcome.length == pytest.approx(float(queries[at][4]), rel=1e-6), (
+            f"{name}, query {at}"
+        )
         assert_is_a_path(outcome, blocked, (start_y, start_x), (goal_y, goal_x))

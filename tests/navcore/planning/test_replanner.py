@@ -42,12 +42,19 @@ class Drive:
 
     def change(self) -> None:
         """Some of what may happen between two frames."""
-        event = self.generator.choice(["block", "free", "both", "grid", "drive", "stray", "goal", "nothing", "behind"])
+        event = self.generator.choice(
+            ["block", "free", "both", "grid", "drive", "stray", "goal", "nothing", "behind"]
+        )
         if event in ("block", "both"):
             self.set(some_cells(self.generator, self.blocked.shape, 3), True)
         if event in ("free", "both"):
             occupied = np.argwhere(self.blocked)
-            self.set(occupied[self.generator.permutation(len(occupied))[: self.generator.integers(1, 4)]], False)
+            self.set(
+                occupied[
+                    self.generator.permutation(len(occupied))[: self.generator.integers(1, 4)]
+                ],
+                False,
+            )
         if event == "grid":
             self.blocked = self.blocked ^ (self.generator.random(self.blocked.shape) < 0.003)
             self.space.update(self.blocked)
@@ -68,7 +75,10 @@ class Drive:
     def agrees(self) -> bool:
         """Plan both ways; whether the lengths, or the reasons, are the same."""
         self.visited.append(self.start)
-        outcome, expected = self.replanner.plan(self.start, self.goal), plan(self.blocked, self.start, self.goal)
+        outcome, expected = (
+            self.replanner.plan(self.start, self.goal),
+            plan(self.blocked, self.start, self.goal),
+        )
         if isinstance(outcome, NoPath) or isinstance(expected, NoPath):
             return outcome == expected
         self.path = outcome
@@ -82,7 +92,11 @@ class Drive:
 @given(grids(SIDES), SEEDS)
 def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, seed: int) -> None:
     generator = np.random.default_rng(seed)
-    goal, wire, old = free_cell(generator, blocked), np.zeros_like(FreeSpace.of(blocked).sentinel), NOWHERE
+    goal, wire, old = (
+        free_cell(generator, blocked),
+        np.zeros_like(FreeSpace.of(blocked).sentinel),
+        NOWHERE,
+    )
     for _ in range(4):
         start = free_cell(generator, blocked)
         if start is None or goal is None:
@@ -98,7 +112,9 @@ def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, se
 
 @law(250)
 @given(grids(SIDES), SEEDS)
-def test_a_replanned_path_is_as_long_as_one_planned_from_scratch(blocked: BoolGrid, seed: int) -> None:
+def test_a_replanned_path_is_as_long_as_one_planned_from_scratch(
+    blocked: BoolGrid, seed: int
+) -> None:
     drive = Drive(blocked, seed)
     if not drive.place():
         return
@@ -114,7 +130,9 @@ def test_a_freed_cell_that_only_opens_a_diagonal_past_it_is_noticed() -> None:
     replanner = Replanner(space)
     first = replanner.plan((0, 0), (5, 5))
     assert isinstance(first, Path)
-    assert octile(0, 1) + octile(5, 4) > first.length * UNIT - 1, "control: a path through the cell itself is no shorter"
+    assert octile(0, 1) + octile(5, 4) > first.length * UNIT - 1, (
+        "control: a path through the cell itself is no shorter"
+    )
     space.set_cells(np.array([[0, 1]]), False)
     second = replanner.plan((0, 0), (5, 5))
     assert isinstance(second, Path)
@@ -142,7 +160,9 @@ def test_a_robot_that_follows_its_path_searches_once() -> None:
 def test_obstacles_beside_the_path_and_gaps_far_from_it_cost_no_search() -> None:
     space, replanner = open_field()
     way = cells_of(replanner.plan((5, 5), (70, 30)))
-    beside = np.array([[row, col] for row in range(80) for col in range(80) if col > 50 and (row, col) not in way])
+    beside = np.array(
+        [[row, col] for row in range(80) for col in range(80) if col > 50 and (row, col) not in way]
+    )
     space.set_cells(beside, True)
     assert cells_of(replanner.plan((5, 5), (70, 30))) == way
     space.set_cells(beside[-10:], False)

@@ -1,4 +1,5 @@
-"""The taut track is never longer than the path, never leaves the free cells, and is straight where nothing stands."""
+"""The taut track is never longer than the path, never leaves the free cells, and is straight where
+nothing stands."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ Ints = npt.NDArray[np.int64]
 
 
 def crossed(here: Ints, there: Ints) -> set[tuple[int, int]]:
-    """Cells whose inside the straight line between two centres crosses, by clipping it against each (slow and plain)."""
+    """Cells whose inside the straight line between two centres crosses, by clipping it against each
+    (slow and plain)."""
     cells = set()
     for row in range(min(here[0], there[0]), max(here[0], there[0]) + 1):
         for col in range(min(here[1], there[1]), max(here[1], there[1]) + 1):
@@ -51,7 +53,9 @@ def test_what_is_in_sight_is_what_a_plain_clipping_of_the_line_crosses(seed: int
     clear = not any(blocked[cell] for cell in crossed(here, there))
     seen = bool(line_of_sight(CellMask.of(~blocked).plane, here, there))
     assert not seen or clear
-    if clear and not seen:  # only a line through a corner point may be refused although it crosses free cells alone
+    if (
+        clear and not seen
+    ):  # only a line through a corner point may be refused although it crosses free cells alone
         assert (there[0] - here[0]) != 0
         assert (there[1] - here[1]) != 0
 

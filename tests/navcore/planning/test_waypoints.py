@@ -46,7 +46,10 @@ def test_a_corner_blunter_than_the_threshold_is_dropped() -> None:
 def test_the_segments_between_consecutive_waypoints_are_the_path(seed: int) -> None:
     rng = np.random.default_rng(seed)
     blocked = rng.random((40, 40)) < 0.25
-    start, goal = (int(rng.integers(40)), int(rng.integers(40))), (int(rng.integers(40)), int(rng.integers(40)))
+    start, goal = (
+        (int(rng.integers(40)), int(rng.integers(40))),
+        (int(rng.integers(40)), int(rng.integers(40))),
+    )
     blocked[start] = blocked[goal] = False
     path = plan(blocked, start, goal)
     if not isinstance(path, Path):

@@ -32,24 +32,54 @@ BAD = {
     "a NaN": (with_depth(math.nan), "1 non-finite"),
     "an infinity": (with_depth(math.inf), "1 non-finite"),
     "a negative depth": (with_depth(-0.5), "negative values, least -0.5"),
-    "depth of another shape": (dataclasses.replace(GOOD, depth_m=GOOD.depth_m[:-1]), "depth has shape"),
-    "depth with a third axis": (dataclasses.replace(GOOD, depth_m=GOOD.depth_m[..., None]), "depth has shape"),
-    "depth in millimetres": (dataclasses.replace(GOOD, depth_m=GOOD.depth_m.astype(np.uint16)), "depth is uint16"),
-    "depth of double precision": (dataclasses.replace(GOOD, depth_m=GOOD.depth_m.astype(np.float64)), "depth is float64"),
+    "depth of another shape": (
+        dataclasses.replace(GOOD, depth_m=GOOD.depth_m[:-1]),
+        "depth has shape",
+    ),
+    "depth with a third axis": (
+        dataclasses.replace(GOOD, depth_m=GOOD.depth_m[..., None]),
+        "depth has shape",
+    ),
+    "depth in millimetres": (
+        dataclasses.replace(GOOD, depth_m=GOOD.depth_m.astype(np.uint16)),
+        "depth is uint16",
+    ),
+    "depth of double precision": (
+        dataclasses.replace(GOOD, depth_m=GOOD.depth_m.astype(np.float64)),
+        "depth is float64",
+    ),
     "rgb of another shape": (dataclasses.replace(GOOD, rgb=GOOD.rgb[:, :-1]), "rgb is uint8"),
-    "rgb with alpha": (dataclasses.replace(GOOD, rgb=np.dstack([GOOD.rgb, GOOD.rgb[..., 0]])), "rgb is uint8"),
+    "rgb with alpha": (
+        dataclasses.replace(GOOD, rgb=np.dstack([GOOD.rgb, GOOD.rgb[..., 0]])),
+        "rgb is uint8",
+    ),
     "rgb of floats": (dataclasses.replace(GOOD, rgb=GOOD.rgb.astype(np.float32)), "rgb is float32"),
     "a covered lens": (with_depth(0.0, share=1.0), "missing in 100%"),
     "an almost covered lens": (with_depth(0.0, share=0.985), "missing in"),
-    "a pose of NaN": (dataclasses.replace(GOOD, pose=Pose2(x_m=math.nan, y_m=0, yaw_rad=0)), "pose"),
-    "a heading without end": (dataclasses.replace(GOOD, pose=Pose2(x_m=0, y_m=0, yaw_rad=math.inf)), "pose"),
-    "a speed of NaN": (dataclasses.replace(GOOD, twist=Twist(v_mps=math.nan, w_radps=0)), "velocity"),
-    "a mount of NaN": (dataclasses.replace(GOOD, T_base_camera=np.full_like(MOUNT, np.nan)), "mount"),
+    "a pose of NaN": (
+        dataclasses.replace(GOOD, pose=Pose2(x_m=math.nan, y_m=0, yaw_rad=0)),
+        "pose",
+    ),
+    "a heading without end": (
+        dataclasses.replace(GOOD, pose=Pose2(x_m=0, y_m=0, yaw_rad=math.inf)),
+        "pose",
+    ),
+    "a speed of NaN": (
+        dataclasses.replace(GOOD, twist=Twist(v_mps=math.nan, w_radps=0)),
+        "velocity",
+    ),
+    "a mount of NaN": (
+        dataclasses.replace(GOOD, T_base_camera=np.full_like(MOUNT, np.nan)),
+        "mount",
+    ),
     "a lens without focal length": (
         dataclasses.replace(GOOD, intrinsics=dataclasses.replace(LENS, fx=0.0)),
         "intrinsics|focal",
     ),
-    "a lens of NaN": (dataclasses.replace(GOOD, intrinsics=dataclasses.replace(LENS, cx=math.nan)), "intrinsics|axis"),
+    "a lens of NaN": (
+        dataclasses.replace(GOOD, intrinsics=dataclasses.replace(LENS, cx=math.nan)),
+        "intrinsics|axis",
+    ),
 }
 
 

@@ -38,7 +38,9 @@ def post(x_m: float, y_m: float) -> NearPoints:
     return np.tile(np.array([[x_m, y_m]], dtype=np.float32), (6, 1))
 
 
-def judged(points: NearPoints, asked: Twist, *, sent: Twist | None = None, age_s: float = 0.05) -> GateDecision:
+def judged(
+    points: NearPoints, asked: Twist, *, sent: Twist | None = None, age_s: float = 0.05
+) -> GateDecision:
     facts = GateInput(
         now_ns=NOW,
         frame_ns=NOW - round(age_s * 1e9),
@@ -82,7 +84,9 @@ def test_from_what_stands_within_the_kept_room_the_robot_may_go_away_but_not_int
 
 
 def test_pictures_give_the_points_of_what_stands_higher_than_10_cm() -> None:
-    low, high = (near_points(picture(Box(x=(1.5, 2.0), y=(-0.3, 0.3), z=(0, top)))) for top in (0.08, 0.4))
+    low, high = (
+        near_points(picture(Box(x=(1.5, 2.0), y=(-0.3, 0.3), z=(0, top)))) for top in (0.08, 0.4)
+    )
     assert len(low) == 0
     assert len(high) > 50
     assert high[:, 0].min() == pytest.approx(1.5, abs=0.02)
@@ -92,14 +96,18 @@ def test_pictures_give_the_points_of_what_stands_higher_than_10_cm() -> None:
 @pytest.mark.parametrize("fill", [math.nan, math.inf, -1.0, 0.0])
 def test_a_picture_without_depth_gives_no_points(fill: float) -> None:
     frame = picture()
-    assert len(near_points(dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)))) == 0
+    assert (
+        len(near_points(dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)))) == 0
+    )
 
 
 def at(x_m: float) -> Pose2:
     return Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
 
 
-def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_looked_at_again_or_is_old() -> None:
+def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_looked_at_again_or_is_old() -> (
+    None
+):
     thin = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))  # before the front's right corner
     near = RecentObstacles().after(picture(thin))
     assert np.abs(near.points - near_points(picture(thin))).max() == 0
@@ -110,20 +118,27 @@ def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_look
     assert len(blind) < len(near.points)
     assert len(front) > 20 and front[:, 0].min() == pytest.approx(1.5 - 0.95, abs=0.02)
     assert time_to_contact(near.points, FULL, HUSKY) < 0.06
-    gone = near.after(picture(pose=at(0.95), stamp_ns=2_000_000_000))  # its upper part would be seen; its foot would not
+    gone = near.after(
+        picture(pose=at(0.95), stamp_ns=2_000_000_000)
+    )  # its upper part would be seen; its foot would not
     assert 0 < len(gone.points) <= len(near.points)
     looked = gone.after(picture(pose=at(-0.5), stamp_ns=2_100_000_000))
     assert len(looked.points) == 0
-    assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + REMEMBERED_NS)).points) == 0
+    assert (
+        len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + REMEMBERED_NS)).points) == 0
+    )
 
 
 @law(300)
 @given(st.floats(0.0, 0.9), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.5))
-def test_the_allowed_speed_stops_within_the_way_that_is_left(contact_s: float, v: float, w: float, age_s: float) -> None:
+def test_the_allowed_speed_stops_within_the_way_that_is_left(
+    contact_s: float, v: float, w: float, age_s: float
+) -> None:
     asked = Twist(v_mps=v, w_radps=w)
     share = allowed_share(contact_s, asked, frame_age_s=age_s, profile=HUSKY)
     assert 0.0 <= share <= 1.0
-    # In seconds of the way at the asked velocity: late, then braking, from the share that is driven.
+    # In seconds of the way at the asked velocity: late, then braking, from the share that is
+    # driven.
     needed_s = share * max(0.25, age_s + 0.15) + share**2 * braking_s(asked, HUSKY) / 2
     assert needed_s <= contact_s + 1e-9 or share == 1.0
     if share == 1.0:
@@ -131,7 +146,10 @@ def test_the_allowed_speed_stops_within_the_way_that_is_left(contact_s: float, v
 
 
 def test_the_gate_slows_down_before_a_thing_and_stands_at_it_with_the_reason() -> None:
-    free, nearer, at_it = (judged(post(FRONT_M + AHEAD_M + way_m, 0.0), FULL, sent=STANDSTILL) for way_m in (0.6, 0.1, 0.004))
+    free, nearer, at_it = (
+        judged(post(FRONT_M + AHEAD_M + way_m, 0.0), FULL, sent=STANDSTILL)
+        for way_m in (0.6, 0.1, 0.004)
+    )
     assert free.twist.v_mps == pytest.approx(0.15)  # as the acceleration allows
     assert (free.reasons, nearer.reasons) == ((), ())
     crawling = judged(post(FRONT_M + AHEAD_M + 0.1, 0.0), FULL, sent=Twist(v_mps=0.3, w_radps=0.0))
@@ -148,8 +166,17 @@ def test_without_the_picture_the_gate_would_drive_on() -> None:
 
 def test_contact_is_worse_than_a_sensor_and_less_than_the_stop() -> None:
     order = list(Cause)
-    worst = [Cause.EMERGENCY_STOP, Cause.CONTACT_IMMINENT, Cause.STALE_FRAME, Cause.PLANNER_FAILED, Cause.NO_PATH]
+    worst = [
+        Cause.EMERGENCY_STOP,
+        Cause.CONTACT_IMMINENT,
+        Cause.STALE_FRAME,
+        Cause.PLANNER_FAILED,
+        Cause.NO_PATH,
+    ]
     assert worst == sorted(worst, key=order.index)
-    assert max(map(order.index, (Cause.STUCK_CAMERA, Cause.BAD_STAMP, Cause.POSE_JUMP, Cause.WHEELS_BLOCKED))) < order.index(
-        Cause.BAD_COMMAND
-    )
+    assert max(
+        map(
+            order.index,
+            (Cause.STUCK_CAMERA, Cause.BAD_STAMP, Cause.POSE_JUMP, Cause.WHEELS_BLOCKED),
+        )
+    ) < order.index(Cause.BAD_COMMAND)

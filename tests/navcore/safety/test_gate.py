@@ -13,14 +13,25 @@ from hypothesis import strategies as st
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import COMMAND_LIFE_NS, FRAME_LIFE_NS, Cause, GateDecision, GateInput, StopReason, gate, ranked
+from navcore.safety.gate import (
+    COMMAND_LIFE_NS,
+    FRAME_LIFE_NS,
+    Cause,
+    GateDecision,
+    GateInput,
+    StopReason,
+    gate,
+    ranked,
+)
 from tests.navcore.laws import law
 
 NOW = 10_000_000_000
 numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.floats(-3, 3),
-    st.sampled_from([math.nan, math.inf, -math.inf, sys.float_info.max, -sys.float_info.max, 5e-324, -0.0]),
+    st.sampled_from(
+        [math.nan, math.inf, -math.inf, sys.float_info.max, -sys.float_info.max, 5e-324, -0.0]
+    ),
 )
 twists = st.builds(lambda v, w: Twist(v_mps=v, w_radps=w), numbers, numbers)
 sane = st.builds(
@@ -29,7 +40,9 @@ sane = st.builds(
     st.floats(-HUSKY.max_yaw_rate_radps, HUSKY.max_yaw_rate_radps),
 )
 edges = [0, 1, COMMAND_LIFE_NS, COMMAND_LIFE_NS + 1, FRAME_LIFE_NS, FRAME_LIFE_NS + 1, -1]
-stamps = st.one_of(st.integers(-(2**70), 2**70), st.sampled_from(edges).map(lambda age: NOW - age), st.just(NOW))
+stamps = st.one_of(
+    st.integers(-(2**70), 2**70), st.sampled_from(edges).map(lambda age: NOW - age), st.just(NOW)
+)
 facts = st.builds(
     GateInput,
     now_ns=st.just(NOW),
@@ -46,7 +59,9 @@ def must_stand(given_facts: GateInput) -> bool:
         return True
     if not (math.isfinite(command.twist.v_mps) and math.isfinite(command.twist.w_radps)):
         return True
-    return not (NOW - 500_000_000 <= frame_ns <= NOW and NOW - 250_000_000 <= command.stamp_ns <= NOW)
+    return not (
+        NOW - 500_000_000 <= frame_ns <= NOW and NOW - 250_000_000 <= command.stamp_ns <= NOW
+    )
 
 
 def assert_safe(verdict: GateDecision) -> None:
@@ -66,7 +81,9 @@ def test_what_is_sent_is_finite_and_within_limits_whatever_comes_in(
 
 @law(600)
 @given(facts, sane, st.floats(0, 1))
-def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(given_facts: GateInput, sent: Twist, period_s: float) -> None:
+def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(
+    given_facts: GateInput, sent: Twist, period_s: float
+) -> None:
     verdict = gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY)
     if must_stand(given_facts):
         assert verdict.twist == STANDSTILL
@@ -76,7 +93,10 @@ def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(given_facts: Ga
 
 fresh = st.builds(
     lambda twist, age: GateInput(
-        now_ns=NOW, frame_ns=NOW - age, stopped_by=None, command=Command(twist=twist, stamp_ns=NOW - age)
+        now_ns=NOW,
+        frame_ns=NOW - age,
+        stopped_by=None,
+        command=Command(twist=twist, stamp_ns=NOW - age),
     ),
     st.one_of(sane, twists).filter(lambda t: math.isfinite(t.v_mps) and math.isfinite(t.w_radps)),
     st.integers(0, COMMAND_LIFE_NS),
@@ -89,16 +109,28 @@ def test_a_command_passed_on_lies_between_the_last_and_the_asked_and_within_acce
     given_facts: GateInput, sent: Twist, period_s: float
 ) -> None:
     assert given_facts.command is not None
-    asked, out = given_facts.command.twist, gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY).twist
+    asked, out = (
+        given_facts.command.twist,
+        gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY).twist,
+    )
     assert abs(out.v_mps - sent.v_mps) <= HUSKY.max_accel_mps2 * period_s + 1e-12
     assert abs(out.w_radps - sent.w_radps) <= HUSKY.max_yaw_accel_radps2 * period_s + 1e-12
     assert min(sent.v_mps, asked.v_mps) <= out.v_mps <= max(sent.v_mps, asked.v_mps)
     # Turning may be weakened in proportion while the speed builds up, never strengthened.
-    assert min(sent.w_radps, asked.w_radps, 0.0) <= out.w_radps <= max(sent.w_radps, asked.w_radps, 0.0)
+    assert (
+        min(sent.w_radps, asked.w_radps, 0.0)
+        <= out.w_radps
+        <= max(sent.w_radps, asked.w_radps, 0.0)
+    )
 
 
 def test_a_clock_that_goes_back_makes_no_motion_that_nobody_asked_for() -> None:
-    ask = GateInput(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=Command(twist=Twist(v_mps=0.5, w_radps=0), stamp_ns=NOW))
+    ask = GateInput(
+        now_ns=NOW,
+        frame_ns=NOW,
+        stopped_by=None,
+        command=Command(twist=Twist(v_mps=0.5, w_radps=0), stamp_ns=NOW),
+    )
     assert gate(ask, sent=STANDSTILL, period_s=-0.1, profile=HUSKY).twist.v_mps >= 0.0
 
 
@@ -110,7 +142,10 @@ def test_a_good_command_is_reached_unchanged(asked: Twist) -> None:
     for _ in range(20):
         command = Command(twist=asked, stamp_ns=NOW)
         sent = gate(
-            GateInput(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=command), sent=sent, period_s=0.05, profile=HUSKY
+            GateInput(now_ns=NOW, frame_ns=NOW, stopped_by=None, command=command),
+            sent=sent,
+            period_s=0.05,
+            profile=HUSKY,
         ).twist
     assert sent == asked
 
@@ -126,7 +161,9 @@ def test_a_good_command_is_reached_unchanged(asked: Twist) -> None:
         (FRAME_LIFE_NS + 1, COMMAND_LIFE_NS + 1, [Cause.STALE_FRAME, Cause.STALE_COMMAND]),
     ],
 )
-def test_frames_and_commands_live_exactly_as_long_as_stated(frame_age: int, command_age: int, causes: list[Cause]) -> None:
+def test_frames_and_commands_live_exactly_as_long_as_stated(
+    frame_age: int, command_age: int, causes: list[Cause]
+) -> None:
     command = Command(twist=Twist(v_mps=0.1, w_radps=0.0), stamp_ns=NOW - command_age)
     given_facts = GateInput(now_ns=NOW, frame_ns=NOW - frame_age, stopped_by=None, command=command)
     verdict = gate(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY)
@@ -137,7 +174,10 @@ def test_frames_and_commands_live_exactly_as_long_as_stated(frame_age: int, comm
 def test_everything_wrong_at_once_is_listed_the_most_severe_first() -> None:
     command = Command(twist=Twist(v_mps=math.nan, w_radps=0.0), stamp_ns=0)
     verdict = gate(
-        GateInput(now_ns=NOW, frame_ns=None, stopped_by="ann", command=command), sent=STANDSTILL, period_s=0.05, profile=HUSKY
+        GateInput(now_ns=NOW, frame_ns=None, stopped_by="ann", command=command),
+        sent=STANDSTILL,
+        period_s=0.05,
+        profile=HUSKY,
     )
     assert [reason.cause for reason in verdict.reasons] == [
         Cause.EMERGENCY_STOP,
@@ -150,7 +190,8 @@ def test_everything_wrong_at_once_is_listed_the_most_severe_first() -> None:
 
 def test_any_order_of_reasons_is_ranked_the_same() -> None:
     reasons = [
-        StopReason(cause=cause, text=cause) for cause in (Cause.PAUSED, Cause.NO_PATH, Cause.EMERGENCY_STOP, Cause.BAD_FRAME)
+        StopReason(cause=cause, text=cause)
+        for cause in (Cause.PAUSED, Cause.NO_PATH, Cause.EMERGENCY_STOP, Cause.BAD_FRAME)
     ]
     expected = ["emergency_stop", "bad_frame", "no_path", "paused"]
     for order in itertools.permutations(reasons):

@@ -24,7 +24,9 @@ PERIOD_NS = 100_000_000
 TENTH = 0.1
 
 
-def shot(number: int, x_m: float = 0.0, yaw_rad: float = 0.0, v_mps: float = 0.0, w_radps: float = 0.0) -> Frame:
+def shot(
+    number: int, x_m: float = 0.0, yaw_rad: float = 0.0, v_mps: float = 0.0, w_radps: float = 0.0
+) -> Frame:
     """The picture with this number, ten a second, each with a noise of its own."""
     noise = np.random.default_rng(number)
     return dataclasses.replace(
@@ -46,19 +48,29 @@ def after(*frames: Frame) -> SensorMonitor:
 
 def causes(senses: SensorMonitor, now_ns: int) -> list[Cause]:
     assert senses.newest is not None
-    facts = GateInput(now_ns=now_ns, frame_ns=senses.newest.stamp_ns, stopped_by=None, command=None, senses=senses)
-    return [reason.cause for reason in gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY).reasons]
+    facts = GateInput(
+        now_ns=now_ns, frame_ns=senses.newest.stamp_ns, stopped_by=None, command=None, senses=senses
+    )
+    return [
+        reason.cause
+        for reason in gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY).reasons
+    ]
 
 
 @law(200)
 @given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-6.0, 6.0)), min_size=1, max_size=30))
-def test_a_robot_that_drives_within_its_limits_is_never_doubted(changes: list[tuple[float, float]]) -> None:
+def test_a_robot_that_drives_within_its_limits_is_never_doubted(
+    changes: list[tuple[float, float]],
+) -> None:
     """Control of every refusal below: no false alarm, however it accelerates."""
     v = w = x = yaw = 0.0
     senses = after(shot(0))
     for number, (a, alpha) in enumerate(changes, 1):
         before_v, before_w = v, w
-        v, w = float(np.clip(v + a * TENTH, -1.0, 1.0)), float(np.clip(w + alpha * TENTH, -2.0, 2.0))
+        v, w = (
+            float(np.clip(v + a * TENTH, -1.0, 1.0)),
+            float(np.clip(w + alpha * TENTH, -2.0, 2.0)),
+        )
         x, yaw = x + (before_v + v) / 2 * TENTH, yaw + (before_w + w) / 2 * TENTH
         senses = senses.after(shot(number, x, yaw, v, w), HUSKY)
         assert senses.doubt is None
@@ -67,7 +79,13 @@ def test_a_robot_that_drives_within_its_limits_is_never_doubted(changes: list[tu
 
 @pytest.mark.parametrize(
     "jumped",
-    [shot(2, x_m=0.2), shot(2, x_m=-5.0), shot(2, yaw_rad=math.pi), shot(2, yaw_rad=-0.2), shot(2, x_m=0.3, v_mps=1.0)],
+    [
+        shot(2, x_m=0.2),
+        shot(2, x_m=-5.0),
+        shot(2, yaw_rad=math.pi),
+        shot(2, yaw_rad=-0.2),
+        shot(2, x_m=0.3, v_mps=1.0),
+    ],
 )
 def test_a_pose_that_the_robot_cannot_have_reached_is_not_believed_and_told(jumped: Frame) -> None:
     senses = after(shot(0), shot(1), jumped)
@@ -79,7 +97,9 @@ def test_a_pose_that_the_robot_cannot_have_reached_is_not_believed_and_told(jump
 def test_a_pose_that_has_jumped_is_not_believed_however_long_it_stays_there() -> None:
     senses = after(shot(0), shot(1), *(shot(number, x_m=0.5) for number in range(2, 100)))
     assert senses.doubt is SensorFault.POSE
-    assert causes(senses, 99 * PERIOD_NS) == [Cause.POSE_JUMP]  # and the camera, which works, is not blamed
+    assert causes(senses, 99 * PERIOD_NS) == [
+        Cause.POSE_JUMP
+    ]  # and the camera, which works, is not blamed
 
 
 def test_a_pose_that_jumps_back_is_believed_after_it_has_been_steady() -> None:
@@ -91,7 +111,9 @@ def test_a_pose_that_jumps_back_is_believed_after_it_has_been_steady() -> None:
 
 def test_an_odometry_of_nonsense_is_not_believed_when_it_passes_by() -> None:
     noise = np.random.default_rng(5)
-    nonsense = [shot(n, *(float(number) for number in noise.uniform(-3, 3, 4))) for n in range(2, 200)]
+    nonsense = [
+        shot(n, *(float(number) for number in noise.uniform(-3, 3, 4))) for n in range(2, 200)
+    ]
     senses, believed = after(shot(0), shot(1)), 0
     for frame in nonsense:
         senses = senses.after(frame, HUSKY)
@@ -108,9 +130,14 @@ def test_a_clock_that_stands_or_goes_back_is_not_believed_until_it_goes_on(stamp
 
 
 @pytest.mark.parametrize("repeated", ["depth_m", "rgb"])
-def test_a_camera_that_repeats_itself_is_noticed_and_named_when_half_a_second_has_gone(repeated: str) -> None:
+def test_a_camera_that_repeats_itself_is_noticed_and_named_when_half_a_second_has_gone(
+    repeated: str,
+) -> None:
     first = shot(1)
-    same = [dataclasses.replace(shot(number), **{repeated: getattr(first, repeated)}) for number in range(2, 9)]
+    same = [
+        dataclasses.replace(shot(number), **{repeated: getattr(first, repeated)})
+        for number in range(2, 9)
+    ]
     senses = after(shot(0), first, *same[:5])
     assert senses.repeats
     assert causes(senses, 6 * PERIOD_NS) == []
@@ -141,12 +168,19 @@ def test_a_frame_without_a_pose_is_left_to_be_refused_and_hides_no_jump() -> Non
         (STANDSTILL, STANDSTILL, False),
     ],
 )
-def test_wheels_push_in_vain_when_they_are_told_to_turn_and_do_not(sent: Twist, measured: Twist, in_vain: bool) -> None:
+def test_wheels_push_in_vain_when_they_are_told_to_turn_and_do_not(
+    sent: Twist, measured: Twist, in_vain: bool
+) -> None:
     assert pushes_in_vain(sent, measured, HUSKY) is in_vain
 
 
-@pytest.mark.parametrize(("since_ns", "expected"), [(BLOCKED_NS, [Cause.WHEELS_BLOCKED]), (BLOCKED_NS - 1, []), (None, [])])
-def test_wheels_that_push_in_vain_for_2_s_are_stopped(since_ns: int | None, expected: list[Cause]) -> None:
+@pytest.mark.parametrize(
+    ("since_ns", "expected"),
+    [(BLOCKED_NS, [Cause.WHEELS_BLOCKED]), (BLOCKED_NS - 1, []), (None, [])],
+)
+def test_wheels_that_push_in_vain_for_2_s_are_stopped(
+    since_ns: int | None, expected: list[Cause]
+) -> None:
     command = Command(twist=Twist(v_mps=0.5, w_radps=0.0), stamp_ns=BLOCKED_NS)
     facts = GateInput(
         now_ns=BLOCKED_NS,

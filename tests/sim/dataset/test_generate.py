@@ -1,4 +1,5 @@
-"""Labelled pictures of random worlds: the same from the same seed, labels exact, prints no items, splits apart."""
+"""Labelled pictures of random worlds: the same from the same seed, labels exact, prints no items,
+splits apart."""
 
 from __future__ import annotations
 
@@ -13,7 +14,14 @@ import pytest
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.learning.data.class_names import BEWARE_CLASSES
-from sim.dataset.generate import SHARDS_PER_SPLIT, SPLITS, WORLDS_PER_SHARD, Picture, render_pictures, shard_seed
+from sim.dataset.generate import (
+    SHARDS_PER_SPLIT,
+    SPLITS,
+    WORLDS_PER_SHARD,
+    Picture,
+    render_pictures,
+    shard_seed,
+)
 from sim.dataset.renderer import LABELS, PATTERNS, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Decal, Poster, Scene, SolidObject
@@ -39,9 +47,16 @@ def studio(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
         yield made
 
 
-def scene(*, pieces: tuple[SolidObject, ...] = (), sheets: tuple[Poster, ...] = (), texture: int | None = None) -> Scene:
+def scene(
+    *,
+    pieces: tuple[SolidObject, ...] = (),
+    sheets: tuple[Poster, ...] = (),
+    texture: int | None = None,
+) -> Scene:
     ground = Decal(label=BACKGROUND, polygon=GROUND, colour=(200, 200, 200), texture=texture)
-    return Scene(pieces=pieces, patches=(ground,), sheets=sheets, targets=(), blocked=(), reach_m=(1.0, 1.0))
+    return Scene(
+        pieces=pieces, patches=(ground,), sheets=sheets, targets=(), blocked=(), reach_m=(1.0, 1.0)
+    )
 
 
 def item(kind: str, x_m: float = 0.0, y_m: float = 0.0) -> SolidObject:
@@ -50,11 +65,15 @@ def item(kind: str, x_m: float = 0.0, y_m: float = 0.0) -> SolidObject:
 
 
 def sheet(texture: int) -> Poster:
-    return Poster(texture=texture, at_m=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), size_m=(0.5, 0.5))
+    return Poster(
+        texture=texture, at_m=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), size_m=(0.5, 0.5)
+    )
 
 
 def small_set(seed: int, renderer: RendererName = "tiny") -> list[Picture]:
-    return list(render_pictures(seed=seed, worlds=2, poses_per_world=1, size=SMALL, renderer=renderer))
+    return list(
+        render_pictures(seed=seed, worlds=2, poses_per_world=1, size=SMALL, renderer=renderer)
+    )
 
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])
@@ -64,7 +83,11 @@ def test_the_same_seed_gives_the_same_bits(renderer: RendererName) -> None:
     first, again = small_set(4, renderer), small_set(4, renderer)
     assert [picture.name for picture in first] == [picture.name for picture in again]
     for one, two in zip(first, again, strict=True):
-        assert (one.rgb == two.rgb).all() and (one.depth_mm == two.depth_mm).all() and (one.labels == two.labels).all()
+        assert (
+            (one.rgb == two.rgb).all()
+            and (one.depth_mm == two.depth_mm).all()
+            and (one.labels == two.labels).all()
+        )
 
 
 def test_another_seed_gives_other_worlds() -> None:
@@ -75,7 +98,9 @@ def test_another_seed_gives_other_worlds() -> None:
 
 def test_no_world_is_in_two_splits() -> None:
     shards = (0, 1, SHARDS_PER_SPLIT - 1)
-    seeds = [shard_seed(seed, split, shard) for seed in range(4) for split in SPLITS for shard in shards]
+    seeds = [
+        shard_seed(seed, split, shard) for seed in range(4) for split in SPLITS for shard in shards
+    ]
     worlds = [WORLDS_PER_SHARD * seed + i for seed in seeds for i in (0, WORLDS_PER_SHARD - 1)]
     assert len(set(worlds)) == len(worlds)
     ranges = sorted((WORLDS_PER_SHARD * seed, WORLDS_PER_SHARD * (seed + 1)) for seed in seeds)
@@ -87,36 +112,63 @@ def test_no_world_is_in_two_splits() -> None:
 
 
 def test_every_class_is_seen_within_some_tens_of_worlds_and_often_enough() -> None:
-    pictures = list(render_pictures(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny"))
-    seen = {name: sum((p.labels == LABELS[name]).sum() >= 4 for p in pictures) / len(pictures) for name in BEWARE_CLASSES}
+    pictures = list(
+        render_pictures(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny")
+    )
+    seen = {
+        name: sum((p.labels == LABELS[name]).sum() >= 4 for p in pictures) / len(pictures)
+        for name in BEWARE_CLASSES
+    }
     assert min(seen.values()) > 0.1, seen
     assert all(p.labels.min() >= 1 and p.labels.max() <= len(BEWARE_CLASSES) for p in pictures)
-    assert all(p.rgb.dtype == np.uint8 and p.depth_mm.dtype == np.uint16 and p.labels.dtype == np.uint8 for p in pictures)
-    assert all(p.rgb.shape == (120, 212, 3) and p.depth_mm.shape == p.labels.shape == (120, 212) for p in pictures)
+    assert all(
+        p.rgb.dtype == np.uint8 and p.depth_mm.dtype == np.uint16 and p.labels.dtype == np.uint8
+        for p in pictures
+    )
+    assert all(
+        p.rgb.shape == (120, 212, 3) and p.depth_mm.shape == p.labels.shape == (120, 212)
+        for p in pictures
+    )
 
 
 def painted(world: Scene) -> Scene:
-    """The same world in magenta where there is something to beware of, and green elsewhere, without any texture."""
+    """The same world in magenta where there is something to beware of, and green elsewhere, without
+    any texture."""
 
     def colour(label: str) -> Colour:
         return GREEN if label == BACKGROUND else MAGENTA
 
     pieces = tuple(
-        dataclasses.replace(p, solids=tuple(dataclasses.replace(s, colour=colour(p.label)) for s in p.solids))
+        dataclasses.replace(
+            p, solids=tuple(dataclasses.replace(s, colour=colour(p.label)) for s in p.solids)
+        )
         for p in world.pieces
     )
-    patches = tuple(dataclasses.replace(p, colour=colour(p.label), texture=None) for p in world.patches)
+    patches = tuple(
+        dataclasses.replace(p, colour=colour(p.label), texture=None) for p in world.patches
+    )
     light = Light(ambient=0.9, diffuse=0.1)
-    return dataclasses.replace(world, pieces=pieces, patches=patches, sheets=(), light=light, sky=GREEN)
+    return dataclasses.replace(
+        world, pieces=pieces, patches=patches, sheets=(), light=light, sky=GREEN
+    )
 
 
 def test_labels_lie_exactly_where_the_colours_do(studio: SceneRenderer) -> None:
     wrong = labelled = 0
     for seed in range(3):
-        world = painted(random_scene(np.random.default_rng(seed), patterns=PATTERNS, prints=studio.prints))
+        world = painted(
+            random_scene(np.random.default_rng(seed), patterns=PATTERNS, prints=studio.prints)
+        )
         studio.build(world)
-        for x_m, y_m, turn in ((-1.0, 0.0, 0.0), (0.5, 0.5, 2.0), (1.0, -0.5, -2.5), (0.0, 0.0, 1.0)):
-            rgb, _, labels = studio.render(Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn).matrix() @ T_BASE_CAMERA, world)
+        for x_m, y_m, turn in (
+            (-1.0, 0.0, 0.0),
+            (0.5, 0.5, 2.0),
+            (1.0, -0.5, -2.5),
+            (0.0, 0.0, 1.0),
+        ):
+            rgb, _, labels = studio.render(
+                Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn).matrix() @ T_BASE_CAMERA, world
+            )
             magenta, beware = rgb[:, :, 0] > rgb[:, :, 1], labels > LABELS[BACKGROUND]
             wrong, labelled = wrong + int((magenta != beware).sum()), labelled + int(beware.sum())
     assert labelled > 10_000
@@ -133,20 +185,30 @@ def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: Sce
     changed = (print_rgb.astype(int) - bare_rgb).any(axis=2)
     assert changed.sum() > 300  # it is seen
     assert (print_labels == LABELS[BACKGROUND]).all()
-    assert np.abs(print_m - bare_m)[changed].max() < 0.02  # its 3.4 mm over the floor, along a flat ray
+    assert (
+        np.abs(print_m - bare_m)[changed].max() < 0.02
+    )  # its 3.4 mm over the floor, along a flat ray
     cup = cup_labels == LABELS["cup"]
     assert cup.sum() > 50 and np.abs(cup_m - bare_m)[cup].max() > 0.1
 
 
-def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(studio: SceneRenderer) -> None:
-    crowd = tuple(dataclasses.replace(item(k, 3.0, 0.3 * i - 1.5), label=BACKGROUND) for i, k in enumerate(ITEM_SIZES))
+def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(
+    studio: SceneRenderer,
+) -> None:
+    crowd = tuple(
+        dataclasses.replace(item(k, 3.0, 0.3 * i - 1.5), label=BACKGROUND)
+        for i, k in enumerate(ITEM_SIZES)
+    )
     near = slice(100, 120)
 
     def shot(world: Scene) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
         studio.build(world)
         return studio.render(AHEAD, world)[0]
 
-    plain, patterned = shot(scene(pieces=crowd)), [shot(scene(pieces=crowd, texture=i)) for i in range(4)]
+    plain, patterned = (
+        shot(scene(pieces=crowd)),
+        [shot(scene(pieces=crowd, texture=i)) for i in range(4)],
+    )
     assert plain[near].std() < 2
     assert max(picture[near].astype(float).std(axis=(0, 1)).max() for picture in patterned) > 4
     prints = [shot(scene(pieces=crowd, sheets=(sheet(i),))) for i in (0, 30)]

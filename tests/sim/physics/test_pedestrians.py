@@ -34,7 +34,12 @@ def test_a_walker_begins_where_he_is_told_and_turns_at_the_end() -> None:
 
 
 def test_a_walker_stands_at_his_points_for_as_long_as_he_is_told() -> None:
-    person = Person(points=((0.0, 0.0), (2.0, 0.0), (0.0, 0.0)), speed_mps=1.0, begins_at=0.0, pauses_s=(0.0, 2.0, 100.0))
+    person = Person(
+        points=((0.0, 0.0), (2.0, 0.0), (0.0, 0.0)),
+        speed_mps=1.0,
+        begins_at=0.0,
+        pauses_s=(0.0, 2.0, 100.0),
+    )
     assert xs(person, 8) == pytest.approx([0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0], abs=0.03)
 
 

@@ -29,7 +29,9 @@ def pass_by(referee: Referee, y_m: float, *, speed_mps: float = 1.0) -> None:
     for step in range(round(6.0 / speed_mps * 240) + 1):
         pose = Pose2(x_m=-1.0 + step * speed_mps * PERIOD_S, y_m=y_m, yaw_rad=0.0)
         rolling = Twist(v_mps=speed_mps, w_radps=0.0)
-        referee.observe(t_s=(step + 1) * PERIOD_S, pose=pose, rolling=rolling, people=(), period_s=PERIOD_S)
+        referee.observe(
+            t_s=(step + 1) * PERIOD_S, pose=pose, rolling=rolling, people=(), period_s=PERIOD_S
+        )
 
 
 def test_a_near_miss_is_measured_and_is_no_contact() -> None:
@@ -51,7 +53,10 @@ def test_two_things_struck_are_two_collisions() -> None:
     pass_by(referee, 0.8)
     assert referee.collisions == 2
     log = referee.summary()["contacts"]
-    assert [(contact["what"], contact["collided"]) for contact in log] == [("box", True), ("cylinder", True)]
+    assert [(contact["what"], contact["collided"]) for contact in log] == [
+        ("box", True),
+        ("cylinder", True),
+    ]
 
 
 def test_the_physical_robot_collides_with_a_box_before_it() -> None:
@@ -63,12 +68,16 @@ def test_the_physical_robot_collides_with_a_box_before_it() -> None:
         assert simulator.referee.collisions == 1
 
 
-@pytest.mark.parametrize("scenario", [open_floor(markings=(Marking(name="red", polygon=shifted(2.0, 0.0)),))])
+@pytest.mark.parametrize(
+    "scenario", [open_floor(markings=(Marking(name="red", polygon=shifted(2.0, 0.0)),))]
+)
 def test_an_intrusion_counts_once_with_its_duration(scenario: Scenario) -> None:
     referee = Referee(scenario)
     pass_by(referee, 0.0)
     assert referee.beware_intrusions == 1 and referee.collisions == 0
-    assert referee.beware_intrusion_s == pytest.approx(2.0, abs=0.02)  # 1 m of area and 1 m of robot at 1 m/s
+    assert referee.beware_intrusion_s == pytest.approx(
+        2.0, abs=0.02
+    )  # 1 m of area and 1 m of robot at 1 m/s
     clear = Referee(scenario)
     pass_by(clear, 0.86)
     assert clear.beware_intrusions == 0 and clear.beware_intrusion_s == 0.0
@@ -77,13 +86,21 @@ def test_an_intrusion_counts_once_with_its_duration(scenario: Scenario) -> None:
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.4])
 def test_an_intrusion_is_weighed_by_the_area_of_the_footprint_in_it(yaw_rad: float) -> None:
     marking = Marking(name="red", polygon=((2.0, -3.0), (9.0, -3.0), (9.0, 3.0), (2.0, 3.0)))
-    over_it_twice = Marking(name="red too", polygon=((2.0, -3.0), (9.0, -3.0), (9.0, 3.0), (2.0, 3.0)))
+    over_it_twice = Marking(
+        name="red too", polygon=((2.0, -3.0), (9.0, -3.0), (9.0, 3.0), (2.0, 3.0))
+    )
     referee = Referee(open_floor(markings=(marking, over_it_twice)))
-    pose = Pose2(x_m=2.0, y_m=0.0, yaw_rad=yaw_rad)  # its middle on the edge: half of it is inside, however it is turned
+    pose = Pose2(
+        x_m=2.0, y_m=0.0, yaw_rad=yaw_rad
+    )  # its middle on the edge: half of it is inside, however it is turned
     for step in range(240):
-        referee.observe(t_s=(step + 1) * PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S)
+        referee.observe(
+            t_s=(step + 1) * PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S
+        )
     half_m2 = HUSKY.length_m * HUSKY.width_m / 2
-    assert referee.summary()["beware_intrusion_m2s"] == pytest.approx(half_m2, abs=1e-4)  # a union: nothing counts twice
+    assert referee.summary()["beware_intrusion_m2s"] == pytest.approx(
+        half_m2, abs=1e-4
+    )  # a union: nothing counts twice
     assert referee.summary()["intruded"] == {"red": 1, "red too": 1}
     assert referee.beware_intrusion_s == pytest.approx(1.0)
 
@@ -93,8 +110,14 @@ def test_a_corner_of_the_footprint_is_enough_to_intrude_and_its_middle_is_not_wh
     reach_m = HUSKY.circumscribed_radius_m
     bearing = math.pi / 4 + math.atan2(HUSKY.width_m, HUSKY.length_m)
     for out_m, times in ((0.01, 0), (-0.01, 1)):
-        x, y = (reach_m + 0.1 + out_m) * math.cos(bearing), (reach_m + 0.1 + out_m) * math.sin(bearing)
-        small = tuple((x + 0.1 * math.cos(a), y + 0.1 * math.sin(a)) for a in np.arange(64) * math.pi / 32 + bearing)
+        x, y = (
+            (reach_m + 0.1 + out_m) * math.cos(bearing),
+            (reach_m + 0.1 + out_m) * math.sin(bearing),
+        )
+        small = tuple(
+            (x + 0.1 * math.cos(a), y + 0.1 * math.sin(a))
+            for a in np.arange(64) * math.pi / 32 + bearing
+        )
         referee = Referee(open_floor(markings=(Marking(name="red", polygon=small),)))
         referee.observe(t_s=PERIOD_S, pose=corner, rolling=STANDSTILL, people=(), period_s=PERIOD_S)
         assert referee.beware_intrusions == times
@@ -106,20 +129,28 @@ def test_an_item_that_was_shoved_away_is_judged_where_it_lies_now_too() -> None:
         referee = Referee(open_floor(items=(cup,)))
         pose = Pose2(x_m=2.0, y_m=0.3, yaw_rad=0.0)
         lies = (Pose2(x_m=now[0], y_m=now[1], yaw_rad=0.0),)
-        referee.observe(t_s=PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S, items=lies)
+        referee.observe(
+            t_s=PERIOD_S, pose=pose, rolling=STANDSTILL, people=(), period_s=PERIOD_S, items=lies
+        )
         assert referee.beware_intrusions == times
 
 
 def test_the_simulator_tells_the_referee_where_a_shoved_item_lies() -> None:
-    with blind(open_floor(items=(Item(kind="bag", at=(1.2, 0.0)),), start=(0.0, 0.0, 0.0))) as simulator:
+    with blind(
+        open_floor(items=(Item(kind="bag", at=(1.2, 0.0)),), start=(0.0, 0.0, 0.0))
+    ) as simulator:
         drive(simulator, 0.5, 0.0, 3.0)
         wait(simulator, 0.5)
-        assert simulator.referee.beware_intrusions == 1  # it lay there, and is pushed on, and is one bag
+        assert (
+            simulator.referee.beware_intrusions == 1
+        )  # it lay there, and is pushed on, and is one bag
         assert simulator.referee.summary()["intruded"] == {"bag": 1}
 
 
 def test_a_marking_that_is_not_to_beware_of_may_be_driven_over() -> None:
-    referee = Referee(open_floor(markings=(Marking(name="mat", polygon=shifted(2.0, 0.0), beware=False),)))
+    referee = Referee(
+        open_floor(markings=(Marking(name="mat", polygon=shifted(2.0, 0.0), beware=False),))
+    )
     pass_by(referee, 0.0)
     assert referee.violations() == 0
 
@@ -142,27 +173,42 @@ def test_a_zone_counts_on_entering_but_not_when_it_is_drawn_over_the_robot() -> 
     over.set_zones((zone,))
     over.observe(t_s=2 * PERIOD_S, pose=Pose2(x_m=2.1, y_m=0.0, yaw_rad=0.0), **still)  # type: ignore[arg-type]
     assert over.zone_intrusions == 0
-    over.set_zones((zone, np.array(shifted(9.0, 9.0))))  # another zone changes nothing about this one
+    over.set_zones(
+        (zone, np.array(shifted(9.0, 9.0)))
+    )  # another zone changes nothing about this one
     for x_m in (5.0, 2.0):
         over.observe(t_s=1.0, pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0), **still)  # type: ignore[arg-type]
     assert over.zone_intrusions == 1
 
 
 @pytest.mark.parametrize(("drift_m", "gap_m"), [(0.0, 0.0), (0.2, 0.15)])
-def test_an_intrusion_tells_when_it_was_and_how_near_the_robot_came_by_its_odometry(drift_m: float, gap_m: float) -> None:
+def test_an_intrusion_tells_when_it_was_and_how_near_the_robot_came_by_its_odometry(
+    drift_m: float, gap_m: float
+) -> None:
     referee = Referee(open_floor())
     referee.set_zones((np.array(shifted(9.0, 9.0)), np.array(shifted(2.0, 0.0))))
-    y_m = 0.5 + HUSKY.width_m / 2 - 0.05  # 5 cm of the footprint over the zone, which reaches to 0.5 m
+    y_m = (
+        0.5 + HUSKY.width_m / 2 - 0.05
+    )  # 5 cm of the footprint over the zone, which reaches to 0.5 m
     for step in range(1, 481):
         t_s = step * PERIOD_S
         believed = Pose2(x_m=2.0 * t_s, y_m=y_m + drift_m, yaw_rad=0.0)
         here = Pose2(x_m=2.0 * t_s, y_m=y_m, yaw_rad=0.0)
         referee.observe(
-            t_s=t_s, pose=here, rolling=Twist(v_mps=2.0, w_radps=0.0), people=(), period_s=PERIOD_S, odometry=believed
+            t_s=t_s,
+            pose=here,
+            rolling=Twist(v_mps=2.0, w_radps=0.0),
+            people=(),
+            period_s=PERIOD_S,
+            odometry=believed,
         )
     (intrusion,) = referee.summary()["intrusions"]
-    assert intrusion["what"] == "zone 2" and intrusion["gap_by_odometry_m"] == pytest.approx(gap_m, abs=1e-3)
-    assert intrusion["t_s"] == pytest.approx(0.5, abs=0.01) and intrusion["duration_s"] == pytest.approx(1.0, abs=0.02)
+    assert intrusion["what"] == "zone 2" and intrusion["gap_by_odometry_m"] == pytest.approx(
+        gap_m, abs=1e-3
+    )
+    assert intrusion["t_s"] == pytest.approx(0.5, abs=0.01) and intrusion[
+        "duration_s"
+    ] == pytest.approx(1.0, abs=0.02)
     assert referee.zone_intrusions == 1 and referee.zone_intrusion_s == pytest.approx(1.0, abs=0.02)
 
 
@@ -171,15 +217,21 @@ def walker(yields: bool) -> Person:
 
 
 def test_somebody_who_does_not_yield_strikes_the_standing_robot_and_it_is_not_its_fault() -> None:
-    with blind(open_floor(people=(walker(yields=False),), start=(0.0, 0.0, 0.0)), seed=2) as simulator:
+    with blind(
+        open_floor(people=(walker(yields=False),), start=(0.0, 0.0, 0.0)), seed=2
+    ) as simulator:
         wait(simulator, 11.0)
         assert simulator.referee.struck_while_standing >= 1
         assert simulator.referee.collisions == 0
-        assert {"person"} == {contact["what"] for contact in simulator.referee.summary()["contacts"]}
+        assert {"person"} == {
+            contact["what"] for contact in simulator.referee.summary()["contacts"]
+        }
 
 
 def test_somebody_who_yields_strikes_nobody() -> None:
-    with blind(open_floor(people=(walker(yields=True),), start=(0.0, -1.0, 1.57)), seed=2) as simulator:
+    with blind(
+        open_floor(people=(walker(yields=True),), start=(0.0, -1.0, 1.57)), seed=2
+    ) as simulator:
         start = simulator.true_people()[0]
         for _ in range(110):
             wait(simulator, 0.1)
@@ -202,7 +254,9 @@ def test_stops_are_intervals_with_their_reason() -> None:
         reason = "camera" if 60 <= step < 120 else "plan" if 120 <= step < 180 else None
         referee.note_stop(reason)
         here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-        referee.observe(t_s=(step + 1) * PERIOD_S, pose=here, rolling=STANDSTILL, people=(), period_s=PERIOD_S)
+        referee.observe(
+            t_s=(step + 1) * PERIOD_S, pose=here, rolling=STANDSTILL, people=(), period_s=PERIOD_S
+        )
     assert referee.stops == [
         {"t_s": 0.25, "duration_s": 0.25, "reason": "camera"},
         {"t_s": 0.5, "duration_s": 0.25, "reason": "plan"},
@@ -230,11 +284,15 @@ def test_a_new_run_starts_from_zero_with_the_same_zones() -> None:
 
 
 def test_the_true_map_blocks_what_is_nearer_than_the_inflation() -> None:
-    scenario = open_floor(furniture=(BOX,), markings=(Marking(name="red", polygon=shifted(-4.0, 0.0)),))
+    scenario = open_floor(
+        furniture=(BOX,), markings=(Marking(name="red", polygon=shifted(-4.0, 0.0)),)
+    )
     spec = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
     blocked = Referee(scenario).true_blocked(spec, 0.4)
     outlines = [shapely.Polygon(shifted(x, 0.0)) for x in (2.0, -4.0)]
-    cells = random.Random(0).choices([(r, c) for r in range(spec.rows) for c in range(spec.cols)], k=4000)
+    cells = random.Random(0).choices(
+        [(r, c) for r in range(spec.rows) for c in range(spec.cols)], k=4000
+    )
     for row, col in cells:
         gap = min(shapely.Point(spec.centre(row, col)).distance(outline) for outline in outlines)
         if gap < 0.35:
@@ -256,7 +314,9 @@ convex = st.builds(
 @settings(max_examples=200, deadline=None)
 @given(convex, convex)
 def test_the_distance_of_polygons_is_shapelys(a: Polygon, b: Polygon) -> None:
-    assert distance_m(a, b) == pytest.approx(shapely.Polygon(a).distance(shapely.Polygon(b)), abs=1e-9)
+    assert distance_m(a, b) == pytest.approx(
+        shapely.Polygon(a).distance(shapely.Polygon(b)), abs=1e-9
+    )
 
 
 @settings(max_examples=50, deadline=None)

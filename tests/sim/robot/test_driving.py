@@ -23,7 +23,9 @@ def test_a_commanded_velocity_is_reached(v_mps: float, w_radps: float) -> None:
         drive(simulator, v_mps, w_radps, 1.0)
         before, driven_m = simulator.true_pose(), simulator.referee.distance_m
         drive(simulator, v_mps, w_radps, 1.0)
-        assert turned_by(before.yaw_rad, simulator.true_pose().yaw_rad) == pytest.approx(w_radps, rel=0.1)
+        assert turned_by(before.yaw_rad, simulator.true_pose().yaw_rad) == pytest.approx(
+            w_radps, rel=0.1
+        )
         assert simulator.referee.distance_m - driven_m == pytest.approx(v_mps, rel=0.05, abs=0.01)
 
 
@@ -54,7 +56,9 @@ def test_the_driver_forgets_a_command_after_its_timeout() -> None:
         assert simulator.velocity().v_mps == pytest.approx(0.5, rel=0.05)
 
 
-@pytest.mark.parametrize("v_mps, w_radps", [(1e9, 0.0), (-1e9, 1e9), (math.nan, math.inf), (math.inf, math.nan)])
+@pytest.mark.parametrize(
+    "v_mps, w_radps", [(1e9, 0.0), (-1e9, 1e9), (math.nan, math.inf), (math.inf, math.nan)]
+)
 def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: float) -> None:
     driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
     before = (0.0, 0.0)
@@ -82,7 +86,9 @@ def a_minute_of_driving(seed: int) -> tuple[float, float]:
             drive(simulator, 1.0, 0.0, 4.0)
             drive(simulator, 0.5, 0.5, math.pi)
         truth, belief = simulator.true_pose(), simulator.odometry()
-        return truth.distance_to(belief.x_m, belief.y_m), abs(turned_by(truth.yaw_rad, belief.yaw_rad))
+        return truth.distance_to(belief.x_m, belief.y_m), abs(
+            turned_by(truth.yaw_rad, belief.yaw_rad)
+        )
 
 
 def test_odometry_drifts_a_little_and_differently_in_each_run() -> None:
@@ -98,7 +104,12 @@ def track(simulator: Simulator) -> list[object]:
     seen: list[object] = []
     for _ in range(10):
         drive(simulator, 0.4, 0.3, 0.1)
-        seen += [simulator.odometry(), simulator.velocity(), simulator.true_pose(), simulator.true_people()]
+        seen += [
+            simulator.odometry(),
+            simulator.velocity(),
+            simulator.true_pose(),
+            simulator.true_people(),
+        ]
     frame = simulator.capture()
     return [*seen, frame.rgb.tobytes(), frame.depth_m.tobytes()]
 

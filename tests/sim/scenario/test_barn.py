@@ -33,11 +33,18 @@ META = {
     "timeout": 100.0,
     "cylinder_radius": 0.075,
 }
-STATIC: dict[str, Any] = {"id": 6, "walls": [[-4.0, 5.0]], "cylinders": [[-2.0, 8.0], [-3.0, 9.0]], "path_length": 12.0}
+STATIC: dict[str, Any] = {
+    "id": 6,
+    "walls": [[-4.0, 5.0]],
+    "cylinders": [[-2.0, 8.0], [-3.0, 9.0]],
+    "path_length": 12.0,
+}
 MOVING: dict[str, Any] = {
     "id": 4,
     "walls": [{"name": "top", "centre": [0.0, 10.0], "size": [20.0, 0.5]}],
-    "obstacles": [{"name": "a", "radius": 0.5, "period": 8.0, "keys": [[0.0, 1.0, 2.0], [4.0, 1.0, 6.0]]}],
+    "obstacles": [
+        {"name": "a", "radius": 0.5, "period": 8.0, "keys": [[0.0, 1.0, 2.0], [4.0, 1.0, 6.0]]}
+    ],
 }
 
 
@@ -52,7 +59,15 @@ def published(name: str) -> Path:
 
 
 def jackal(scenario: Scenario, *, size: tuple[int, int] = (16, 16)) -> Simulator:
-    return Simulator(scenario, seed=0, renderer="tiny", camera_size=size, camera_rate_hz=0.001, errors=PERFECT, robot=JACKAL)
+    return Simulator(
+        scenario,
+        seed=0,
+        renderer="tiny",
+        camera_size=size,
+        camera_rate_hz=0.001,
+        errors=PERFECT,
+        robot=JACKAL,
+    )
 
 
 @pytest.mark.parametrize("v_mps", [0.0, 0.5, 2.0])
@@ -62,7 +77,9 @@ def test_the_jackal_reaches_a_commanded_velocity(v_mps: float, w_radps: float) -
         drive(simulator, v_mps, w_radps, 1.0)
         before, driven_m = simulator.true_pose(), simulator.referee.distance_m
         drive(simulator, v_mps, w_radps, 1.0)
-        assert turned_by(before.yaw_rad, simulator.true_pose().yaw_rad) == pytest.approx(w_radps, rel=0.1)
+        assert turned_by(before.yaw_rad, simulator.true_pose().yaw_rad) == pytest.approx(
+            w_radps, rel=0.1
+        )
         assert simulator.referee.distance_m - driven_m == pytest.approx(v_mps, rel=0.05, abs=0.01)
 
 
@@ -72,7 +89,9 @@ def test_the_jackal_stops_as_fast_as_its_profile_says() -> None:
         began = simulator.true_pose()
         drive(simulator, 0.0, 0.0, 1.0)
         stopped = simulator.true_pose()
-        assert stopped.x_m - began.x_m == pytest.approx(2.0**2 / (2 * JACKAL.max_accel_mps2), abs=0.05)
+        assert stopped.x_m - began.x_m == pytest.approx(
+            2.0**2 / (2 * JACKAL.max_accel_mps2), abs=0.05
+        )
         assert abs(stopped.y_m) < 0.02
 
 
@@ -86,15 +105,24 @@ def test_the_jackals_camera_sees_the_floor_before_its_bumper_and_nothing_of_itse
 
 
 def test_a_mover_keeps_its_timetable_and_yields_to_nobody() -> None:
-    mover = Mover(keys=((0.0, 3.0, 0.0), (1.0, 1.0, 0.0), (2.0, 1.0, 1.0)), period_s=3.0, radius_m=0.5)
+    mover = Mover(
+        keys=((0.0, 3.0, 0.0), (1.0, 1.0, 0.0), (2.0, 1.0, 1.0)), period_s=3.0, radius_m=0.5
+    )
     with jackal(open_floor(movers=(mover,))) as simulator:
         places = []
         for _ in range(4):
             places.append(simulator._crowd.poses()[0])
             wait(simulator, 1.0)
-        assert simulator.referee.min_clearance_m == pytest.approx(1.0 - 0.5 - JACKAL.length_m / 2, abs=0.03)
+        assert simulator.referee.min_clearance_m == pytest.approx(
+            1.0 - 0.5 - JACKAL.length_m / 2, abs=0.03
+        )
         assert simulator.referee.collisions + simulator.referee.struck_while_standing == 0
-    assert [(round(at.x_m, 2), round(at.y_m, 2)) for at in places] == [(3, 0), (1, 0), (1, 1), (3, 0)]
+    assert [(round(at.x_m, 2), round(at.y_m, 2)) for at in places] == [
+        (3, 0),
+        (1, 0),
+        (1, 1),
+        (3, 0),
+    ]
 
 
 def test_contact_with_a_mover_counts_by_its_own_radius_and_the_robots_own_footprint() -> None:
@@ -116,13 +144,17 @@ def test_a_world_keeps_its_measures_and_is_centred_between_start_and_goal(tmp_pa
     assert one.scenario.goals[0] == pytest.approx((0.0, 5.0))
     places = np.array([piece.at for piece in one.scenario.furniture])
     assert places == pytest.approx(np.array([(-1.75, -3.0), (0.25, 0.0), (-0.75, 1.0)]))
-    assert one.scenario.furniture[0].size_m is not None and one.scenario.furniture[0].size_m[0] == pytest.approx(0.15)
+    assert one.scenario.furniture[0].size_m is not None and one.scenario.furniture[0].size_m[
+        0
+    ] == pytest.approx(0.15)
     assert (one.id, one.reference_m, one.tolerance_m, one.limit_s) == (6, 12.0, 1.0, 100.0)
     assert large.scenario.furniture[1].at == pytest.approx((0.25 * 1.7, 0.0))
     assert (large.reference_m, large.tolerance_m) == pytest.approx((12.0 * 1.7, 1.7))
 
 
-def test_a_moving_world_is_stretched_in_time_as_well_so_that_its_speeds_stay(tmp_path: Path) -> None:
+def test_a_moving_world_is_stretched_in_time_as_well_so_that_its_speeds_stay(
+    tmp_path: Path,
+) -> None:
     file = a_file(tmp_path, MOVING, start=[11, 0, 3.14], goal=[-9, 0])
     (one,), (large,) = load_worlds(file, scale=1.0), load_worlds(file, scale=HUSKY_SCALE)
     assert one.reference_m == 20.0
@@ -133,14 +165,18 @@ def test_a_moving_world_is_stretched_in_time_as_well_so_that_its_speeds_stay(tmp
     assert large.scenario.movers[0].period_s == pytest.approx(8.0 * 1.7)
 
 
-@pytest.mark.parametrize(("seconds", "score"), [(1.0, 0.5), (12.0, 0.5), (24.0, 0.25), (48.0, 0.125), (99.0, 0.125)])
+@pytest.mark.parametrize(
+    ("seconds", "score"), [(1.0, 0.5), (12.0, 0.5), (24.0, 0.25), (48.0, 0.125), (99.0, 0.125)]
+)
 def test_the_score_is_the_challenges(tmp_path: Path, seconds: float, score: float) -> None:
     (world,) = load_worlds(a_file(tmp_path, STATIC), scale=1.0)  # best time 6 s
     assert world.score(success=True, seconds=seconds) == pytest.approx(score)
     assert world.score(success=False, seconds=seconds) == 0.0
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"worlds": []}', '{"meta": {}, "worlds": [{"id": 0}]}'])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"worlds": []}', '{"meta": {}, "worlds": [{"id": 0}]}']
+)
 def test_a_file_of_something_else_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "w.json"
     path.write_text(text)
@@ -164,6 +200,9 @@ def test_every_published_world_has_a_way_for_the_jackal_with_its_own_margin() ->
     worlds = load_worlds(published("barn_static_open.json"), scale=1.0)
     assert len(worlds) == 150
     for world in worlds[::10]:
-        scenario, spec = world.scenario, GridSpec.centred(size_m=world.scenario.map.size_m, resolution_m=0.05)
+        scenario, spec = (
+            world.scenario,
+            GridSpec.centred(size_m=world.scenario.map.size_m, resolution_m=0.05),
+        )
         way_m = Referee(scenario, JACKAL).shortest_m(spec, inflation_m, scenario.goals)
         assert way_m is not None and math.isfinite(way_m) and way_m >= 10.0, scenario.name

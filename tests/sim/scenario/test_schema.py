@@ -1,4 +1,5 @@
-"""World files: the built-in ones are sound, bad ones are refused by key, seeds vary them within bounds."""
+"""World files: the built-in ones are sound, bad ones are refused by key, seeds vary them within
+bounds."""
 
 from __future__ import annotations
 
@@ -48,7 +49,11 @@ def test_the_built_in_worlds_load() -> None:
         ("start = [-2.5, -2.5, 0.0]", "start = [nan, -2.5, 0.0]", "start[0]"),
         ('kind = "box"', 'kind = "dragon"', "furniture[0].kind"),
         ("[0.9, -0.4], [0.9, 1.2]", "[0.9, 1.2], [0.9, -0.4]", "markings[0].polygon"),
-        ("[[-0.7, -0.4], [0.9, -0.4], [0.9, 1.2], [-0.7, 1.2]]", "[[-0.7, -0.4], [0.9, -0.4]]", "markings[0].polygon"),
+        (
+            "[[-0.7, -0.4], [0.9, -0.4], [0.9, 1.2], [-0.7, 1.2]]",
+            "[[-0.7, -0.4], [0.9, -0.4]]",
+            "markings[0].polygon",
+        ),
         ("[3.94, -3.94], [3.94, 3.94]", "[3.94, -3.94], [3.94, -3.94]", "walls[0].points[2]"),
         ("[3.94, -3.94], [3.94, 3.94]", "[5.0, -3.94], [3.94, 3.94]", "walls[0].points[1]"),
         (ROOM[-1:], '\n[[items]]\nkind = "cup"\nat = [1, 1]\nshape = "round"\n', "items[0].shape"),
@@ -111,7 +116,10 @@ def test_seeds_move_loose_things_a_little_and_walls_never() -> None:
 def every_item() -> tuple[Item, ...]:
     kinds = [(kind, shape) for kind in ITEM_SIZES for shape in item_shapes(kind)]
     at = [(3.0 + 1.6 * (i % 5), -4.0 + 1.6 * (i // 5)) for i in range(len(kinds))]
-    return tuple(Item(kind=kind, shape=shape, at=spot) for (kind, shape), spot in zip(kinds, at, strict=True))  # type: ignore[arg-type]
+    return tuple(
+        Item(kind=kind, shape=shape, at=spot)  # type: ignore[arg-type]
+        for (kind, shape), spot in zip(kinds, at, strict=True)
+    )
 
 
 def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None:
@@ -122,13 +130,18 @@ def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None
         assert np.abs(corners).max(axis=0) == pytest.approx((length / 2, width / 2), abs=room), item
         assert min(solid.bottom_m for solid in solids) == pytest.approx(0.0, abs=0.006), item
         top = max(solid.centre_m[2] + solid.extent_m[2] / 2 for solid in solids)
-        assert top == pytest.approx(height, rel=0.35 if item.kind == "box" else 0.12, abs=0.006) or item.shape == "open", item
+        assert (
+            top == pytest.approx(height, rel=0.35 if item.kind == "box" else 0.12, abs=0.006)
+            or item.shape == "open"
+        ), item
 
 
 def test_items_of_every_kind_stay_where_they_were_put() -> None:
     with blind(open_floor(items=every_item(), start=(-8.0, 0.0, 0.0))) as simulator:
         client = {"physicsClientId": simulator._client}
-        bodies = [b for b in range(simulator._robot.body) if p.getDynamicsInfo(b, -1, **client)[0] > 0]  # not the floor
+        bodies = [
+            b for b in range(simulator._robot.body) if p.getDynamicsInfo(b, -1, **client)[0] > 0
+        ]  # not the floor
         before = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
         wait(simulator, 1.0)
         after = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
@@ -149,28 +162,42 @@ def test_a_print_is_nothing_to_run_into_and_nothing_to_beware_of() -> None:
 
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_prints_and_spills_are_seen_with_their_pictures_and_without_height(renderer: Literal["tiny", "egl"]) -> None:
+def test_prints_and_spills_are_seen_with_their_pictures_and_without_height(
+    renderer: Literal["tiny", "egl"],
+) -> None:
     if renderer == "egl":
         need_egl()
     wall = Wall(points=((4.0, -2.0), (4.0, 2.0)))
     prints = (
         Print(shows="cup", at=(1.8, 0.5), yaw_deg=270, size_m=(0.6, 0.6)),
-        Print(shows="book", at=(3.92, -0.6), yaw_deg=180, size_m=(0.6, 0.6), on="wall", height_m=0.8),
+        Print(
+            shows="book", at=(3.92, -0.6), yaw_deg=180, size_m=(0.6, 0.6), on="wall", height_m=0.8
+        ),
     )
-    spill = Marking(name="spill", polygon=((1.4, -1.0), (2.4, -1.0), (2.4, 0.0), (1.4, 0.0)), surface="water")
-    bare = dataclasses.replace(open_floor(furniture=(Furniture(kind="desk", at=(3.5, 1.5)),)), walls=(wall,))
+    spill = Marking(
+        name="spill", polygon=((1.4, -1.0), (2.4, -1.0), (2.4, 0.0), (1.4, 0.0)), surface="water"
+    )
+    bare = dataclasses.replace(
+        open_floor(furniture=(Furniture(kind="desk", at=(3.5, 1.5)),)), walls=(wall,)
+    )
     full = dataclasses.replace(bare, prints=prints, markings=(spill,))
     views = []
     for world in (bare, full):
-        with Simulator(world, seed=0, renderer=renderer, camera_size=(424, 240), errors=PERFECT) as simulator:
+        with Simulator(
+            world, seed=0, renderer=renderer, camera_size=(424, 240), errors=PERFECT
+        ) as simulator:
             frame = simulator.capture()
             views.append((frame.rgb.astype(int), frame.depth_m))
     (bare_rgb, bare_m), (rgb, depth_m) = views
     red, green, blue = np.moveaxis(rgb, 2, 0)
     changed = (rgb != bare_rgb).any(axis=2)
-    ys, xs = np.nonzero(changed & (blue > red + 80) & (blue > green + 60))  # the cup's blue, on the floor, left
+    ys, xs = np.nonzero(
+        changed & (blue > red + 80) & (blue > green + 60)
+    )  # the cup's blue, on the floor, left
     assert len(ys) > 300 and ys.min() > 120 and xs.max() < 212
-    ys, xs = np.nonzero(changed & (green > red + 40) & (green > blue + 40))  # the book's green, on the wall, right
+    ys, xs = np.nonzero(
+        changed & (green > red + 40) & (green > blue + 40)
+    )  # the book's green, on the wall, right
     assert len(ys) > 150 and ys.max() < 120 and xs.min() > 212
     water = changed & (np.arange(424) > 230) & (np.arange(240)[:, None] > 140)
     assert water.sum() > 2000 and rgb[water].std(axis=0).max() > 3  # it shines here and there

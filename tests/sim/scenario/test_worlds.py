@@ -1,4 +1,5 @@
-"""The large built-in worlds: each seed makes another, always the same, with all that belongs in it and a way to every goal."""
+"""The large built-in worlds: each seed makes another, always the same, with all that belongs in it
+and a way to every goal."""
 
 from __future__ import annotations
 
@@ -44,7 +45,9 @@ def found(name: str, seed: int) -> Scenario:
 
 
 def area(things: tuple[Thing, ...]) -> shapely.Geometry:
-    return shapely.union_all([shapely.Polygon(outline) for thing in things for outline in thing.outlines()])
+    return shapely.union_all(
+        [shapely.Polygon(outline) for thing in things for outline in thing.outlines()]
+    )
 
 
 def world(name: str) -> str:
@@ -54,24 +57,42 @@ def world(name: str) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_seed_makes_one_world_and_another_seed_another(name: str) -> None:
     assert randomise(load_scenario(name), 1) == found(name, 1)
-    assert len({(found(name, seed).furniture, found(name, seed).items) for seed in SEEDS}) == len(SEEDS)
+    assert len({(found(name, seed).furniture, found(name, seed).items) for seed in SEEDS}) == len(
+        SEEDS
+    )
     assert {found(name, seed).goals for seed in SEEDS} == {load_scenario(name).goals}
 
 
-@pytest.mark.parametrize("name, size_m", [("indoor", (100.0, 100.0)), ("forest", (150.0, 150.0)), ("clutter", (10.0, 8.0))])
-def test_worlds_have_their_size_and_the_map_covers_them(name: str, size_m: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    "name, size_m",
+    [("indoor", (100.0, 100.0)), ("forest", (150.0, 150.0)), ("clutter", (10.0, 8.0))],
+)
+def test_worlds_have_their_size_and_the_map_covers_them(
+    name: str, size_m: tuple[float, float]
+) -> None:
     scenario = load_scenario(name)
-    assert scenario.size_m == size_m and len(scenario.goals) == 3 and scenario.map.resolution_m == 0.05
+    assert (
+        scenario.size_m == size_m and len(scenario.goals) == 3 and scenario.map.resolution_m == 0.05
+    )
     assert all(grid >= side for grid, side in zip(scenario.map.size_m, size_m, strict=True))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_indoor_world_holds_what_the_paper_names(seed: int) -> None:
     indoor = found("indoor", seed)
-    kinds, lying = Counter(piece.kind for piece in indoor.furniture), Counter(item.kind for item in indoor.items)
+    kinds, lying = (
+        Counter(piece.kind for piece in indoor.furniture),
+        Counter(item.kind for item in indoor.items),
+    )
     assert len(indoor.rooms) > 40 and len(doors(indoor)) > 60
     assert min(kinds[kind] for kind in ("desk", "chair", "shelf", "sofa")) >= 15
-    assert min(lying[kind] for kind in ("book", "cup", "bottle", "cable", "box", "keyboard", "wet-floor sign")) >= 1
+    assert (
+        min(
+            lying[kind]
+            for kind in ("book", "cup", "bottle", "cable", "box", "keyboard", "wet-floor sign")
+        )
+        >= 1
+    )
     assert any(mark.name == "red square" and mark.beware for mark in indoor.markings)
     assert {"cup", "book"} <= {sheet.shows for sheet in indoor.prints if sheet.on == "wall"}
     assert {len(person.points) for person in indoor.people} == {1, 2}
@@ -81,7 +102,11 @@ def test_the_indoor_world_holds_what_the_paper_names(seed: int) -> None:
 def test_the_forest_holds_what_the_paper_names(seed: int) -> None:
     forest = found("forest", seed)
     kinds = Counter(piece.kind for piece in forest.furniture)
-    girths = [piece.size_m[0] for piece in forest.furniture if piece.kind in ("tree", "conifer") and piece.size_m]
+    girths = [
+        piece.size_m[0]
+        for piece in forest.furniture
+        if piece.kind in ("tree", "conifer") and piece.size_m
+    ]
     assert len(girths) >= 400 and min(girths) < 0.2 and max(girths) > 0.7
     assert kinds["bush"] >= 80 and kinds["house"] >= 5 and kinds["rock"] >= 30
     assert Counter(item.kind for item in forest.items)["landmine"] >= 25
@@ -90,12 +115,19 @@ def test_the_forest_holds_what_the_paper_names(seed: int) -> None:
 
 def test_the_clutter_holds_its_hazards_and_narrow_ways() -> None:
     clutter = found("clutter", 0)
-    assert {"bottle", "cable", "box", "cup", "book", "keyboard"} == {item.kind for item in clutter.items}
+    assert {"bottle", "cable", "box", "cup", "book", "keyboard"} == {
+        item.kind for item in clutter.items
+    }
     (mark,), (parcel,) = clutter.markings, [item for item in clutter.items if item.kind == "box"]
     assert shapely.Polygon(mark.polygon).contains(shapely.Point(parcel.at))
     spec = GridSpec.centred(size_m=clutter.map.size_m, resolution_m=0.05)
-    ways = [Referee(clutter).shortest_m(spec, inflation_m, clutter.goals) for inflation_m in (INFLATION_M, 0.65)]
-    assert ways[0] is not None and ways[1] is None  # wide enough for the Husky, and for nothing wider than 1.3 m
+    ways = [
+        Referee(clutter).shortest_m(spec, inflation_m, clutter.goals)
+        for inflation_m in (INFLATION_M, 0.65)
+    ]
+    assert (
+        ways[0] is not None and ways[1] is None
+    )  # wide enough for the Husky, and for nothing wider than 1.3 m
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -111,14 +143,23 @@ def test_every_mission_can_be_driven(name: str, longest: float, seed: int) -> No
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_stands_on_the_start_a_goal_an_item_or_in_somebodys_way(name: str, seed: int) -> None:
+def test_nothing_stands_on_the_start_a_goal_an_item_or_in_somebodys_way(
+    name: str, seed: int
+) -> None:
     scenario = found(name, seed)
     standing, lying = area(obstacles(scenario)), area(items(scenario))
     for spot in (scenario.start[:2], *scenario.goals):
-        assert shapely.distance(shapely.Point(spot), shapely.union(standing, lying)) > HUSKY.circumscribed_radius_m, spot
+        assert (
+            shapely.distance(shapely.Point(spot), shapely.union(standing, lying))
+            > HUSKY.circumscribed_radius_m
+        ), spot
     assert shapely.distance(standing, lying) > 0.05
     for person in scenario.people:
-        way = shapely.LineString(person.points) if len(person.points) > 1 else shapely.Point(person.points[0])
+        way = (
+            shapely.LineString(person.points)
+            if len(person.points) > 1
+            else shapely.Point(person.points[0])
+        )
         assert shapely.distance(way, standing) > BODY_DIAMETER_M / 2, person.points
     for spot in doors(scenario):
         assert shapely.distance(shapely.Point(spot), standing) > INFLATION_M, spot
@@ -135,7 +176,10 @@ def test_the_ground_keeps_its_slope_and_near_the_robot_its_plane(seed: int) -> N
     assert np.ptp(ground.heights(spots)) > 1.0  # it is no plain
     for turn in np.arange(12) * np.pi / 6:
         step = VIEW_M * np.array([np.cos(turn), np.sin(turn)])
-        assert np.abs(ground.heights(spots + step) - ground.heights(spots) - slopes @ step).max() < 0.06
+        assert (
+            np.abs(ground.heights(spots + step) - ground.heights(spots) - slopes @ step).max()
+            < 0.06
+        )
     assert np.hypot(*(ground.slopes(spots + 1e-4) - slopes).T).max() < 1e-5  # no edges
 
 
@@ -159,8 +203,13 @@ def test_paint_lies_on_the_hills() -> None:
 
 
 def on_hills() -> Scenario:
-    steepest = max(range(-9, 10), key=lambda x: Ground(HILLS).rise(Pose2(x_m=float(x), y_m=0.0, yaw_rad=0.0))[0])
-    return dataclasses.replace(open_floor(start=(float(steepest) * 0.5, 0.0, 0.0)), relief=HILLS, size_m=(40.0, 40.0))
+    steepest = max(
+        range(-9, 10),
+        key=lambda x: Ground(HILLS).rise(Pose2(x_m=float(x), y_m=0.0, yaw_rad=0.0))[0],
+    )
+    return dataclasses.replace(
+        open_floor(start=(float(steepest) * 0.5, 0.0, 0.0)), relief=HILLS, size_m=(40.0, 40.0)
+    )
 
 
 def test_the_robot_climbs_the_hills_straight_and_does_not_creep_down() -> None:
@@ -171,18 +220,25 @@ def test_the_robot_climbs_the_hills_straight_and_does_not_creep_down() -> None:
         drive(simulator, 0.8, 0.0, 3.0)
         wait(simulator, 1.0)
         pose, belief = simulator.true_pose(), simulator.odometry()
-        assert pose.x_m - start.x_m == pytest.approx(2.4, abs=0.25) and abs(pose.y_m - start.y_m) < 0.06
+        assert (
+            pose.x_m - start.x_m == pytest.approx(2.4, abs=0.25)
+            and abs(pose.y_m - start.y_m) < 0.06
+        )
         assert pose.distance_to(belief.x_m, belief.y_m) < 0.05
         assert simulator.referee.collisions == 0
 
 
 def test_on_the_hills_the_camera_sees_the_ground_where_the_robot_stands() -> None:
-    with Simulator(on_hills(), seed=HILLS.seed, renderer="tiny", camera_size=(106, 60), errors=PERFECT) as simulator:
+    with Simulator(
+        on_hills(), seed=HILLS.seed, renderer="tiny", camera_size=(106, 60), errors=PERFECT
+    ) as simulator:
         frame = simulator.capture()
     lens, far = frame.intrinsics, frame.depth_m
     rows, cols = np.nonzero((far > 0) & (far < VIEW_M))
     depth = far[rows, cols]
-    points = np.column_stack([(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth])
+    points = np.column_stack(
+        [(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth]
+    )
     heights = points @ frame.T_base_camera[2, :3] + frame.T_base_camera[2, 3]
     assert len(depth) > 1500 and np.abs(heights).max() < 0.08
 
@@ -211,11 +267,15 @@ def test_doors_are_gaps_in_a_wall() -> None:
 
 
 def test_what_is_strewn_keeps_its_distance() -> None:
-    bushes = Scatter(kind="bush", count=60, least_m=(0.5, 0.5, 0.5), most_m=(1.0, 1.0, 1.0), gap_m=1.2)
+    bushes = Scatter(
+        kind="bush", count=60, least_m=(0.5, 0.5, 0.5), most_m=(1.0, 1.0, 1.0), gap_m=1.2
+    )
     strewn = randomise(dataclasses.replace(open_floor(), scatter=(bushes,)), 0)
     spots = np.array([piece.at for piece in strewn.furniture])
     radii = np.array([piece.size_m[0] / 2 for piece in strewn.furniture if piece.size_m])
-    apart = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1)) - radii[:, None] - radii[None]
+    apart = (
+        np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1)) - radii[:, None] - radii[None]
+    )
     assert 20 < len(spots) <= 60 and apart[~np.eye(len(spots), dtype=bool)].min() >= 1.2 - 1e-3
     assert np.hypot(*spots.T).min() > 2.5  # the start
 
@@ -224,14 +284,26 @@ def test_what_is_strewn_keeps_its_distance() -> None:
     "name, old, new, key",
     [
         ("indoor", "doors_m = [10, 28]", "doors_m = [10, 68]", "doors_m[1]"),
-        ("indoor", "corners = [[-49.94, 1.5], [-40.2, 11.5]]", "corners = [[-40.2, 1.5], [-49.94, 11.5]]", "rooms[0].corners"),
+        (
+            "indoor",
+            "corners = [[-49.94, 1.5], [-40.2, 11.5]]",
+            "corners = [[-40.2, 1.5], [-49.94, 11.5]]",
+            "rooms[0].corners",
+        ),
         ("indoor", 'kind = "office"', 'kind = "cellar"', "rooms[0].kind"),
         ("forest", "slope = 0.12", "slope = 1.2", "relief.slope"),
-        ("forest", "least_m = [0.24, 0.24, 0.08]", "least_m = [0.4, 0.24, 0.08]", "scatter[0].most_m"),
+        (
+            "forest",
+            "least_m = [0.24, 0.24, 0.08]",
+            "least_m = [0.4, 0.24, 0.08]",
+            "scatter[0].most_m",
+        ),
         ("forest", "corners = [[4.0, -24.0]", "corners = [[4.0, -99.0]", "scatter[0].corners[0]"),
     ],
 )
-def test_a_bad_room_door_or_scatter_is_refused_by_key(name: str, old: str, new: str, key: str, tmp_path: Path) -> None:
+def test_a_bad_room_door_or_scatter_is_refused_by_key(
+    name: str, old: str, new: str, key: str, tmp_path: Path
+) -> None:
     assert old in world(name)
     path = tmp_path / "bad.toml"
     path.write_text(world(name).replace(old, new, 1), encoding="utf-8")

@@ -1,4 +1,5 @@
-"""The depth camera: geometry exact, errors like a stereo camera's, the same picture from both renderers."""
+"""The depth camera: geometry exact, errors like a stereo camera's, the same picture from both
+renderers."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def test_the_lens_has_the_d455s_field_of_view() -> None:
 def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> None:
     if renderer == "egl":
         need_egl()
-    with Simulator(open_floor(furniture=(BOX,)), seed=0, renderer=renderer, errors=PERFECT) as simulator:
+    with Simulator(
+        open_floor(furniture=(BOX,)), seed=0, renderer=renderer, errors=PERFECT
+    ) as simulator:
         assert simulator.renderer == renderer
         frame = simulator.capture()
         check_frame(frame)
@@ -53,7 +56,9 @@ def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> Non
     assert np.abs(face[:, 0] - 2.5).max() < 0.005
     assert np.abs(floor[:, 2]).max() < 0.002
     # Its edges, to within a pixel: 2.5 m away a pixel is 11 mm wide.
-    assert face[:, 1].min() == pytest.approx(0.0, abs=0.02) and face[:, 1].max() == pytest.approx(1.0, abs=0.02)
+    assert face[:, 1].min() == pytest.approx(0.0, abs=0.02) and face[:, 1].max() == pytest.approx(
+        1.0, abs=0.02
+    )
     assert face[:, 2].max() == pytest.approx(1.0, abs=0.02)
 
 
@@ -62,7 +67,9 @@ def test_the_robot_does_not_see_itself() -> None:
         frame = simulator.capture()
         drive(simulator, 0.5, 0.5, 1.0)  # nor its turning wheels
         for picture in (frame, simulator.capture()):
-            points = transform_points(T_BASE_CAMERA, back_project(picture.depth_m, picture.intrinsics))
+            points = transform_points(
+                T_BASE_CAMERA, back_project(picture.depth_m, picture.intrinsics)
+            )
             assert points[:, 0].min() > 0.5 + 0.3
             assert np.abs(points[:, 2]).max() < 0.05
 
@@ -72,10 +79,14 @@ def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
     if renderer == "egl":
         need_egl()
     with Simulator(
-        open_floor(markings=(RED,), start=(-8.0, 8.0, 0.0)), seed=0, renderer=renderer, camera_size=(212, 120), errors=PERFECT
+        open_floor(markings=(RED,), start=(-8.0, 8.0, 0.0)),
+        seed=0,
+        renderer=renderer,
+        camera_size=(212, 120),
+        errors=PERFECT,
     ) as simulator:
         for x_m in (-3.0, -1.0, 0.0, 0.8):
-            rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
+            rgb, _ = simulator._camera.render_ideal(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
             red = (rgb[..., 0] > 120) & (rgb[..., 1] < 60) & (rgb[..., 2] < 60)
             reddish = rgb[..., 0].astype(int) > rgb[..., 1].astype(int) + 30
             assert red.sum() > 50
@@ -83,7 +94,9 @@ def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
 
 
 def test_an_l_shaped_marking_is_painted_as_it_is_and_not_as_its_hull() -> None:
-    corner = Marking(name="L", polygon=((1.5, -1.0), (3.5, -1.0), (3.5, 0.0), (2.5, 0.0), (2.5, 1.0), (1.5, 1.0)))
+    corner = Marking(
+        name="L", polygon=((1.5, -1.0), (3.5, -1.0), (3.5, 0.0), (2.5, 0.0), (2.5, 1.0), (1.5, 1.0))
+    )
     with seeing(open_floor(markings=(corner,))) as simulator:
         frame = simulator.capture()
         red = frame.rgb[..., 0] > frame.rgb[..., 1].astype(int) + 60
@@ -117,14 +130,18 @@ def test_speckle_makes_the_share_of_holes_it_says() -> None:
 def test_something_near_throws_a_shadow_to_its_left_as_wide_as_the_disparities_differ() -> None:
     depth = np.full((40, 200), 4.0, dtype=np.float32)
     depth[:, 100:150] = 1.0
-    seen = spoil_depth(depth, 223.4, StereoErrors(speckle=0, disparity_noise_px=0, edge_px=0), rng())
+    seen = spoil_depth(
+        depth, 223.4, StereoErrors(speckle=0, disparity_noise_px=0, edge_px=0), rng()
+    )
     width = 223.4 * 0.095 * (1 / 1.0 - 1 / 4.0)
     missing = np.flatnonzero((seen == 0).any(axis=0))
     assert missing.max() == 99 and len(missing) == pytest.approx(width, abs=1.0)
 
 
 def test_frames_come_at_their_rate_and_cannot_be_changed() -> None:
-    with Simulator(load_scenario("empty_room"), seed=0, renderer="tiny", camera_size=(64, 36)) as simulator:
+    with Simulator(
+        load_scenario("empty_room"), seed=0, renderer="tiny", camera_size=(64, 36)
+    ) as simulator:
         assert simulator.newest_frame() is None
         stamps = set()
         for _ in range(239):  # the last picture of the second is the next one's first
@@ -144,7 +161,9 @@ def test_the_mount_is_where_the_documentation_says() -> None:
     assert math.degrees(math.asin(-mount[2, 2])) == pytest.approx(12.0)
 
 
-def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
         assert simulator.renderer == ("egl" if egl_works() else "tiny")
     monkeypatch.setattr("sim.sensors.camera.egl_works", lambda: False)
@@ -184,6 +203,8 @@ def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
             (-9.0, 3.5),
         ):
             for quarter in range(4):
-                rgb, _ = simulator._camera.render(Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2))
+                rgb, _ = simulator._camera.render_ideal(
+                    Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2)
+                )
                 hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
                 assert hsv[..., 1].max() < 0.52 * 255

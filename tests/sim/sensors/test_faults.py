@@ -1,4 +1,5 @@
-"""Faults to order: what they make of the robot's senses and wheels, the same in every run, and what is refused."""
+"""Faults to order: what they make of the robot's senses and wheels, the same in every run, and what
+is refused."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ def digest(seen: list[Frame]) -> list[tuple[object, ...]]:
 
 @pytest.mark.parametrize("kind", EVERY_KIND)
 @pytest.mark.parametrize("sensor", ["camera", "depth", "rgb", "odometry"])
-def test_every_fault_changes_the_frames_from_its_moment_on_and_the_same_way_again(sensor: str, kind: str) -> None:
+def test_every_fault_changes_the_frames_from_its_moment_on_and_the_same_way_again(
+    sensor: str, kind: str
+) -> None:
     spoilt, again = (digest(frames(fault(sensor, kind))) for _ in range(2))
     clean = digest(CLEAN)
     # NaN is not equal to itself: the texts of the values are.
@@ -76,7 +79,8 @@ def test_a_camera_that_is_off_slow_or_intermittent_gives_fewer_pictures() -> Non
 
 def test_a_camera_that_is_late_gives_old_pictures_with_their_own_stamps() -> None:
     late = frames(fault("camera", "delayed", delay_s=0.3, from_s=0.0))
-    # The very first is taken a step after the start, so that 0.3 s later it is not due yet, and then there is a newer one.
+    # The very first is taken a step after the start, so that 0.3 s later it is not due yet, and
+    # then there is a newer one.
     assert digest(late) == digest(CLEAN)[1:-3]
 
 
@@ -88,7 +92,9 @@ def test_a_camera_that_gives_nonsense_is_refused() -> None:
 
 def test_wrong_values_are_wrong_by_what_was_asked_for() -> None:
     spoilt = frames(
-        fault("depth", "wrong", scale=2.0), fault("odometry", "wrong", shift_m=0.5), fault("stamps", "wrong", delay_s=0.2)
+        fault("depth", "wrong", scale=2.0),
+        fault("odometry", "wrong", shift_m=0.5),
+        fault("stamps", "wrong", delay_s=0.2),
     )
     before, after = CLEAN[-1], spoilt[-1]
     np.testing.assert_allclose(after.depth_m, 2 * before.depth_m)
@@ -104,7 +110,9 @@ def test_blocked_wheels_hold_the_robot_and_a_wrong_gyro_turns_it() -> None:
     with blind(open_floor()) as simulator:
         simulator.inject(fault("gyro", "wrong", turn_deg=20.0, from_s=0.0))
         drive(simulator, 0.5, 0.0, 1.0)
-        assert simulator.true_pose().yaw_rad < -math.radians(10)  # it steers against a turn that is not there
+        assert simulator.true_pose().yaw_rad < -math.radians(
+            10
+        )  # it steers against a turn that is not there
 
 
 @pytest.mark.parametrize(
@@ -112,7 +120,10 @@ def test_blocked_wheels_hold_the_robot_and_a_wrong_gyro_turns_it() -> None:
     [
         ('sensor = "lidar"\nkind = "off"\nfrom_s = 1', r"faults\[0\].sensor"),
         ('sensor = "camera"\nkind = "broken"\nfrom_s = 1', r"faults\[0\].kind"),
-        ('sensor = "planner"\nkind = "garbage"\nfrom_s = 1', r"faults\[0\].kind: 'garbage' does not happen to planner"),
+        (
+            'sensor = "planner"\nkind = "garbage"\nfrom_s = 1',
+            r"faults\[0\].kind: 'garbage' does not happen to planner",
+        ),
         ('sensor = "camera"\nkind = "off"', "from_s"),
         ('sensor = "camera"\nkind = "off"\nfrom_s = 2\nuntil_s = 1', r"faults\[0\].until_s"),
         ('sensor = "camera"\nkind = "off"\nfrom_s = -1', r"faults\[0\].from_s"),
@@ -129,7 +140,10 @@ def test_a_malformed_fault_is_refused_by_key(table: str, words: str, tmp_path: P
 
 def test_a_well_formed_one_is_read_and_one_that_cannot_be_is_not_injected(tmp_path: Path) -> None:
     path = tmp_path / "good.toml"
-    path.write_text(f'{ROOM}\n[[faults]]\nsensor = "camera"\nkind = "off"\nfrom_s = 1\nuntil_s = 2\n', encoding="utf-8")
+    path.write_text(
+        f'{ROOM}\n[[faults]]\nsensor = "camera"\nkind = "off"\nfrom_s = 1\nuntil_s = 2\n',
+        encoding="utf-8",
+    )
     world = load_scenario(path)
     assert world.faults == (Fault(sensor="camera", kind="off", from_s=1.0, until_s=2.0),)
     with blind(world) as simulator:
@@ -139,4 +153,7 @@ def test_a_well_formed_one_is_read_and_one_that_cannot_be_is_not_injected(tmp_pa
 
 
 def test_everything_that_can_go_wrong_can_be_ordered() -> None:
-    assert all(set(EVERY_KIND) == set(KINDS[sensor]) for sensor in ("camera", "depth", "rgb", "odometry", "gyro", "wheels"))
+    assert all(
+        set(EVERY_KIND) == set(KINDS[sensor])
+        for sensor in ("camera", "depth", "rgb", "odometry", "gyro", "wheels")
+    )

@@ -1,4 +1,5 @@
-"""Random places and zones are ones that can be reached and driven round, and what is found is counted by the truth."""
+"""Random places and zones are ones that can be reached and driven round, and what is found is
+counted by the truth."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ MARGINS_M = {"landmine": 0.5, "cup": 0.05}
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    return draw_places(scenario, seed, robot=HUSKY, margin_m=0.15, start_clear_m=1.2, margins_m=MARGINS_M)
+    return draw_places(
+        scenario, seed, robot=HUSKY, margin_m=0.15, start_clear_m=1.2, margins_m=MARGINS_M
+    )
 
 
 def test_random_places_in_the_office_have_room_and_a_way_and_are_the_seeds() -> None:
@@ -36,7 +39,10 @@ def test_random_places_in_the_office_have_room_and_a_way_and_are_the_seeds() -> 
         assert scenario == drawn(randomise(office, seed), seed)
         referee = Referee(scenario)
         way_m = referee.shortest_m(spec, HUSKY.width_m / 2 + 0.15, scenario.goals)
-        assert way_m is not None and way_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
+        assert (
+            way_m is not None
+            and way_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
+        )
         pose = Pose2(x_m=scenario.start[0], y_m=scenario.start[1], yaw_rad=scenario.start[2])
         referee.observe(t_s=1 / 240, pose=pose, rolling=STANDSTILL, people=(), period_s=1 / 240)
         assert referee.violations() == 0 and referee.min_clearance_m > 0.5
@@ -108,7 +114,9 @@ def test_the_simulators_labels_lie_on_the_things(name: str) -> None:
         ),
         people=(Person(points=((4.5, 0.0),)),),
     )
-    at = {"cup": (1.5, 0.0), "red floor": (3.0, 1.5), "spill": (3.0, -1.5), "person": (4.5, 0.0)}[name]
+    at = {"cup": (1.5, 0.0), "red floor": (3.0, 1.5), "spill": (3.0, -1.5), "person": (4.5, 0.0)}[
+        name
+    ]
     with seeing(scenario) as simulator:
         frame, shown = simulator.capture(), simulator.true_labels()
         T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera

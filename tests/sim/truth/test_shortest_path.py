@@ -30,7 +30,8 @@ def test_with_nothing_between_the_way_is_straight() -> None:
 def test_round_a_wall_it_is_two_tangents_and_two_arcs() -> None:
     wall = rectangle(0.02, 4.0)
     way = shortest_way([wall], RADIUS_M, SPEC, [(-3.0, 0.0), (3.0, 0.0)])
-    # By symmetry twice: from (3, 0) a tangent to the circle of 0.5 m about the corner (0.01, 2), and the arc to its top.
+    # By symmetry twice: from (3, 0) a tangent to the circle of 0.5 m about the corner (0.01, 2),
+    # and the arc to its top.
     to_corner_m = math.hypot(2.99, 2.0)
     tangent_m = math.sqrt(to_corner_m**2 - RADIUS_M**2)
     touches_rad = math.atan2(-2.0, 2.99) + math.acos(RADIUS_M / to_corner_m)
@@ -54,7 +55,13 @@ def test_a_start_that_is_too_near_to_something_is_left_straight_away() -> None:
 boxes = st.lists(
     st.builds(
         lambda x, y, yaw, a, b: placed(rectangle(a, b), Pose2(x_m=x, y_m=y, yaw_rad=yaw)),
-        *(st.floats(-3, 3), st.floats(-3.5, 3.5), st.floats(-3, 3), st.floats(0.1, 3), st.floats(0.1, 1.5)),
+        *(
+            st.floats(-3, 3),
+            st.floats(-3.5, 3.5),
+            st.floats(-3, 3),
+            st.floats(0.1, 3),
+            st.floats(0.1, 1.5),
+        ),
     ),
     max_size=7,
 )
@@ -62,30 +69,47 @@ boxes = st.lists(
 
 @settings(max_examples=40, deadline=None)
 @given(boxes)
-def test_it_is_as_short_as_among_all_pairs_of_corners_and_keeps_clear(polygons: list[Polygon]) -> None:
+def test_it_is_as_short_as_among_all_pairs_of_corners_and_keeps_clear(
+    polygons: list[Polygon],
+) -> None:
     start, goal = (-4.4, -4.4), (4.4, 4.4)
     way = shortest_way(polygons, RADIUS_M, SPEC, [start, goal])
     blocked = blocked_grid(polygons, SPEC, RADIUS_M)
     on_grid = plan(blocked, SPEC.cell(*start), SPEC.cell(*goal))
     if isinstance(on_grid, Path):
-        # A grid has eight directions, so its ways are longer; a plane's are at least as long as straight.
+        # A grid has eight directions, so its ways are longer; a plane's are at least as long as
+        # straight.
         assert way is not None
-        assert math.dist(start, goal) - 1e-9 <= length_m(way) <= on_grid.length * SPEC.resolution_m + 0.1
+        assert (
+            math.dist(start, goal) - 1e-9
+            <= length_m(way)
+            <= on_grid.length * SPEC.resolution_m + 0.1
+        )
     if way is not None and polygons:
-        gap_m = shapely.distance(shapely.LineString(way), shapely.union_all([shapely.Polygon(p) for p in polygons]))
+        gap_m = shapely.distance(
+            shapely.LineString(way), shapely.union_all([shapely.Polygon(p) for p in polygons])
+        )
         assert gap_m >= RADIUS_M - 0.01  # arcs are made of chords
         around = VisibilityGraph.of(polygons, RADIUS_M)
         assert length_m(way) >= brute_force_m(around, start, goal) - 1e-6
 
 
-def brute_force_m(around: VisibilityGraph, start: tuple[float, float], goal: tuple[float, float]) -> float:
+def brute_force_m(
+    around: VisibilityGraph, start: tuple[float, float], goal: tuple[float, float]
+) -> float:
     """Dijkstra over all corners, sight asked of shapely, without the map's edge."""
     places = np.vstack([around.corners, goal, start])
     inside = shapely.buffer(around.obstacles, -2e-3, join_style="mitre")
     shapely.prepare(inside)
-    pairs = np.stack(np.meshgrid(np.arange(len(places)), np.arange(len(places)), indexing="ij"), axis=-1).reshape(-1, 2)
+    pairs = np.stack(
+        np.meshgrid(np.arange(len(places)), np.arange(len(places)), indexing="ij"), axis=-1
+    ).reshape(-1, 2)
     free = ~shapely.intersects(inside, shapely.linestrings(places[pairs]))
-    steps = np.where(free.reshape(len(places), -1), np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)), np.inf)
+    steps = np.where(
+        free.reshape(len(places), -1),
+        np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)),
+        np.inf,
+    )
     best, open_ = steps[-1].copy(), np.ones(len(places), dtype=np.bool_)
     for _ in range(len(places)):
         here = int(np.argmin(np.where(open_, best, np.inf)))

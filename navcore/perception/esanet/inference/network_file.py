@@ -42,7 +42,8 @@ class NetworkFile:
     """Of its convolutions' inputs, for eight bits; None where they were not measured."""
 
     def as_onnx(self, *, in_bytes: bool = False) -> bytes:
-        """The file's bytes, or the network exported for its size; `in_bytes`, where it has ranges, in eight bits."""
+        """The file's bytes, or the network exported for its size; `in_bytes`, where it has ranges,
+        in eight bits."""
         if self.onnx is not None:
             return self.onnx
         assert self.network is not None
@@ -50,17 +51,21 @@ class NetworkFile:
         return onnx_file.exported(self.network, card, ranges=self.ranges if in_bytes else None)
 
     def smaller(self) -> NetworkFile | None:
-        """The same at about 6/10 of the pixels (832 × 480 → 640 × 384); None where it cannot be, as ONNX has one size only."""
+        """The same at about 6/10 of the pixels (832 × 480 → 640 × 384); None where it cannot be, as
+        ONNX has one size only."""
         if self.network is None:
             return None
-        size = nearest_size(Size(height=round(SMALLER * self.size.height), width=round(SMALLER * self.size.width)))
+        size = nearest_size(
+            Size(height=round(SMALLER * self.size.height), width=round(SMALLER * self.size.width))
+        )
         return None if size == self.size else dataclasses.replace(self, size=size)
 
 
 def open_network(path: Path, *, camera: Size) -> NetworkFile:
     """Read a `.safetensors` or `.onnx` file; raises `BadConfiguration` naming it.
 
-    The working size is the one it was trained at, if it says so, else the one nearest to the camera's.
+    The working size is the one it was trained at, if it says so, else the one nearest to the
+    camera's.
     """
     if path.suffix == onnx_file.SUFFIX:
         content, onnx_card = onnx_file.read_onnx(path)
@@ -73,7 +78,9 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
             onnx=content,
         )
     if path.suffix != weights.SUFFIX:
-        raise BadConfiguration(f"{path}: expected a name ending in {weights.SUFFIX} or {onnx_file.SUFFIX}")
+        raise BadConfiguration(
+            f"{path}: expected a name ending in {weights.SUFFIX} or {onnx_file.SUFFIX}"
+        )
     trained = weights.load(path)
     card = trained.card
     return NetworkFile(
@@ -89,5 +96,8 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
 
 def nearest_size(camera: Size) -> Size:
     """The multiples of 32 nearest to a camera's picture, the larger of two: 424 × 240 → 416 × 256."""
-    height, width = (max((2 * side + STRIDE) // (2 * STRIDE), 1) * STRIDE for side in (camera.height, camera.width))
+    height, width = (
+        max((2 * side + STRIDE) // (2 * STRIDE), 1) * STRIDE
+        for side in (camera.height, camera.width)
+    )
     return Size(height=height, width=width)

@@ -1,4 +1,5 @@
-"""Engines that run ONNX files: onnxruntime and OpenVINO. Neither is needed; both are faster than torch."""
+"""Engines that run ONNX files: onnxruntime and OpenVINO. Neither is needed; both are faster than
+torch."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from navcore.perception.esanet.inference.engine import THREADS, Batch
 from navcore.perception.esanet.inference.onnx_file import INPUTS, OUTPUT
 
 Precision = Literal["f32", "bf16", "int8"]
-"""In int8 run networks that were exported in eight bits; what is not in them runs in bf16 where the processor has it."""
+"""In int8 run networks that were exported in eight bits; what is not in them runs in bf16 where the
+processor has it."""
 
 
 class OnnxRuntimeInference:
@@ -28,12 +30,18 @@ class OnnxRuntimeInference:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
             options.log_severity_level = 3
-            # Between two layers a waiting thread sleeps: on two cores the command thread needs one of them more than we do.
+            # Between two layers a waiting thread sleeps: on two cores the command thread needs one
+            # of them more than we do.
             options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-            self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(
+                content, options, providers=["CPUExecutionProvider"]
+            )
         except Exception as error:  # a damaged file can make it fail in any way, a package that does not fit the machine too
             raise _bad("onnxruntime", error) from None
-        _check_ports({i.name for i in self._session.get_inputs()}, {o.name for o in self._session.get_outputs()})
+        _check_ports(
+            {i.name for i in self._session.get_inputs()},
+            {o.name for o in self._session.get_outputs()},
+        )
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
         """As `Inference` says."""
@@ -47,7 +55,9 @@ class OnnxRuntimeInference:
 class OpenVinoInference:
     """Satisfies `Inference` on OpenVINO's CPU plugin."""
 
-    def __init__(self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS) -> None:
+    def __init__(
+        self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS
+    ) -> None:
         """Raises `BadConfiguration` for a file that it cannot run."""
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
@@ -57,19 +67,27 @@ class OpenVinoInference:
         }
         try:
             core = _openvino().Core()
-            # Left to itself it takes bf16 wherever the processor has it, for an f32 that was asked for too.
-            settings["INFERENCE_PRECISION_HINT"] = "f32" if precision == "f32" or not has_bf16() else "bf16"
+            # Left to itself it takes bf16 wherever the processor has it, for an f32 that was asked
+            # for too.
+            settings["INFERENCE_PRECISION_HINT"] = (
+                "f32" if precision == "f32" or not has_bf16() else "bf16"
+            )
             compiled = core.compile_model(core.read_model(content), "CPU", settings)
             self._request = compiled.create_infer_request()
         except Exception as error:
             raise _bad("openvino", error) from None
-        names = [{name for port in ports for name in port.get_names()} for ports in (compiled.inputs, compiled.outputs)]
+        names = [
+            {name for port in ports for name in port.get_names()}
+            for ports in (compiled.inputs, compiled.outputs)
+        ]
         _check_ports(*names)
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
         """As `Inference` says; the memory of the answer is used again by the next call."""
         try:
-            answer: Batch = self._request.infer({"rgb": rgb, "depth": depth}, share_inputs=True, share_outputs=True)[OUTPUT]
+            answer: Batch = self._request.infer(
+                {"rgb": rgb, "depth": depth}, share_inputs=True, share_outputs=True
+            )[OUTPUT]
         except Exception as error:
             raise _bad("openvino", error) from None
         return answer
@@ -84,13 +102,17 @@ def has_bf16() -> bool:
     """Whether OpenVINO has bf16 of this processor; False where it does not run at all."""
     try:
         return "BF16" in _openvino().Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
-    except Exception:  # a package that does not fit the machine; its engine says so when it is tried
+    except (
+        Exception
+    ):  # a package that does not fit the machine; its engine says so when it is tried
         return False
 
 
 def _openvino() -> Any:
-    """The package `openvino`, which else would tell its maker over the network that it was imported."""
-    # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its own, which sends nothing.
+    """The package `openvino`, which else would tell its maker over the network that it was
+    imported."""
+    # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its
+    # own, which sends nothing.
     sys.modules.setdefault("openvino_telemetry", cast(ModuleType, None))
     return importlib.import_module("openvino")
 
@@ -105,5 +127,11 @@ def _check_ports(inputs: set[str], outputs: set[str]) -> None:
 
 def _bad(engine: str, error: Exception) -> BadConfiguration:
     # OpenVINO says first where in its source it stumbled, line by line, and last what over.
-    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Exception from")]
-    return BadConfiguration(f"{engine} cannot run the network: {lines[-1] if lines else error!r:.300}")
+    lines = [
+        line.strip()
+        for line in str(error).splitlines()
+        if line.strip() and not line.startswith("Exception from")
+    ]
+    return BadConfiguration(
+        f"{engine} cannot run the network: {lines[-1] if lines else error!r:.300}"
+    )

@@ -1,8 +1,10 @@
-"""Networks as ONNX files: written from an ESANet, or anybody's, if they say what their outputs mean.
+"""Networks as ONNX files: written from an ESANet, or anybody's, if they say what their outputs
+mean.
 
-A file has the inputs `rgb` (1, 3, h, w) and `depth` (1, 1, h, w), normalised, and the output `logits` (1, classes, h, w). Its
-card (class names, depth statistics, size) is JSON in its metadata under `bewarenav`, or beside it in `FILE.onnx.json`. The
-metadata are read and written without the onnx package: to a protobuf message fields may be appended.
+A file has the inputs `rgb` (1, 3, h, w) and `depth` (1, 1, h, w), normalised, and the output
+`logits` (1, classes, h, w). Its card (class names, depth statistics, size) is JSON in its metadata
+under `bewarenav`, or beside it in `FILE.onnx.json`. The metadata are read and written without the
+onnx package: to a protobuf message fields may be appended.
 """
 
 from __future__ import annotations
@@ -50,7 +52,11 @@ class OnnxCard:
     def __post_init__(self) -> None:
         check_size(self.size, STRIDE)
         folded_names = [name.strip().casefold() for name in self.class_names]
-        if "" in folded_names or len(set(folded_names)) != len(folded_names) or not 1 <= len(folded_names) <= MAX_CLASSES:
+        if (
+            "" in folded_names
+            or len(set(folded_names)) != len(folded_names)
+            or not 1 <= len(folded_names) <= MAX_CLASSES
+        ):
             raise BadConfiguration(f"expected 1 to {MAX_CLASSES} class names, unique and not empty")
 
 
@@ -60,23 +66,33 @@ def can_export() -> bool:
 
 
 def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None = None) -> bytes:
-    """The network as an ONNX file for one size, batch norms folded; with `ranges` (see `quantised.py`) in eight bits.
+    """The network as an ONNX file for one size, batch norms folded; with `ranges` (see
+    `quantised.py`) in eight bits.
 
     Needs the onnx package (extra `fast`); raises `BadConfiguration`.
     """
     if not can_export():
-        raise BadConfiguration("the onnx package is missing, without which nothing is exported: pip install 'bewarenav[fast]'")
+        raise BadConfiguration(
+            "the onnx package is missing, without which nothing is exported: pip install 'bewarenav[fast]'"
+        )
     height, width = card.size.height, card.size.width
     ready = folded(network) if ranges is None else quantised(network, ranges)
     fixed = with_fixed_pools(ready.cpu(), height // STRIDE, width // STRIDE)
     pictures = (torch.zeros(1, 3, height, width), torch.zeros(1, 1, height, width))
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        # The tracer warns of every check of a shape and of its own age; the result is compared with torch's before it is used.
+        # The tracer warns of every check of a shape and of its own age; the result is compared with
+        # torch's before it is used.
         warnings.simplefilter("ignore")
         file = Path(folder) / f"network{SUFFIX}"
         try:
             torch.onnx.export(
-                fixed, pictures, file, input_names=list(INPUTS), output_names=[OUTPUT], opset_version=OPSET, dynamo=False
+                fixed,
+                pictures,
+                file,
+                input_names=list(INPUTS),
+                output_names=[OUTPUT],
+                opset_version=OPSET,
+                dynamo=False,
             )
         except Exception as error:  # an onnx package that does not fit torch or the machine
             raise BadConfiguration(
@@ -97,7 +113,9 @@ def read_onnx(path: Path) -> tuple[bytes, OnnxCard]:
         with path.open("rb") as file:
             content = file.read(MAX_ONNX_BYTES + 1)
         beside = path.with_name(f"{path.name}.json")
-        text = beside.read_text(encoding="utf-8") if beside.exists() else _metadata(content).get(_KEY)
+        text = (
+            beside.read_text(encoding="utf-8") if beside.exists() else _metadata(content).get(_KEY)
+        )
     except (OSError, UnicodeDecodeError) as error:
         raise BadConfiguration(f"{path}: the network cannot be read: {error}") from None
     except ValueError as error:
@@ -128,7 +146,8 @@ def _metadata(content: bytes) -> dict[str, str]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Number and content of the length-delimited fields of a protobuf message; raises `ValueError` where it is none."""
+    """Number and content of the length-delimited fields of a protobuf message; raises `ValueError`
+    where it is none."""
     at = 0
     while at < len(message):
         tag, at = _varint(message, at)

@@ -1,4 +1,5 @@
-"""Which engine runs the network here: one that decides as torch in f32 does and is fast, or the fastest; found by trying."""
+"""Which engine runs the network here: one that decides as torch in f32 does and is fast, or the
+fastest; found by trying."""
 
 from __future__ import annotations
 
@@ -13,19 +14,28 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference.engine import THREADS, Batch, Inference, check_logits
 from navcore.perception.esanet.inference.network_file import NetworkFile
-from navcore.perception.esanet.inference.onnx_engines import OnnxRuntimeInference, OpenVinoInference, has_bf16, is_installed
+from navcore.perception.esanet.inference.onnx_engines import (
+    OnnxRuntimeInference,
+    OpenVinoInference,
+    has_bf16,
+    is_installed,
+)
 from navcore.perception.esanet.inference.onnx_file import can_export
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size
 
 MIN_AGREEMENT = 0.999
-"""An engine is taken only if it gives at least this share of pixels the class that torch in f32 gives them."""
+"""An engine is taken only if it gives at least this share of pixels the class that torch in f32
+gives them."""
 MIN_AGREEMENT_IN_BYTES = 0.99
-"""In eight bits; how much that costs was measured on thousands of things, when the ranges were (`weights quantise`)."""
+"""In eight bits; how much that costs was measured on thousands of things, when the ranges were
+(`weights quantise`)."""
 ENOUGH_MS = 50.0
-"""Of a fifteenth of a second this leaves a quarter to all else: an engine that takes no longer is taken, no other is tried."""
+"""Of a fifteenth of a second this leaves a quarter to all else: an engine that takes no longer is
+taken, no other is tried."""
 CLEARLY_FASTER = 0.9
-"""Else the most exact of those is taken that the fastest does not beat by this much: noise must not choose."""
+"""Else the most exact of those is taken that the fastest does not beat by this much: noise must not
+choose."""
 PRECISIONS = ("int8", "bf16", "f32")
 """The later, the more exact."""
 MIN_RUNS, MAX_RUNS = 5, 200
@@ -74,9 +84,11 @@ class Candidate:
         return self.name.endswith("f32")
 
 
-def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
-    """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16` or `… int8`), or with `auto`
-    the best here, and what the trials gave.
+def open_inference(
+    file: NetworkFile, engine: str, *, threads: int = THREADS
+) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
+    """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16` or
+    `… int8`), or with `auto` the best here, and what the trials gave.
 
     Raises `BadConfiguration` when it is not installed or cannot run the network.
     """
@@ -94,8 +106,11 @@ def open_inference(file: NetworkFile, engine: str, *, threads: int = THREADS) ->
     )
 
 
-def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
-    """Try the engines that are installed, those that should be fastest first, until one is fast enough and accurate."""
+def choose(
+    file: NetworkFile, *, threads: int = THREADS
+) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
+    """Try the engines that are installed, those that should be fastest first, until one is fast
+    enough and accurate."""
     good: list[tuple[Inference, EngineBenchmark]] = []
     trials = []
     for engine, trial in benchmark_engines(file, threads=threads):
@@ -105,18 +120,26 @@ def choose(file: NetworkFile, *, threads: int = THREADS) -> tuple[Inference, tup
             if trial.p50_ms <= ENOUGH_MS:
                 return engine, tuple(trials)
     if not good:
-        reasons = "; ".join(trial.text() for trial in trials) or "an ONNX file needs onnxruntime or openvino"
-        raise BadConfiguration(f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'")
+        reasons = (
+            "; ".join(trial.text() for trial in trials)
+            or "an ONNX file needs onnxruntime or openvino"
+        )
+        raise BadConfiguration(
+            f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'"
+        )
     least_ms = min(trial.p50_ms for _, trial in good)
     near = [one for one in good if CLEARLY_FASTER * one[1].p50_ms <= least_ms]
-    chosen, _ = max(near, key=lambda one: (PRECISIONS.index(one[1].name.split()[-1]), -one[1].p50_ms))
+    chosen, _ = max(
+        near, key=lambda one: (PRECISIONS.index(one[1].name.split()[-1]), -one[1].p50_ms)
+    )
     return chosen, tuple(trials)
 
 
 def benchmark_engines(
     file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S
 ) -> Iterator[tuple[Inference | None, EngineBenchmark]]:
-    """Each engine with what it measured. The last exact one that runs is the reference: torch, where it can run the file."""
+    """Each engine with what it measured. The last exact one that runs is the reference: torch,
+    where it can run the file."""
     pictures = probes(file.size, file.depth)
     found = candidates(file, threads)
     classes = len(file.class_names)
@@ -130,7 +153,9 @@ def benchmark_engines(
         except BadConfiguration as error:
             yield None, EngineBenchmark(name=candidate.name, failure=str(error))
             continue
-        agreement = float(np.mean([np.mean(a == b) for a, b in zip(winners, reference, strict=True)]))
+        agreement = float(
+            np.mean([np.mean(a == b) for a, b in zip(winners, reference, strict=True)])
+        )
         p50_ms, p99_ms = np.percentile(timed(engine, pictures, trial_s), [50, 99])
         yield (
             engine,
@@ -153,24 +178,44 @@ def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
             found.append(
                 Candidate(
                     name="openvino int8",
-                    build=lambda: OpenVinoInference(onnx(in_bytes=True), precision="int8", threads=threads),
+                    build=lambda: OpenVinoInference(
+                        onnx(in_bytes=True), precision="int8", threads=threads
+                    ),
                     min_agreement=MIN_AGREEMENT_IN_BYTES,
                 )
             )
         if has_bf16():
             found.append(
-                Candidate(name="openvino bf16", build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads))
+                Candidate(
+                    name="openvino bf16",
+                    build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads),
+                )
             )
-        found.append(Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads)))
+        found.append(
+            Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads))
+        )
     if exportable and is_installed("onnxruntime"):
-        found.append(Candidate(name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)))
+        found.append(
+            Candidate(
+                name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)
+            )
+        )
     if (network := file.network) is not None:
-        found.append(Candidate(name="torch bf16", build=lambda: TorchInference(network, precision="bf16", threads=threads)))
-        found.append(Candidate(name="torch f32", build=lambda: TorchInference(network, threads=threads)))
+        found.append(
+            Candidate(
+                name="torch bf16",
+                build=lambda: TorchInference(network, precision="bf16", threads=threads),
+            )
+        )
+        found.append(
+            Candidate(name="torch f32", build=lambda: TorchInference(network, threads=threads))
+        )
     return found
 
 
-def timed(engine: Inference, pictures: list[tuple[Batch, Batch]], trial_s: float) -> npt.NDArray[np.float64]:
+def timed(
+    engine: Inference, pictures: list[tuple[Batch, Batch]], trial_s: float
+) -> npt.NDArray[np.float64]:
     """(N,) milliseconds of single pictures, of an engine that is warm."""
     durations: list[float] = []
     end = time.perf_counter() + trial_s
@@ -182,7 +227,8 @@ def timed(engine: Inference, pictures: list[tuple[Batch, Batch]], trial_s: float
 
 
 def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]:
-    """Three made-up rooms, always the same: a floor, a wall, some coloured boxes, noise, holes in the depth."""
+    """Three made-up rooms, always the same: a floor, a wall, some coloured boxes, noise, holes in
+    the depth."""
     rng, prepare = np.random.default_rng(7), Preprocessor(size, statistics)
     made = []
     for _ in range(3):
@@ -191,7 +237,10 @@ def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]
         rgb = np.full((size.height, size.width, 3), 150.0) + 20 * np.sin(cols / 40)[..., None]
         for _ in range(8):
             top, left = rng.integers(0, size.height - 16), rng.integers(0, size.width - 16)
-            box = slice(top, top + rng.integers(8, size.height // 2)), slice(left, left + rng.integers(8, size.width // 3))
+            box = (
+                slice(top, top + rng.integers(8, size.height // 2)),
+                slice(left, left + rng.integers(8, size.width // 3)),
+            )
             rgb[box] = rng.uniform(0, 255, 3)
             depth_m[box] = rng.uniform(0.5, 4.0)
         depth_m[rng.random(depth_m.shape) < 0.02] = 0.0
@@ -201,7 +250,9 @@ def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]
     return made
 
 
-def _reference(found: list[Candidate], pictures: list[tuple[Batch, Batch]], classes: int) -> list[npt.NDArray[np.int64]] | None:
+def _reference(
+    found: list[Candidate], pictures: list[tuple[Batch, Batch]], classes: int
+) -> list[npt.NDArray[np.int64]] | None:
     """What the last exact engine that runs decides; None where none does."""
     for candidate in reversed(found):
         if candidate.is_exact:
@@ -212,8 +263,11 @@ def _reference(found: list[Candidate], pictures: list[tuple[Batch, Batch]], clas
     return None
 
 
-def _winners(engine: Inference, pictures: list[tuple[Batch, Batch]], classes: int) -> list[npt.NDArray[np.int64]]:
-    """What it decides; raises `BadConfiguration` for an answer of another shape, and for one that is not finite."""
+def _winners(
+    engine: Inference, pictures: list[tuple[Batch, Batch]], classes: int
+) -> list[npt.NDArray[np.int64]]:
+    """What it decides; raises `BadConfiguration` for an answer of another shape, and for one that
+    is not finite."""
     winners = []
     for rgb, depth in pictures:
         logits = engine.logits(rgb, depth)

@@ -16,8 +16,11 @@ Precision = Literal["f32", "bf16"]
 class TorchInference:
     """Satisfies `Inference`. In f32 it is what every other engine is compared with."""
 
-    def __init__(self, network: EsaNet, *, precision: Precision = "f32", threads: int | None = None) -> None:
-        """Works on a copy of the network, on its device. `threads` caps torch, and that is the whole process's torch."""
+    def __init__(
+        self, network: EsaNet, *, precision: Precision = "f32", threads: int | None = None
+    ) -> None:
+        """Works on a copy of the network, on its device. `threads` caps torch, and that is the
+        whole process's torch."""
         self.name = f"torch {precision}"
         self._threads = threads
         self._type = torch.bfloat16 if precision == "bf16" else torch.float32
@@ -30,7 +33,9 @@ class TorchInference:
             torch.set_num_threads(self._threads)  # OpenMP keeps the number per calling thread
         with torch.inference_mode():
             colour, distance = (
-                torch.from_numpy(batch).to(self._device, self._type, memory_format=torch.channels_last)
+                torch.from_numpy(batch).to(
+                    self._device, self._type, memory_format=torch.channels_last
+                )
                 for batch in (rgb, depth)
             )
             answer: Batch = self._network(colour, distance).float().contiguous().cpu().numpy()

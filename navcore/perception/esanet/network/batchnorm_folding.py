@@ -14,11 +14,13 @@ _PAIRS = (
     *(("conv", "bn"), ("conv1", "bn1"), ("conv2", "bn2"), ("conv3", "bn3")),
     *(("conv1x3_1", "bn1"), ("conv1x3_2", "bn2"), ("0", "1")),
 )
-"""Which batch norm follows which convolution, by their names within one module (`0`, `1`: a shortcut)."""
+"""Which batch norm follows which convolution, by their names within one module (`0`, `1`: a
+shortcut)."""
 
 
 def folded(network: EsaNet) -> EsaNet:
-    """A copy for inference without batch norms; the same function but for rounding. The original is left as it is."""
+    """A copy for inference without batch norms; the same function but for rounding. The original is
+    left as it is."""
     fresh = copy.deepcopy(network).eval().requires_grad_(False)
     for module in list(fresh.modules()):
         for conv_name, norm_name in _PAIRS:
@@ -32,8 +34,8 @@ def folded(network: EsaNet) -> EsaNet:
 
 
 class FixedPool(nn.Module):
-    """Adaptive average pooling for one size of map, as two constant matrix products: ONNX knows no other where the cells
-    are not all of one size."""
+    """Adaptive average pooling for one size of map, as two constant matrix products: ONNX knows no
+    other where the cells are not all of one size."""
 
     rows: Tensor
     cols: Tensor
@@ -53,7 +55,9 @@ def with_fixed_pools(network: EsaNet, height: int, width: int) -> EsaNet:
     for branch in network.context_module.features:
         assert isinstance(branch, nn.Sequential)
         pool = branch[0]
-        if isinstance(pool, nn.AdaptiveAvgPool2d) and (height % int(pool.output_size) or width % int(pool.output_size)):  # type: ignore[arg-type]
+        if isinstance(pool, nn.AdaptiveAvgPool2d) and (
+            height % int(pool.output_size) or width % int(pool.output_size)  # type: ignore[arg-type]
+        ):
             branch[0] = FixedPool(int(pool.output_size), height, width)  # type: ignore[arg-type]
     return network
 

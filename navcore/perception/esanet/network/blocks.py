@@ -1,6 +1,7 @@
 """The convolution blocks ESANet is made of (Seichter et al. 2021, figure 2).
 
-Attribute names are the official repository's, because they are the keys of its checkpoints; registration order is key order.
+Attribute names are the official repository's, because they are the keys of its checkpoints;
+registration order is key order.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 NBT1D_EPS = 1e-3
-"""Batch-norm epsilon inside a non-bottleneck-1D block; every other batch norm keeps torch's 1e-5."""
+"""Batch-norm epsilon inside a non-bottleneck-1D block; every other batch norm keeps torch's 1e-5.
+"""
 
 
 def relu(x: Tensor) -> Tensor:
@@ -41,7 +43,8 @@ class ConvBnAct(nn.Module):
 
 
 class ResidualBlock(nn.Module):
-    """A residual branch around an identity: y = ReLU(branch(x) + shortcut(x)). What the branch is, the subclasses say."""
+    """A residual branch around an identity: y = ReLU(branch(x) + shortcut(x)). What the branch is,
+    the subclasses say."""
 
     expansion: ClassVar[int] = 1
     """Channels out per channel of the branch."""
@@ -61,7 +64,10 @@ class ResidualBlock(nn.Module):
         channels_out = channels * self.expansion
         if stride == 1 and channels_in == channels_out:
             return None
-        return nn.Sequential(nn.Conv2d(channels_in, channels_out, 1, stride, bias=False), nn.BatchNorm2d(channels_out))
+        return nn.Sequential(
+            nn.Conv2d(channels_in, channels_out, 1, stride, bias=False),
+            nn.BatchNorm2d(channels_out),
+        )
 
 
 class BasicBlock(ResidualBlock):
@@ -103,9 +109,11 @@ class Bottleneck(ResidualBlock):
 
 
 class NonBottleneck1D(ResidualBlock):
-    """Two 3×3 convolutions, each split into 3×1 and 1×3 with a ReLU between (Romera et al. 2017, ERFNet).
+    """Two 3×3 convolutions, each split into 3×1 and 1×3 with a ReLU between (Romera et al. 2017,
+    ERFNet).
 
-    A third fewer weights than the basic block and one more nonlinearity. The convolutions have a bias.
+    A third fewer weights than the basic block and one more nonlinearity. The convolutions have a
+    bias.
     """
 
     def __init__(self, channels_in: int, channels: int, stride: int = 1) -> None:

@@ -1,4 +1,5 @@
-"""From 1/32 back to full size: three modules that blend in the encoders' skips, then the class maps twice doubled."""
+"""From 1/32 back to full size: three modules that blend in the encoders' skips, then the class maps
+twice doubled."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ Outputs = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class LearnedUpsampling(nn.Module):
-    """Twice the size: nearest, then a 3×3 convolution per channel that starts out as bilinear interpolation."""
+    """Twice the size: nearest, then a 3×3 convolution per channel that starts out as bilinear
+    interpolation."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -37,12 +39,15 @@ class LearnedUpsampling(nn.Module):
 
 
 class DecoderModule(nn.Module):
-    """3×3 convolution, three non-bottleneck-1D blocks, learned upsampling, plus the skip of that size."""
+    """3×3 convolution, three non-bottleneck-1D blocks, learned upsampling, plus the skip of that
+    size."""
 
     def __init__(self, channels_in: int, channels: int, num_classes: int) -> None:
         super().__init__()
         self.conv3x3 = ConvBnAct(channels_in, channels, kernel=3)
-        self.decoder_blocks = nn.Sequential(*(NonBottleneck1D(channels, channels) for _ in range(BLOCKS_PER_MODULE)))
+        self.decoder_blocks = nn.Sequential(
+            *(NonBottleneck1D(channels, channels) for _ in range(BLOCKS_PER_MODULE))
+        )
         self.upsample = LearnedUpsampling(channels)
         self.side_output = nn.Conv2d(channels, num_classes, 1)
 
@@ -70,7 +75,8 @@ class Decoder(nn.Module):
         self.upsample2 = LearnedUpsampling(num_classes)
 
     def forward(self, x: Tensor, skips: Sequence[Tensor]) -> Tensor | Outputs:
-        """Logits at full size; in train mode the side outputs too. `skips` from fine to coarse: 1/4, 1/8, 1/16."""
+        """Logits at full size; in train mode the side outputs too. `skips` from fine to coarse:
+        1/4, 1/8, 1/16."""
         side_outputs = []
         modules = (self.decoder_module_1, self.decoder_module_2, self.decoder_module_3)
         for module, skip in zip(modules, reversed(skips), strict=True):

@@ -9,7 +9,8 @@ from navcore.perception.esanet.network.variants import Variant
 
 
 class Encoder(nn.Module):
-    """Stem and stages of a ResNet. The network calls them one by one, since depth is fused into colour after each."""
+    """Stem and stages of a ResNet. The network calls them one by one, since depth is fused into
+    colour after each."""
 
     def __init__(self, variant: Variant, channels_in: int, stem_channels: int) -> None:
         super().__init__()
@@ -19,13 +20,16 @@ class Encoder(nn.Module):
         expansion = variant.block.expansion
         before = [stem_channels, *(width * expansion for width in widths)]
         for number, (width, blocks) in enumerate(zip(widths, variant.blocks, strict=True), start=1):
-            stage = _stage(variant.block, before[number - 1], width, blocks, stride=1 if number == 1 else 2)
+            stage = _stage(
+                variant.block, before[number - 1], width, blocks, stride=1 if number == 1 else 2
+            )
             self.add_module(f"layer{number}", stage)
         self.channels = tuple(before)
         """Channels after the stem and after each stage."""
 
     def stem(self, picture: Tensor) -> Tensor:
-        """(B, 3 or 1, H, W) → (B, C, H/2, W/2), before the max-pool: the first fusion happens in between."""
+        """(B, 3 or 1, H, W) → (B, C, H/2, W/2), before the max-pool: the first fusion happens in
+        between."""
         return relu(self.bn1(self.conv1(picture)))
 
     def stage(self, number: int, x: Tensor) -> Tensor:
@@ -35,7 +39,11 @@ class Encoder(nn.Module):
         return chain(stage, x)
 
 
-def _stage(block: type[ResidualBlock], channels_in: int, channels: int, blocks: int, *, stride: int) -> nn.Sequential:
+def _stage(
+    block: type[ResidualBlock], channels_in: int, channels: int, blocks: int, *, stride: int
+) -> nn.Sequential:
     """`blocks` residual blocks, of which the first changes the size of the map and its channels."""
     first = block(channels_in, channels, stride)
-    return nn.Sequential(first, *(block(channels * block.expansion, channels) for _ in range(blocks - 1)))
+    return nn.Sequential(
+        first, *(block(channels * block.expansion, channels) for _ in range(blocks - 1))
+    )

@@ -1,4 +1,5 @@
-"""How depth enters colour: both are re-weighted channel by channel, then added (squeeze and excitation, the paper's SE-add)."""
+"""How depth enters colour: both are re-weighted channel by channel, then added (squeeze and
+excitation, the paper's SE-add)."""
 
 from __future__ import annotations
 
@@ -11,12 +12,18 @@ REDUCTION = 16
 
 
 class SqueezeExcite(nn.Module):
-    """Scales each channel by a gate in (0, 1) computed from the means of all channels (Hu et al. 2018)."""
+    """Scales each channel by a gate in (0, 1) computed from the means of all channels (Hu et al.
+    2018)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         squeezed = max(1, channels // REDUCTION)
-        self.fc = nn.Sequential(nn.Conv2d(channels, squeezed, 1), nn.ReLU(), nn.Conv2d(squeezed, channels, 1), nn.Sigmoid())
+        self.fc = nn.Sequential(
+            nn.Conv2d(channels, squeezed, 1),
+            nn.ReLU(),
+            nn.Conv2d(squeezed, channels, 1),
+            nn.Sigmoid(),
+        )
 
     def gate(self, x: Tensor) -> Tensor:
         """(B, C, H, W) → (B, C, 1, 1) in (0, 1)."""

@@ -1,4 +1,5 @@
-"""The weights a network starts learning from (He et al. 2015, with the official repository's exceptions)."""
+"""The weights a network starts learning from (He et al. 2015, with the official repository's
+exceptions)."""
 
 from __future__ import annotations
 
@@ -9,10 +10,11 @@ from navcore.perception.esanet.network.fusion import SqueezeExcite
 
 
 def initialise(network: nn.Module) -> None:
-    """He-initialise the weights of every convolution that a ReLU follows, fan-out; batch norms start as the identity.
+    """He-initialise the weights of every convolution that a ReLU follows, fan-out; batch norms
+    start as the identity.
 
-    The others keep torch's own initialisation, as do all biases: outputs that become logits or pass a sigmoid are not
-    followed by a ReLU, and the learned upsampling starts out bilinear.
+    The others keep torch's own initialisation, as do all biases: outputs that become logits or pass
+    a sigmoid are not followed by a ReLU, and the learned upsampling starts out bilinear.
     """
     exempt = _not_before_a_relu(network)
     for module in network.modules():
@@ -25,7 +27,8 @@ def initialise(network: nn.Module) -> None:
 
 
 def _not_before_a_relu(network: nn.Module) -> set[nn.Module]:
-    """By their place, not by `out_channels == classes` as the official code has it: 64 classes would hit the encoders."""
+    """By their place, not by `out_channels == classes` as the official code has it: 64 classes
+    would hit the encoders."""
     exempt: set[nn.Module] = set()
     for module in network.modules():
         if isinstance(module, SqueezeExcite):

@@ -1,8 +1,9 @@
 """ESANet, the network that labels pixels from colour and depth.
 
-D. Seichter, M. Köhler, B. Lewandowski, T. Wengefeld, H.-M. Gross, "Efficient RGB-D Semantic Segmentation for Indoor Scene
-Analysis", ICRA 2021 (arXiv 2011.06961). Keys, shapes and numbers are those of the official repository's SE-add, `ppm`,
-`learned-3x3-zeropad` networks, so that its checkpoints load.
+D. Seichter, M. Köhler, B. Lewandowski, T. Wengefeld, H.-M. Gross, "Efficient RGB-D Semantic
+Segmentation for Indoor Scene Analysis", ICRA 2021 (arXiv 2011.06961). Keys, shapes and numbers are
+those of the official repository's SE-add, `ppm`, `learned-3x3-zeropad` networks, so that its
+checkpoints load.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ STRIDE = 32
 def build(variant: str, num_classes: int, *, width: float = 1.0) -> EsaNet:
     """A fresh network: He-initialised, on the CPU, in train mode.
 
-    `variant` is `r18`, `r18-nbt1d`, `r34`, `r34-nbt1d` or `r50`; `width` scales every number of channels, in steps of 1/8.
-    Draws from torch's global generator. Raises `BadConfiguration`.
+    `variant` is `r18`, `r18-nbt1d`, `r34`, `r34-nbt1d` or `r50`; `width` scales every number of
+    channels, in steps of 1/8. Draws from torch's global generator. Raises `BadConfiguration`.
     """
     network = EsaNet(variant_named(variant), num_classes, width=width)
     initialise(network)
@@ -62,13 +63,18 @@ class EsaNet(nn.Module):
             self.add_module(f"se_layer{number}", SqueezeExciteAdd(at_stage))
 
     def _add_skips(self, channels: tuple[int, ...], decoder_channels: list[int]) -> None:
-        for number, (at_stage, wanted) in enumerate(zip(channels, decoder_channels, strict=True), start=1):
-            self.add_module(f"skip_layer{number}", nn.Sequential(ConvBnAct(at_stage, wanted, kernel=1)))
+        for number, (at_stage, wanted) in enumerate(
+            zip(channels, decoder_channels, strict=True), start=1
+        ):
+            self.add_module(
+                f"skip_layer{number}", nn.Sequential(ConvBnAct(at_stage, wanted, kernel=1))
+            )
 
     def forward(self, rgb: Tensor, depth: Tensor) -> Tensor | Outputs:
         """Normalised rgb (B, 3, H, W) and depth (B, 1, H, W) → logits (B, classes, H, W).
 
-        In train mode also the side outputs: (full, 1/8, 1/16, 1/32). H and W are multiples of 32; else `BadFrame`.
+        In train mode also the side outputs: (full, 1/8, 1/16, 1/32). H and W are multiples of 32;
+        else `BadFrame`.
         """
         check_inputs(rgb, depth)
         skips, fused = self._encode(rgb, depth)
@@ -84,7 +90,10 @@ class EsaNet(nn.Module):
         fused, depth = max_pool(self._fuse(0, rgb, depth)), max_pool(depth)
         skips = []
         for number in (1, 2, 3, 4):
-            rgb, depth = self.encoder_rgb.stage(number, fused), self.encoder_depth.stage(number, depth)
+            rgb, depth = (
+                self.encoder_rgb.stage(number, fused),
+                self.encoder_depth.stage(number, depth),
+            )
             fused = self._fuse(number, rgb, depth)
             if number < 4:
                 skips.append(self.get_submodule(f"skip_layer{number}")(fused))
@@ -101,14 +110,21 @@ def max_pool(x: Tensor) -> Tensor:
 
 
 def check_inputs(rgb: Tensor, depth: Tensor) -> None:
-    """Raise `BadFrame` unless the two are a batch of pictures of one size that the network can take."""
+    """Raise `BadFrame` unless the two are a batch of pictures of one size that the network can
+    take."""
     for name, tensor, channels in (("rgb", rgb, 3), ("depth", depth, 1)):
         if tensor.ndim != 4 or tensor.shape[1] != channels:
-            raise BadFrame(f"ESANet: {name} has shape {tuple(tensor.shape)}, expected (batch, {channels}, height, width)")
+            raise BadFrame(
+                f"ESANet: {name} has shape {tuple(tensor.shape)}, expected (batch, {channels}, height, width)"
+            )
         if not tensor.is_floating_point():
-            raise BadFrame(f"ESANet: {name} is {tensor.dtype}, expected normalised floats (navcore.esanet.preprocess)")
+            raise BadFrame(
+                f"ESANet: {name} is {tensor.dtype}, expected normalised floats (navcore.esanet.preprocess)"
+            )
     if rgb.shape[0] != depth.shape[0] or rgb.shape[2:] != depth.shape[2:]:
-        raise BadFrame(f"ESANet: rgb {tuple(rgb.shape)} and depth {tuple(depth.shape)} differ in batch, height or width")
+        raise BadFrame(
+            f"ESANet: rgb {tuple(rgb.shape)} and depth {tuple(depth.shape)} differ in batch, height or width"
+        )
     height, width = rgb.shape[2:]
     if rgb.shape[0] == 0 or height == 0 or width == 0 or height % STRIDE or width % STRIDE:
         raise BadFrame(

@@ -1,4 +1,5 @@
-"""From a camera's picture to what the network was trained on: size, mean and spread of colour and depth."""
+"""From a camera's picture to what the network was trained on: size, mean and spread of colour and
+depth."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class DepthStatistics:
     units_per_m: float = ranged(1e-3, 1e6)
     """Data set units per metre."""
     raw: bool = True
-    """Whether a depth of 0 means "not measured": set to the mean. Off for depth that was in-painted ("refined")."""
+    """Whether a depth of 0 means "not measured": set to the mean. Off for depth that was in-painted
+    ("refined")."""
 
 
 NYUV2_DEPTH = DepthStatistics(mean=2841.949, std=1417.259, units_per_m=1000.0)
@@ -55,14 +57,19 @@ def resize_rgb(rgb: npt.NDArray[np.uint8], size: Size) -> npt.NDArray[np.uint8]:
     """(H, W, 3) → (h, w, 3), bilinear."""
     if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
         raise BadFrame(f"rgb is {rgb.dtype} {rgb.shape}, expected uint8 (height, width, 3)")
-    return np.asarray(cv2.resize(rgb, (size.width, size.height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    return np.asarray(
+        cv2.resize(rgb, (size.width, size.height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8
+    )
 
 
 def resize_depth(depth: npt.NDArray[np.float32], size: Size) -> npt.NDArray[np.float32]:
     """(H, W) → (h, w), nearest: between a near and a far thing there is nothing in the middle."""
     if depth.ndim != 2 or depth.dtype != np.float32 or depth.size == 0:
         raise BadFrame(f"depth is {depth.dtype} {depth.shape}, expected float32 (height, width)")
-    return np.asarray(cv2.resize(depth, (size.width, size.height), interpolation=cv2.INTER_NEAREST), dtype=np.float32)
+    return np.asarray(
+        cv2.resize(depth, (size.width, size.height), interpolation=cv2.INTER_NEAREST),
+        dtype=np.float32,
+    )
 
 
 def normalise_rgb(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
@@ -71,18 +78,27 @@ def normalise_rgb(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
     return (scaled - RGB_MEAN) / RGB_STD
 
 
-def normalise_depth(depth: npt.NDArray[np.float32], statistics: DepthStatistics) -> npt.NDArray[np.float32]:
-    """(H, W) in data set units → the same shape: (d − mean) / std, and exactly 0 where raw depth is missing."""
-    normalised: npt.NDArray[np.float32] = (depth - np.float32(statistics.mean)) / np.float32(statistics.std)
+def normalise_depth(
+    depth: npt.NDArray[np.float32], statistics: DepthStatistics
+) -> npt.NDArray[np.float32]:
+    """(H, W) in data set units → the same shape: (d − mean) / std, and exactly 0 where raw depth is
+    missing."""
+    normalised: npt.NDArray[np.float32] = (depth - np.float32(statistics.mean)) / np.float32(
+        statistics.std
+    )
     if statistics.raw:
         normalised[depth == 0] = 0.0
     return normalised
 
 
 def to_tensors(
-    rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32], size: Size, statistics: DepthStatistics
+    rgb: npt.NDArray[np.uint8],
+    depth: npt.NDArray[np.float32],
+    size: Size,
+    statistics: DepthStatistics,
 ) -> tuple[Tensor, Tensor]:
-    """(H, W, 3) colours and (H, W) depth in data set units → rgb (1, 3, h, w) and depth (1, 1, h, w), float32.
+    """(H, W, 3) colours and (H, W) depth in data set units → rgb (1, 3, h, w) and depth (1, 1, h,
+    w), float32.
 
     rgb keeps its channels last in memory, as the convolutions like it. Raises `BadFrame`.
     """
@@ -92,24 +108,32 @@ def to_tensors(
 
 
 class Preprocessor:
-    """Does what `to_tensors` does, to the last bit, with tables and without new memory: for the loop."""
+    """Does what `to_tensors` does, to the last bit, with tables and without new memory: for the
+    loop."""
 
     def __init__(self, size: Size, statistics: DepthStatistics) -> None:
         self._size, self._statistics = size, statistics
         levels = np.arange(256, dtype=np.uint8)
-        self._table = np.ascontiguousarray(normalise_rgb(np.repeat(levels[:, None, None], 3, axis=2))[:, 0].T)
+        self._table = np.ascontiguousarray(
+            normalise_rgb(np.repeat(levels[:, None, None], 3, axis=2))[:, 0].T
+        )
         self._rgb = np.empty((1, 3, size.height, size.width), dtype=np.float32)
 
     def __call__(
         self, rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32]
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """(H, W, 3) and (H, W) in data set units → (1, 3, h, w), valid until the next call, and (1, 1, h, w)."""
+        """(H, W, 3) and (H, W) in data set units → (1, 3, h, w), valid until the next call, and (1,
+        1, h, w)."""
         _look_up(resize_rgb(rgb, self._size), self._table, self._rgb[0])
-        return self._rgb, normalise_depth(resize_depth(depth, self._size), self._statistics)[None, None]
+        return self._rgb, normalise_depth(resize_depth(depth, self._size), self._statistics)[
+            None, None
+        ]
 
 
 @numba.njit(cache=True, nogil=True)
-def _look_up(rgb: npt.NDArray[np.uint8], table: npt.NDArray[np.float32], planes: npt.NDArray[np.float32]) -> None:
+def _look_up(
+    rgb: npt.NDArray[np.uint8], table: npt.NDArray[np.float32], planes: npt.NDArray[np.float32]
+) -> None:
     """(h, w, 3) levels through one table (3, 256) a channel into planes (3, h, w)."""
     for i in range(rgb.shape[0]):
         for j in range(rgb.shape[1]):
@@ -120,7 +144,12 @@ def _look_up(rgb: npt.NDArray[np.uint8], table: npt.NDArray[np.float32], planes:
 def check_size(size: Size, stride: int) -> None:
     """Raise `BadConfiguration` unless both sides are multiples of `stride` and no larger than 4096."""
     for name, value in (("height", size.height), ("width", size.width)):
-        if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= MAX_SIDE_PX or value % stride:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int)
+            or not 0 < value <= MAX_SIDE_PX
+            or value % stride
+        ):
             raise BadConfiguration(
                 f"ESANet: working {name} {value!r:.40}: expected a multiple of {stride} from {stride} to {MAX_SIDE_PX}"
             )

@@ -13,21 +13,26 @@ BINS = (1, 5)
 
 
 class PyramidPooling(nn.Module):
-    """The map beside its averages over 1×1 and 5×5 cells (Zhao et al. 2017), mixed by a 1×1 convolution."""
+    """The map beside its averages over 1×1 and 5×5 cells (Zhao et al. 2017), mixed by a 1×1
+    convolution."""
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__()
         branch = channels_in // len(BINS)
         self.features = nn.ModuleList(
-            nn.Sequential(nn.AdaptiveAvgPool2d(bins), ConvBnAct(channels_in, branch, kernel=1)) for bins in BINS
+            nn.Sequential(nn.AdaptiveAvgPool2d(bins), ConvBnAct(channels_in, branch, kernel=1))
+            for bins in BINS
         )
         self.final_conv = ConvBnAct(channels_in + branch * len(BINS), channels_out, kernel=1)
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, Cin, H, W) → (B, Cout, H, W)."""
-        return self.final_conv(torch.cat([x, *(enlarge(pool(x), x) for pool in self.features)], dim=1))  # type: ignore[no-any-return]
+        return self.final_conv(  # type: ignore[no-any-return]
+            torch.cat([x, *(enlarge(pool(x), x) for pool in self.features)], dim=1)
+        )
 
 
 def enlarge(pooled: Tensor, like: Tensor) -> Tensor:
-    """The pooled map at the size of `like`: nearest, because the official learned upsampling knows only a factor of two."""
+    """The pooled map at the size of `like`: nearest, because the official learned upsampling knows
+    only a factor of two."""
     return functional.interpolate(pooled, size=like.shape[2:], mode="nearest")

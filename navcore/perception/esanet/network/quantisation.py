@@ -1,8 +1,10 @@
-"""Eight bits: convolutions of what a ReLU lets through work on bytes, where an engine has kernels for them.
+"""Eight bits: convolutions of what a ReLU lets through work on bytes, where an engine has kernels
+for them.
 
-A byte stands for a range of values that was measured on pictures beforehand (`weights quantise`) and is kept on the card of
-the weights; kernels get one scale per channel out (Jacob et al., CVPR 2018). What may be negative (the pictures, the decoder's
-sums) stays as it is: it takes little of the time and most of the harm.
+A byte stands for a range of values that was measured on pictures beforehand (`weights quantise`)
+and is kept on the card of the weights; kernels get one scale per channel out (Jacob et al., CVPR
+2018). What may be negative (the pictures, the decoder's sums) stays as it is: it takes little of
+the time and most of the harm.
 """
 
 from __future__ import annotations
@@ -18,12 +20,14 @@ from navcore.perception.esanet.network.batchnorm_folding import folded
 from navcore.perception.esanet.network.model import EsaNet
 
 KEPT = 0.9999
-"""Share of a convolution's inputs in one picture that its range holds; the few beyond it are cut off."""
+"""Share of a convolution's inputs in one picture that its range holds; the few beyond it are cut
+off."""
 _BYTE, _SIGNED_LOW, _SIGNED_HIGH = 255, -128, 127
 
 
 class ByteConvolution(nn.Module):
-    """A convolution whose inputs and kernels are rounded to bytes; exported to ONNX, engines compute it on bytes."""
+    """A convolution whose inputs and kernels are rounded to bytes; exported to ONNX, engines
+    compute it on bytes."""
 
     kernel_scales: Tensor
     kernel_zeros: Tensor
@@ -48,11 +52,15 @@ class ByteConvolution(nn.Module):
         return functional.conv2d(inputs, kernel, convolution.bias, convolution.stride, padding)
 
 
-def measured_ranges(network: EsaNet, pictures: Iterable[tuple[Tensor, Tensor]]) -> tuple[float, ...]:
-    """The largest input of each convolution (in the order of the modules) on these pictures, as far as `KEPT` goes.
+def measured_ranges(
+    network: EsaNet, pictures: Iterable[tuple[Tensor, Tensor]]
+) -> tuple[float, ...]:
+    """The largest input of each convolution (in the order of the modules) on these pictures, as far
+    as `KEPT` goes.
 
-    0 for those that stay as they are: whose inputs were negative somewhere, or are means of the whole picture, or that did not
-    run. `pictures` are normalised (rgb (1, 3, h, w), depth (1, 1, h, w)).
+    0 for those that stay as they are: whose inputs were negative somewhere, or are means of the
+    whole picture, or that did not run. `pictures` are normalised (rgb (1, 3, h, w), depth (1, 1, h,
+    w)).
     """
     fresh = folded(network)
     found = convolutions(fresh)
@@ -74,14 +82,17 @@ def measured_ranges(network: EsaNet, pictures: Iterable[tuple[Tensor, Tensor]]) 
 
 
 def quantised(network: EsaNet, ranges: Sequence[float]) -> EsaNet:
-    """A copy for inference, batch norms folded, its convolutions on bytes where there is a range for them.
+    """A copy for inference, batch norms folded, its convolutions on bytes where there is a range
+    for them.
 
     Raises `BadConfiguration` where the ranges are not this network's.
     """
     fresh = folded(network)
     found = convolutions(fresh)
     if len(ranges) != len(found):
-        raise BadConfiguration(f"weights: {len(ranges)} ranges for {len(found)} convolutions; quantise them again")
+        raise BadConfiguration(
+            f"weights: {len(ranges)} ranges for {len(found)} convolutions; quantise them again"
+        )
     for (name, convolution), most in zip(found, ranges, strict=True):
         if most > 0:
             parent, _, leaf = name.rpartition(".")
@@ -91,4 +102,8 @@ def quantised(network: EsaNet, ranges: Sequence[float]) -> EsaNet:
 
 def convolutions(network: EsaNet) -> list[tuple[str, nn.Conv2d]]:
     """Those that mix channels."""
-    return [(name, module) for name, module in network.named_modules() if isinstance(module, nn.Conv2d) and module.groups == 1]
+    return [
+        (name, module)
+        for name, module in network.named_modules()
+        if isinstance(module, nn.Conv2d) and module.groups == 1
+    ]

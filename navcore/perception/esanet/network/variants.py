@@ -1,11 +1,17 @@
-"""Which networks of the ESANet family there are: kind of encoder block, and how many of them per stage."""
+"""Which networks of the ESANet family there are: kind of encoder block, and how many of them per
+stage."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from navcore.errors import BadConfiguration
-from navcore.perception.esanet.network.blocks import BasicBlock, Bottleneck, NonBottleneck1D, ResidualBlock
+from navcore.perception.esanet.network.blocks import (
+    BasicBlock,
+    Bottleneck,
+    NonBottleneck1D,
+    ResidualBlock,
+)
 
 BASE_CHANNELS = 64
 """Channels of the stem at width 1; everything else is a multiple of it."""
@@ -19,7 +25,8 @@ MAX_CLASSES = 255
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """One encoder of the paper's Table I. The decoder is the same in all of them, with non-bottleneck-1D blocks."""
+    """One encoder of the paper's Table I. The decoder is the same in all of them, with
+    non-bottleneck-1D blocks."""
 
     name: str
     """As `build` takes it."""
@@ -48,14 +55,23 @@ def variant_named(name: str) -> Variant:
 
 
 def stem_channels(width: float) -> int:
-    """Channels of the stem of a network slimmed by `width`; raises `BadConfiguration` where they come out uneven."""
+    """Channels of the stem of a network slimmed by `width`; raises `BadConfiguration` where they
+    come out uneven."""
     number = isinstance(width, int | float) and not isinstance(width, bool)
     if not number or not WIDTH_STEP <= width <= MAX_WIDTH or width % WIDTH_STEP:
-        raise BadConfiguration(f"ESANet: width {width!r:.40}: expected a multiple of {WIDTH_STEP:g} from it to {MAX_WIDTH:g}")
+        raise BadConfiguration(
+            f"ESANet: width {width!r:.40}: expected a multiple of {WIDTH_STEP:g} from it to {MAX_WIDTH:g}"
+        )
     return int(BASE_CHANNELS * width)
 
 
 def check_num_classes(num_classes: int) -> None:
     """Raise `BadConfiguration` unless it is a whole number from 1 to 255."""
-    if isinstance(num_classes, bool) or not isinstance(num_classes, int) or not 1 <= num_classes <= MAX_CLASSES:
-        raise BadConfiguration(f"ESANet: num_classes is {num_classes!r:.40}, expected a whole number from 1 to {MAX_CLASSES}")
+    if (
+        isinstance(num_classes, bool)
+        or not isinstance(num_classes, int)
+        or not 1 <= num_classes <= MAX_CLASSES
+    ):
+        raise BadConfiguration(
+            f"ESANet: num_classes is {num_classes!r:.40}, expected a whole number from 1 to {MAX_CLASSES}"
+        )

@@ -1,4 +1,5 @@
-"""Which network a state dict belongs to: read from its keys and shapes, then compared with that network in full."""
+"""Which network a state dict belongs to: read from its keys and shapes, then compared with that
+network in full."""
 
 from __future__ import annotations
 
@@ -9,9 +10,19 @@ import torch
 from torch import Tensor
 
 from navcore.errors import BadConfiguration
-from navcore.perception.esanet.network.blocks import BasicBlock, Bottleneck, NonBottleneck1D, ResidualBlock
+from navcore.perception.esanet.network.blocks import (
+    BasicBlock,
+    Bottleneck,
+    NonBottleneck1D,
+    ResidualBlock,
+)
 from navcore.perception.esanet.network.model import EsaNet
-from navcore.perception.esanet.network.variants import BASE_CHANNELS, VARIANTS, Variant, variant_named
+from navcore.perception.esanet.network.variants import (
+    BASE_CHANNELS,
+    VARIANTS,
+    Variant,
+    variant_named,
+)
 
 _SHOWN = 3
 """So many of the keys that do not fit are named."""
@@ -37,12 +48,17 @@ class Architecture:
 
 
 def infer(tensors: Mapping[str, Tensor], where: str) -> Architecture:
-    """The architecture of a state dict; raises `BadConfiguration` when it is no ESANet that `build` can make."""
+    """The architecture of a state dict; raises `BadConfiguration` when it is no ESANet that `build`
+    can make."""
     for key, dimensions in ((_STEM, 4), (_OUTPUT, 1)):
         if key not in tensors or tensors[key].ndim != dimensions:
-            raise BadConfiguration(f"{where}: not an RGB-D ESANet: {key!r} is missing or has the wrong shape")
+            raise BadConfiguration(
+                f"{where}: not an RGB-D ESANet: {key!r} is missing or has the wrong shape"
+            )
     if "context_module.features.0.conv.weight" in tensors:
-        raise BadConfiguration(f"{where}: its context module is `appm` (Cityscapes), which is not built here; expected `ppm`")
+        raise BadConfiguration(
+            f"{where}: its context module is `appm` (Cityscapes), which is not built here; expected `ppm`"
+        )
     return Architecture(
         variant=_variant(tensors, where).name,
         num_classes=tensors[_OUTPUT].shape[0],
@@ -53,7 +69,8 @@ def infer(tensors: Mapping[str, Tensor], where: str) -> Architecture:
 def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: str) -> EsaNet:
     """The network with these tensors as its weights, in eval mode; no copy is made.
 
-    Raises `BadConfiguration` naming what is missing, too much, of another shape or type, or not finite.
+    Raises `BadConfiguration` naming what is missing, too much, of another shape or type, or not
+    finite.
     """
     try:
         network = architecture.skeleton()
@@ -64,8 +81,13 @@ def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: st
     wrong += [f"{key} is unknown" for key in tensors if key not in expected]
     wrong += [_mismatch(key, expected[key], tensors[key]) for key in expected if key in tensors]
     _refuse(where, architecture, [text for text in wrong if text])
-    # Only now: a hostile tensor of few bytes can claim a shape that fills the memory when it is looked through.
-    _refuse(where, architecture, [f"{key} holds non-finite values" for key in expected if not _is_finite(tensors[key])])
+    # Only now: a hostile tensor of few bytes can claim a shape that fills the memory when it is
+    # looked through.
+    _refuse(
+        where,
+        architecture,
+        [f"{key} holds non-finite values" for key in expected if not _is_finite(tensors[key])],
+    )
     network.load_state_dict(dict(tensors), assign=True)
     return network.eval()
 
@@ -73,7 +95,9 @@ def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: st
 def _refuse(where: str, architecture: Architecture, wrong: list[str]) -> None:
     if wrong:
         more = f" and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
-        raise BadConfiguration(f"{where}: does not fit {architecture}: {'; '.join(wrong[:_SHOWN])}{more}")
+        raise BadConfiguration(
+            f"{where}: does not fit {architecture}: {'; '.join(wrong[:_SHOWN])}{more}"
+        )
 
 
 def _mismatch(key: str, expected: Tensor, given: Tensor) -> str:
@@ -91,8 +115,12 @@ def _variant(tensors: Mapping[str, Tensor], where: str) -> Variant:
     for variant in VARIANTS:
         if (variant.block, variant.blocks) == (block, blocks):
             return variant
-    known = ", ".join(f"{variant.name} {variant.block.__name__} {variant.blocks}" for variant in VARIANTS)
-    raise BadConfiguration(f"{where}: no known encoder has {block.__name__} × {blocks}; known: {known}")
+    known = ", ".join(
+        f"{variant.name} {variant.block.__name__} {variant.blocks}" for variant in VARIANTS
+    )
+    raise BadConfiguration(
+        f"{where}: no known encoder has {block.__name__} × {blocks}; known: {known}"
+    )
 
 
 def _block(tensors: Mapping[str, Tensor]) -> type[ResidualBlock]:
@@ -103,4 +131,7 @@ def _block(tensors: Mapping[str, Tensor]) -> type[ResidualBlock]:
 
 def _blocks_per_stage(tensors: Mapping[str, Tensor]) -> tuple[int, ...]:
     found = {tuple(key.split(".")[1:3]) for key in tensors if key.startswith("encoder_rgb.layer")}
-    return tuple(len({block for stage, block in found if stage == f"layer{number}"}) for number in (1, 2, 3, 4))
+    return tuple(
+        len({block for stage, block in found if stage == f"layer{number}"})
+        for number in (1, 2, 3, 4)
+    )

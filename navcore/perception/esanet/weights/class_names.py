@@ -3,15 +3,55 @@
 from __future__ import annotations
 
 SUNRGBD_CLASSES = (
-    *("wall", "floor", "cabinet", "bed", "chair", "sofa", "table", "door", "window", "bookshelf", "picture", "counter"),
-    *("blinds", "desk", "shelves", "curtain", "dresser", "pillow", "mirror", "floor mat", "clothes", "ceiling", "books"),
-    *("fridge", "tv", "paper", "towel", "shower curtain", "box", "whiteboard", "person", "night stand", "toilet", "sink"),
+    *(
+        "wall",
+        "floor",
+        "cabinet",
+        "bed",
+        "chair",
+        "sofa",
+        "table",
+        "door",
+        "window",
+        "bookshelf",
+        "picture",
+        "counter",
+    ),
+    *(
+        "blinds",
+        "desk",
+        "shelves",
+        "curtain",
+        "dresser",
+        "pillow",
+        "mirror",
+        "floor mat",
+        "clothes",
+        "ceiling",
+        "books",
+    ),
+    *(
+        "fridge",
+        "tv",
+        "paper",
+        "towel",
+        "shower curtain",
+        "box",
+        "whiteboard",
+        "person",
+        "night stand",
+        "toilet",
+        "sink",
+    ),
     *("lamp", "bathtub", "bag"),
 )
 """The 37 of SUN RGB-D (Song et al. 2015)."""
 
 NYUV2_CLASSES = (
-    *("refrigerator" if name == "fridge" else "television" if name == "tv" else name for name in SUNRGBD_CLASSES),
+    *(
+        "refrigerator" if name == "fridge" else "television" if name == "tv" else name
+        for name in SUNRGBD_CLASSES
+    ),
     *("other structure", "other furniture", "other prop"),
 )
 """The 40 of NYUv2 (Gupta et al. 2013): SUN RGB-D took over the first 37 and shortened two names."""
@@ -30,7 +70,8 @@ ALIASES = {
 
 
 def aliases_for(class_names: tuple[str, ...]) -> dict[str, str]:
-    """The aliases of these classes of a network, but for those whose entry the network knows by its own name too."""
+    """The aliases of these classes of a network, but for those whose entry the network knows by its
+    own name too."""
     known = {name.casefold() for name in class_names}
     return {
         name: ALIASES[name.casefold()]

@@ -1,4 +1,5 @@
-"""Official checkpoints: pickles of tensors, from the internet. Read without executing anything that is in them."""
+"""Official checkpoints: pickles of tensors, from the internet. Read without executing anything that
+is in them."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ class Checkpoint:
 def read_checkpoint(path: Path) -> Checkpoint:
     """Read a pickle made by `torch.save`: a state dict, bare or under `state_dict` or `model`.
 
-    Raises `BadConfiguration` naming the file when it is missing, damaged, too large or holds anything but plain values.
+    Raises `BadConfiguration` naming the file when it is missing, damaged, too large or holds
+    anything but plain values.
     """
     try:
         with path.open("rb") as file:
@@ -44,7 +46,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
             file.seek(0)
             content = _unpickle(path, file)
     except OSError as error:
-        raise BadConfiguration(f"{path}: the checkpoint cannot be read: {error.strerror or error}") from None
+        raise BadConfiguration(
+            f"{path}: the checkpoint cannot be read: {error.strerror or error}"
+        ) from None
     return Checkpoint(tensors=_tensors(path, content), sha256=sha256)
 
 
@@ -71,7 +75,9 @@ def _check_bytes(path: Path, file: BinaryIO) -> None:
             raise BadConfiguration(f"{path}: the checkpoint is damaged: {error}") from None
     file.seek(0)
     if size > MAX_CHECKPOINT_BYTES:
-        raise BadConfiguration(f"{path}: {size} bytes are too many for a checkpoint, at most {MAX_CHECKPOINT_BYTES} are read")
+        raise BadConfiguration(
+            f"{path}: {size} bytes are too many for a checkpoint, at most {MAX_CHECKPOINT_BYTES} are read"
+        )
 
 
 def _tensors(path: Path, content: object) -> dict[str, Tensor]:
@@ -80,10 +86,14 @@ def _tensors(path: Path, content: object) -> dict[str, Tensor]:
         if isinstance(content, Mapping) and isinstance(content.get(wrapper), Mapping):
             content = content[wrapper]
     if not isinstance(content, Mapping) or not 0 < len(content) <= MAX_TENSORS:
-        raise BadConfiguration(f"{path}: expected a state dict of at most {MAX_TENSORS} tensors, got {_in_words(content)}")
+        raise BadConfiguration(
+            f"{path}: expected a state dict of at most {MAX_TENSORS} tensors, got {_in_words(content)}"
+        )
     for key, value in content.items():
         if not isinstance(key, str) or not _is_plain(value):
-            raise BadConfiguration(f"{path}: {key!r:.80} is {_in_words(value)}, expected a dense tensor under a name")
+            raise BadConfiguration(
+                f"{path}: {key!r:.80} is {_in_words(value)}, expected a dense tensor under a name"
+            )
     return _without_prefixes({key: value.detach() for key, value in content.items()})
 
 
@@ -95,8 +105,14 @@ def _without_prefixes(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _is_plain(value: object) -> bool:
-    return isinstance(value, Tensor) and value.layout == torch.strided and value.device.type == "cpu"
+    return (
+        isinstance(value, Tensor) and value.layout == torch.strided and value.device.type == "cpu"
+    )
 
 
 def _in_words(value: object) -> str:
-    return f"{type(value).__name__} of {len(value)}" if isinstance(value, Mapping | list | tuple) else type(value).__name__
+    return (
+        f"{type(value).__name__} of {len(value)}"
+        if isinstance(value, Mapping | list | tuple)
+        else type(value).__name__
+    )

@@ -1,7 +1,8 @@
-"""Trained networks on the disk: safetensors files that say what they are and prove that they are whole.
+"""Trained networks on the disk: safetensors files that say what they are and prove that they are
+whole.
 
-A file's metadata is a card (variant, classes, width, depth statistics, where it came from) and the SHA-256 of the card and all
-tensors. Loading one executes nothing and takes nothing on trust.
+A file's metadata is a card (variant, classes, width, depth statistics, where it came from) and the
+SHA-256 of the card and all tensors. Loading one executes nothing and takes nothing on trust.
 """
 
 from __future__ import annotations
@@ -23,7 +24,12 @@ from torch import Tensor
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole
 from navcore.perception.esanet.network.model import EsaNet
-from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size
+from navcore.perception.esanet.network.preprocess import (
+    NYUV2_DEPTH,
+    SUNRGBD_DEPTH,
+    DepthStatistics,
+    Size,
+)
 from navcore.perception.esanet.network.quantisation import convolutions
 from navcore.perception.esanet.network.variants import MAX_CLASSES
 from navcore.perception.esanet.weights.architecture import Architecture, fitting, infer
@@ -56,20 +62,29 @@ class WeightsCard:
     depth: DepthStatistics
     """Of the training data."""
     source_sha256: str
-    """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal."""
+    """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal.
+    """
     size: Size | None = None
-    """The working size it was trained at; files written before this was kept, and converted ones, do not say."""
+    """The working size it was trained at; files written before this was kept, and converted ones,
+    do not say."""
     ranges: tuple[float, ...] | None = ranged(0.0, 1e9, default=None)
-    """Of its convolutions' inputs, for eight bits (`backends/quantised.py`); None where they were not measured."""
+    """Of its convolutions' inputs, for eight bits (`backends/quantised.py`); None where they were
+    not measured."""
 
     def __post_init__(self) -> None:
         if len(self.class_names) != self.num_classes:
-            raise BadConfiguration(f"weights: {len(self.class_names)} class names for {self.num_classes} classes")
+            raise BadConfiguration(
+                f"weights: {len(self.class_names)} class names for {self.num_classes} classes"
+            )
         folded = [name.strip().casefold() for name in self.class_names]
         if "" in folded or len(set(folded)) != len(folded):
-            raise BadConfiguration(f"weights: class names must be unique and not empty, got {', '.join(self.class_names):.400}")
+            raise BadConfiguration(
+                f"weights: class names must be unique and not empty, got {', '.join(self.class_names):.400}"
+            )
         if not re.fullmatch("[0-9a-f]{64}", self.source_sha256):
-            raise BadConfiguration(f"weights: source_sha256 is {self.source_sha256!r:.80}, expected 64 hexadecimal digits")
+            raise BadConfiguration(
+                f"weights: source_sha256 is {self.source_sha256!r:.80}, expected 64 hexadecimal digits"
+            )
 
     @property
     def architecture(self) -> Architecture:
@@ -88,12 +103,18 @@ class TrainedNetwork:
 
 
 def convert(
-    source: Path, target: Path, *, class_names: Sequence[str] | None = None, depth: DepthStatistics | None = None
+    source: Path,
+    target: Path,
+    *,
+    class_names: Sequence[str] | None = None,
+    depth: DepthStatistics | None = None,
 ) -> WeightsCard:
-    """Write the official checkpoint `source` as the safetensors file `target`; returns what it turned out to be.
+    """Write the official checkpoint `source` as the safetensors file `target`; returns what it
+    turned out to be.
 
-    Variant, classes and width are read from its keys and shapes. With 40 classes it is taken for NYUv2's, with 37 for
-    SUN RGB-D's, unless `class_names` and `depth` say otherwise. Raises `BadConfiguration` or `StorageFailed`.
+    Variant, classes and width are read from its keys and shapes. With 40 classes it is taken for
+    NYUv2's, with 37 for SUN RGB-D's, unless `class_names` and `depth` say otherwise. Raises
+    `BadConfiguration` or `StorageFailed`.
     """
     checkpoint = read_checkpoint(source)
     architecture = infer(checkpoint.tensors, str(source))
@@ -120,14 +141,20 @@ def convert(
 def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False) -> None:
     """Write a network with its card; what was at `target` stays intact until the new file is whole.
 
-    With `half` the convolutions' kernels, nearly all of it, are kept in half precision: half the size, for files to ship.
-    Raises `BadConfiguration` when the two do not belong together, `StorageFailed` when the disk does not take it.
+    With `half` the convolutions' kernels, nearly all of it, are kept in half precision: half the
+    size, for files to ship. Raises `BadConfiguration` when the two do not belong together,
+    `StorageFailed` when the disk does not take it.
     """
     check_name(target)
-    tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
+    tensors = {
+        key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()
+    }
     fitting(card.architecture, tensors, str(target))
     if half:
-        tensors = {key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value for key, value in tensors.items()}
+        tensors = {
+            key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value
+            for key, value in tensors.items()
+        }
     metadata = _as_metadata(card)
     content = safetensors.torch.save(tensors, {**metadata, "sha256": digest(tensors, metadata)})
     write_whole(target, content)
@@ -140,7 +167,8 @@ def check_name(target: Path) -> None:
 
 
 def load(path: Path) -> TrainedNetwork:
-    """Read what `save` or `convert` wrote; raises `BadConfiguration` naming the file and what is wrong with it."""
+    """Read what `save` or `convert` wrote; raises `BadConfiguration` naming the file and what is
+    wrong with it."""
     content = read_whole(path, at_most=MAX_WEIGHTS_BYTES)
     metadata = _metadata(content, path)
     claimed = metadata.pop("sha256", "")
@@ -149,17 +177,25 @@ def load(path: Path) -> TrainedNetwork:
     except (SafetensorError, ValueError, TypeError, KeyError, RuntimeError) as error:
         raise BadConfiguration(f"{path}: the weights are damaged: {error!s:.200}") from None
     if digest(tensors, metadata) != claimed:
-        raise BadConfiguration(f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again")
+        raise BadConfiguration(
+            f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again"
+        )
     card = _from_metadata(metadata, path)
-    tensors = {key: value.float() if value.dtype is torch.float16 else value for key, value in tensors.items()}
+    tensors = {
+        key: value.float() if value.dtype is torch.float16 else value
+        for key, value in tensors.items()
+    }
     network = fitting(card.architecture, tensors, str(path))
     if card.ranges is not None and len(card.ranges) != (count := len(convolutions(network))):
-        raise BadConfiguration(f"{path}: {len(card.ranges)} ranges for {count} convolutions; quantise it again")
+        raise BadConfiguration(
+            f"{path}: {len(card.ranges)} ranges for {count} convolutions; quantise it again"
+        )
     return TrainedNetwork(network=network, card=card)
 
 
 def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
-    """SHA-256 of the metadata and of every tensor's name, type, shape and bytes, in the order of their names."""
+    """SHA-256 of the metadata and of every tensor's name, type, shape and bytes, in the order of
+    their names."""
     hashed = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
     for key in sorted(tensors):
         tensor = tensors[key]
@@ -178,7 +214,9 @@ def _from_metadata(metadata: Mapping[str, str], path: Path) -> WeightsCard:
     try:
         table = {key: json.loads(value) for key, value in metadata.items() if key != "format"}
     except (ValueError, RecursionError):
-        raise BadConfiguration(f"{path}: the weights are damaged: their metadata is not readable") from None
+        raise BadConfiguration(
+            f"{path}: the weights are damaged: their metadata is not readable"
+        ) from None
     try:
         return from_table(WeightsCard, table, "card")
     except BadConfiguration as error:
@@ -189,13 +227,19 @@ def _metadata(content: bytes, path: Path) -> dict[str, str]:
     """The strings of the file's header: eight bytes of length, little endian, then JSON."""
     length = int.from_bytes(content[:8], "little")
     if not 2 <= length <= min(MAX_HEADER_BYTES, len(content) - 8):
-        raise BadConfiguration(f"{path}: not a safetensors file, or cut off: its header would take {length} bytes")
+        raise BadConfiguration(
+            f"{path}: not a safetensors file, or cut off: its header would take {length} bytes"
+        )
     try:
         header: Any = json.loads(content[8 : 8 + length])
         metadata = header["__metadata__"]
-        known = metadata["format"] == _FORMAT and all(isinstance(value, str) for value in metadata.values())
+        known = metadata["format"] == _FORMAT and all(
+            isinstance(value, str) for value in metadata.values()
+        )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         known = False
     if not known:
-        raise BadConfiguration(f"{path}: no weights of format {_FORMAT}; convert an official checkpoint first")
+        raise BadConfiguration(
+            f"{path}: no weights of format {_FORMAT}; convert an official checkpoint first"
+        )
     return dict(metadata)

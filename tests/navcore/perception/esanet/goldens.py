@@ -1,7 +1,8 @@
-"""The numbers of the official repository, and the rule by which its network and inputs were filled to get them.
+"""The numbers of the official repository, and the rule by which its network and inputs were filled
+to get them.
 
-The data are not part of this repository (`../shared/data/esanet`); tests of them are skipped where they are missing, unless
-continuous integration promises them.
+The data are not part of this repository (`../shared/data/esanet`); tests of them are skipped where
+they are missing, unless continuous integration promises them.
 """
 
 from __future__ import annotations
@@ -70,7 +71,9 @@ def fill(key: str, shape: tuple[int, ...]) -> Tensor:
 def filled(variant: str, num_classes: int) -> EsaNet:
     """The filled network in eval mode; shared between tests, so leave it as it is."""
     network = build(variant, num_classes)
-    network.load_state_dict({key: fill(key, tuple(value.shape)) for key, value in network.state_dict().items()})
+    network.load_state_dict(
+        {key: fill(key, tuple(value.shape)) for key, value in network.state_dict().items()}
+    )
     return network.eval()
 
 
@@ -81,7 +84,8 @@ def fresh(variant: str, num_classes: int) -> EsaNet:
 
 @functools.cache
 def inputs(size: str) -> tuple[Tensor, Tensor]:
-    """Normalised rgb and depth for a batch such as `1x256x320`, with a tenth of the depth exactly 0."""
+    """Normalised rgb and depth for a batch such as `1x256x320`, with a tenth of the depth exactly
+    0."""
     rgb, depth = (_picture(name, channels, size) for name, channels in (("rgb", 3), ("depth", 1)))
     depth[uniform(f"input.depth.hole.{size}", depth.size).reshape(depth.shape) < 0.1] = 0.0
     return torch.from_numpy(rgb.astype(np.float32)), torch.from_numpy(depth.astype(np.float32))
@@ -96,15 +100,21 @@ def _picture(name: str, channels: int, size: str) -> npt.NDArray[np.float64]:
     return 3.0 * (coarse - 0.5) + (fine - 0.5)
 
 
-def labels(count: int, height: int, width: int, num_classes: int, *, seed: int = SEED) -> npt.NDArray[np.uint8]:
+def labels(
+    count: int, height: int, width: int, num_classes: int, *, seed: int = SEED
+) -> npt.NDArray[np.uint8]:
     """(count, height, width) labels, 0 = void, in blocks of 16 pixels."""
     blocks = (count, height // 16, width // 16)
-    u = uniform(f"labels.{count}x{height}x{width}.{num_classes}", math.prod(blocks), seed=seed).reshape(blocks)
+    u = uniform(
+        f"labels.{count}x{height}x{width}.{num_classes}", math.prod(blocks), seed=seed
+    ).reshape(blocks)
     return np.floor(u * (num_classes + 1)).astype(np.uint8).repeat(16, axis=1).repeat(16, axis=2)
 
 
 def class_weights(num_classes: int) -> Tensor:
-    return torch.from_numpy((0.25 + 2.0 * uniform(f"class_weights.{num_classes}", num_classes)).astype(np.float32))
+    return torch.from_numpy(
+        (0.25 + 2.0 * uniform(f"class_weights.{num_classes}", num_classes)).astype(np.float32)
+    )
 
 
 def run(network: EsaNet, size: str) -> npt.NDArray[np.float32]:

@@ -1,4 +1,5 @@
-"""Engines: all answer as torch in f32 does, and the choice among them is by time only where they do."""
+"""Engines: all answer as torch in f32 does, and the choice among them is by time only where they
+do."""
 
 from __future__ import annotations
 
@@ -20,7 +21,11 @@ from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.inference import selection as choice
 from navcore.perception.esanet.inference.engine import Batch
 from navcore.perception.esanet.inference.network_file import NetworkFile, nearest_size, open_network
-from navcore.perception.esanet.inference.onnx_engines import OnnxRuntimeInference, OpenVinoInference, is_installed
+from navcore.perception.esanet.inference.onnx_engines import (
+    OnnxRuntimeInference,
+    OpenVinoInference,
+    is_installed,
+)
 from navcore.perception.esanet.inference.onnx_file import OnnxCard, exported, read_onnx, with_card
 from navcore.perception.esanet.inference.selection import (
     ENOUGH_MS,
@@ -37,14 +42,18 @@ from navcore.perception.esanet.network.batchnorm_folding import FixedPool, folde
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Preprocessor, Size, to_tensors
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 
-SIZE = Size(height=96, width=128)  # at 1/32 3 × 4: cells of the 5 × 5 pooling are not all of one size
+SIZE = Size(
+    height=96, width=128
+)  # at 1/32 3 × 4: cells of the 5 × 5 pooling are not all of one size
 NAMES = ("background", "book", "cup", "cable")
 CARD = OnnxCard(class_names=NAMES, depth=NYUV2_DEPTH, size=SIZE)
 needs_onnx = pytest.mark.skipif(
-    not (is_installed("onnx") and is_installed("onnxruntime")), reason="onnx and onnxruntime are not installed"
+    not (is_installed("onnx") and is_installed("onnxruntime")),
+    reason="onnx and onnxruntime are not installed",
 )
 needs_openvino = pytest.mark.skipif(
-    not (is_installed("onnx") and is_installed("openvino")), reason="onnx and openvino are not installed"
+    not (is_installed("onnx") and is_installed("openvino")),
+    reason="onnx and openvino are not installed",
 )
 
 
@@ -65,7 +74,14 @@ def network(variant: str = "r18-nbt1d") -> EsaNet:
 
 
 def network_file(**changes: object) -> NetworkFile:
-    made = NetworkFile(title="test", class_names=NAMES, depth=NYUV2_DEPTH, size=SIZE, sha256="0" * 64, network=network())
+    made = NetworkFile(
+        title="test",
+        class_names=NAMES,
+        depth=NYUV2_DEPTH,
+        size=SIZE,
+        sha256="0" * 64,
+        network=network(),
+    )
     return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
 
 
@@ -90,15 +106,25 @@ def assert_close(answer: Batch, expected: Batch) -> None:
 
 
 @pytest.mark.parametrize("variant", ["r18", "r18-nbt1d", "r50"])
-def test_folding_batch_norms_changes_nothing_but_rounding_and_leaves_the_original_alone(variant: str) -> None:
+def test_folding_batch_norms_changes_nothing_but_rounding_and_leaves_the_original_alone(
+    variant: str,
+) -> None:
     before = {key: value.clone() for key, value in network(variant).state_dict().items()}
-    assert not any(isinstance(module, nn.BatchNorm2d) for module in folded(network(variant)).modules())
-    # In doubles, so that the tolerance is one of the folding and not of how far a CPU's single precision is off in 50 layers.
-    exact, pictures = copy.deepcopy(network(variant)).double(), [torch.from_numpy(batch).double() for batch in picture()]
+    assert not any(
+        isinstance(module, nn.BatchNorm2d) for module in folded(network(variant)).modules()
+    )
+    # In doubles, so that the tolerance is one of the folding and not of how far a CPU's single
+    # precision is off in 50 layers.
+    exact, pictures = (
+        copy.deepcopy(network(variant)).double(),
+        [torch.from_numpy(batch).double() for batch in picture()],
+    )
     with torch.inference_mode():
         expected, answer = exact(*pictures), folded(exact)(*pictures)
     torch.testing.assert_close(answer, expected, atol=1e-11 * float(expected.std()), rtol=0)
-    assert all(torch.equal(value, before[key]) for key, value in network(variant).state_dict().items())
+    assert all(
+        torch.equal(value, before[key]) for key, value in network(variant).state_dict().items()
+    )
 
 
 def test_torch_answers_as_the_network_does() -> None:
@@ -108,7 +134,9 @@ def test_torch_answers_as_the_network_does() -> None:
 @pytest.mark.parametrize(("height", "width"), [(3, 4), (5, 10), (8, 13), (1, 1), (17, 6)])
 def test_pooling_by_constant_matrices_is_adaptive_pooling(height: int, width: int) -> None:
     x = torch.randn(2, 3, height, width, generator=torch.Generator().manual_seed(0))
-    torch.testing.assert_close(FixedPool(5, height, width)(x), nn.AdaptiveAvgPool2d(5)(x), atol=1e-6, rtol=1e-5)
+    torch.testing.assert_close(
+        FixedPool(5, height, width)(x), nn.AdaptiveAvgPool2d(5)(x), atol=1e-6, rtol=1e-5
+    )
 
 
 def test_the_fast_preparation_of_pictures_is_the_plain_one_to_the_last_bit() -> None:
@@ -136,7 +164,9 @@ def test_openvino_answers_as_torch_does() -> None:
 def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / f"{package}.py").write_text('raise ImportError("libm.so.6: version GLIBC_2.38 not found")\n')
+    (tmp_path / f"{package}.py").write_text(
+        'raise ImportError("libm.so.6: version GLIBC_2.38 not found")\n'
+    )
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.syspath_prepend(tmp_path)
@@ -162,7 +192,9 @@ assert not [name for name, module in sys.modules.items() if name.startswith("ope
 assert "openvino" in sys.modules
 """
     home = {**os.environ, "HOME": str(tmp_path)}
-    ended = subprocess.run([sys.executable, "-c", program], env=home, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], env=home, capture_output=True, text=True, check=False
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert list(tmp_path.iterdir()) == []
 
@@ -207,7 +239,9 @@ def test_the_onnx_package_reads_the_card_that_was_appended_without_it() -> None:
         (with_card(b"", CARD).replace(b'"book"', b'"cup" '), "unique"),
     ],
 )
-def test_a_file_that_is_no_network_or_has_a_bad_card_is_refused_by_name(tmp_path: Path, content: bytes, words: str) -> None:
+def test_a_file_that_is_no_network_or_has_a_bad_card_is_refused_by_name(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
     path = tmp_path / "bad.onnx"
     path.write_bytes(content)
     with pytest.raises(BadConfiguration, match=words) as refusal:
@@ -218,9 +252,14 @@ def test_a_file_that_is_no_network_or_has_a_bad_card_is_refused_by_name(tmp_path
 @needs_onnx
 def test_a_card_around_something_else_is_refused_by_the_engine() -> None:
     nothing = network_file(network=None, onnx=with_card(b"", CARD))
-    for engine, why in (("onnxruntime", "ModelProto|protobuf|graph"), ("openvino", "Unable to read the model")):
+    for engine, why in (
+        ("onnxruntime", "ModelProto|protobuf|graph"),
+        ("openvino", "Unable to read the model"),
+    ):
         if is_installed(engine):
-            with pytest.raises(BadConfiguration, match=f"{engine} cannot run the network: .*({why})"):
+            with pytest.raises(
+                BadConfiguration, match=f"{engine} cannot run the network: .*({why})"
+            ):
                 open_inference(nothing, engine)
     with pytest.raises(BadConfiguration, match="no engine runs this network"):
         choose(network_file(network=None, onnx=with_card(b"", CARD)))
@@ -229,21 +268,35 @@ def test_a_card_around_something_else_is_refused_by_the_engine() -> None:
 def test_weights_from_the_disk_take_the_size_nearest_to_the_camera(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     card = WeightsCard(
-        variant="r18-nbt1d", num_classes=4, width=1 / 8, class_names=NAMES, depth=NYUV2_DEPTH, source_sha256="0" * 64
+        variant="r18-nbt1d",
+        num_classes=4,
+        width=1 / 8,
+        class_names=NAMES,
+        depth=NYUV2_DEPTH,
+        source_sha256="0" * 64,
     )
     save(network(), card, path)
-    assert open_network(path, camera=Size(height=240, width=424)).size == Size(height=256, width=416)
+    assert open_network(path, camera=Size(height=240, width=424)).size == Size(
+        height=256, width=416
+    )
     with pytest.raises(BadConfiguration, match=r"\.safetensors or \.onnx"):
         open_network(tmp_path / "w.pth", camera=SIZE)
 
 
-@pytest.mark.parametrize(("camera", "size"), [((240, 424), (256, 416)), ((480, 640), (480, 640)), ((32, 40), (32, 32))])
-def test_the_nearest_working_size_is_of_multiples_of_32(camera: tuple[int, int], size: tuple[int, int]) -> None:
-    assert nearest_size(Size(height=camera[0], width=camera[1])) == Size(height=size[0], width=size[1])
+@pytest.mark.parametrize(
+    ("camera", "size"), [((240, 424), (256, 416)), ((480, 640), (480, 640)), ((32, 40), (32, 32))]
+)
+def test_the_nearest_working_size_is_of_multiples_of_32(
+    camera: tuple[int, int], size: tuple[int, int]
+) -> None:
+    assert nearest_size(Size(height=camera[0], width=camera[1])) == Size(
+        height=size[0], width=size[1]
+    )
 
 
 class Slow:
-    """An engine that takes the time it is told to, by a clock of its own, and errs as often as it is told to."""
+    """An engine that takes the time it is told to, by a clock of its own, and errs as often as it
+    is told to."""
 
     def __init__(self, name: str, ms: float, wrong: float, clock: list[float]) -> None:
         self.name, self._ms, self._wrong, self._clock = name, ms, wrong, clock
@@ -255,10 +308,14 @@ class Slow:
         return answer
 
 
-def installed(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> list[Candidate]:
+def installed(
+    monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]
+) -> list[Candidate]:
     """Only these: name, milliseconds, share of wrong pixels; in eight bits 1 % of them may be."""
     clock = [0.0]
-    monkeypatch.setattr("navcore.perception.esanet.inference.selection.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr(
+        "navcore.perception.esanet.inference.selection.time.perf_counter", lambda: clock[0]
+    )
     made = [
         Candidate(
             name=name,
@@ -278,11 +335,21 @@ def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) 
     return engine.name, len(trials)
 
 
-def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     bad, slow, torch_slow = 2 * (1 - MIN_AGREEMENT), 2 * ENOUGH_MS, ("torch f32", 4 * ENOUGH_MS, 0)
-    assert chosen(monkeypatch, ("ort f32", 0.9 * ENOUGH_MS, 0.0005), ("other f32", 1, 0), torch_slow) == ("ort f32", 1)
-    assert chosen(monkeypatch, ("wild bf16", 5, bad), ("ort f32", 20, 0), torch_slow) == ("ort f32", 2)
-    assert chosen(monkeypatch, ("ort bf16", slow, 0), ("ort f32", 2 * slow, 0), torch_slow) == ("ort bf16", 3)
+    assert chosen(
+        monkeypatch, ("ort f32", 0.9 * ENOUGH_MS, 0.0005), ("other f32", 1, 0), torch_slow
+    ) == ("ort f32", 1)
+    assert chosen(monkeypatch, ("wild bf16", 5, bad), ("ort f32", 20, 0), torch_slow) == (
+        "ort f32",
+        2,
+    )
+    assert chosen(monkeypatch, ("ort bf16", slow, 0), ("ort f32", 2 * slow, 0), torch_slow) == (
+        "ort bf16",
+        3,
+    )
     assert chosen(monkeypatch, ("wild bf16", 5, bad), torch_slow) == ("torch f32", 2)
     just, quick = ("ort f32", 1.04 * ENOUGH_MS, 0), ("torch bf16", 0.96 * ENOUGH_MS, 0)
     assert chosen(monkeypatch, just, quick, torch_slow) == ("torch bf16", 2)
@@ -293,15 +360,31 @@ def test_the_most_exact_engine_is_taken_of_those_that_the_fastest_does_not_clear
 ) -> None:
     assert chosen(monkeypatch, ("ort bf16", 95, 0), ("torch f32", 100, 0)) == ("torch f32", 2)
     assert chosen(monkeypatch, ("ort bf16", 85, 0), ("torch f32", 100, 0)) == ("ort bf16", 2)
-    assert chosen(monkeypatch, ("ov f32", 100, 0), ("torch bf16", 95, 0), ("torch f32", 300, 0)) == ("ov f32", 3)
-    in_steps = (("a int8", 95, 0), ("a bf16", 104, 0), ("a f32", 116, 0), ("b f32", 128, 0), ("torch f32", 142, 0))
+    assert chosen(
+        monkeypatch, ("ov f32", 100, 0), ("torch bf16", 95, 0), ("torch f32", 300, 0)
+    ) == ("ov f32", 3)
+    in_steps = (
+        ("a int8", 95, 0),
+        ("a bf16", 104, 0),
+        ("a f32", 116, 0),
+        ("b f32", 128, 0),
+        ("torch f32", 142, 0),
+    )
     assert chosen(monkeypatch, *in_steps) == ("a bf16", 5)
 
 
-def test_what_is_not_exact_is_no_reference_and_eight_bits_may_differ_by_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_exact_is_no_reference_and_eight_bits_may_differ_by_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert chosen(monkeypatch, ("exact f32", 90, 0), ("wild bf16", 5, 0.5)) == ("exact f32", 2)
-    assert chosen(monkeypatch, ("odd f32", 5, 0.5), ("torch f32", 90, 0)) == ("torch f32", 2)  # the last exact one is right
-    for wrong, expected in ((0.5 * (1 - MIN_AGREEMENT_IN_BYTES), "ov int8"), (2 * (1 - MIN_AGREEMENT_IN_BYTES), "torch f32")):
+    assert chosen(monkeypatch, ("odd f32", 5, 0.5), ("torch f32", 90, 0)) == (
+        "torch f32",
+        2,
+    )  # the last exact one is right
+    for wrong, expected in (
+        (0.5 * (1 - MIN_AGREEMENT_IN_BYTES), "ov int8"),
+        (2 * (1 - MIN_AGREEMENT_IN_BYTES), "torch f32"),
+    ):
         assert chosen(monkeypatch, ("ov int8", 5, wrong), ("torch f32", 90, 0))[0] == expected
 
 
@@ -312,17 +395,28 @@ def test_torch_comes_last_so_that_it_is_the_reference_and_only_eight_bits_may_di
     of_files = network_file(ranges=(0.0,))
     for has_bf16 in (True, False):
         monkeypatch.setattr(choice, "has_bf16", lambda has_bf16=has_bf16: has_bf16)
-        found = {candidate.name: candidate.min_agreement for candidate in choice.candidates(of_files)}
+        found = {
+            candidate.name: candidate.min_agreement for candidate in choice.candidates(of_files)
+        }
         assert list(found)[-1] == "torch f32"
         assert ("openvino bf16" in found) == has_bf16
-        assert {name for name, least in found.items() if least != MIN_AGREEMENT} == {"openvino int8"}
+        assert {name for name, least in found.items() if least != MIN_AGREEMENT} == {
+            "openvino int8"
+        }
         assert found["openvino int8"] == MIN_AGREEMENT_IN_BYTES
 
 
 @pytest.mark.parametrize(
-    "answer", [np.float32(1), np.zeros((1, 2, 3, 3), np.float32), np.full((1, 4, 96, 128), np.nan, np.float32)]
+    "answer",
+    [
+        np.float32(1),
+        np.zeros((1, 2, 3, 3), np.float32),
+        np.full((1, 4, 96, 128), np.nan, np.float32),
+    ],
 )
-def test_an_answer_of_another_shape_or_none_at_all_fails_its_trial(monkeypatch: pytest.MonkeyPatch, answer: Batch) -> None:
+def test_an_answer_of_another_shape_or_none_at_all_fails_its_trial(
+    monkeypatch: pytest.MonkeyPatch, answer: Batch
+) -> None:
     made = installed(monkeypatch, ("odd f32", 5, 0), ("torch f32", 90, 0))
     odd = Slow("odd f32", 5, 0, [0.0])
     monkeypatch.setattr(odd, "logits", lambda rgb, depth: np.asarray(answer))
@@ -341,12 +435,17 @@ def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.Monkey
     for made in ([broken, torch_f32], [torch_f32, broken]):
         monkeypatch.setattr(choice, "candidates", lambda file, threads, made=made: made)
         trials = [trial for _, trial in benchmark_engines(network_file())]
-        assert {trial.name: trial.failure for trial in trials} == {"torch f32": None, "broken f32": "it has no licence"}
+        assert {trial.name: trial.failure for trial in trials} == {
+            "torch f32": None,
+            "broken f32": "it has no licence",
+        }
         assert choose(network_file())[0].name == "torch f32"
     assert "it has no licence" in trials[1].text()
 
 
-def test_an_engine_that_is_not_there_is_refused_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_is_not_there_is_refused_with_the_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(choice, "is_installed", lambda package: False)
     with pytest.raises(BadConfiguration, match=r"openvino is not installed.*bewarenav\[fast\]"):
         open_inference(network_file(), "openvino")

@@ -22,12 +22,22 @@ from navcore.learning.training.metrics import (
     median_frequency_weights,
 )
 from tests.navcore.laws import law
-from tests.navcore.perception.esanet.goldens import OFFICIAL, SEED, arrays, class_weights, fresh, inputs, labels, uniform
+from tests.navcore.perception.esanet.goldens import (
+    OFFICIAL,
+    SEED,
+    arrays,
+    class_weights,
+    fresh,
+    inputs,
+    labels,
+    uniform,
+)
 
 
 @pytest.mark.parametrize("variant", ["r18", "r18-nbt1d"])
 @pytest.mark.parametrize(
-    ("dtype", "suffix", "loss_rtol", "gradient_rtol"), [(torch.float64, "", 1e-6, 1e-6), (torch.float32, "_f32", 3e-6, 5e-2)]
+    ("dtype", "suffix", "loss_rtol", "gradient_rtol"),
+    [(torch.float64, "", 1e-6, 1e-6), (torch.float32, "_f32", 3e-6, 5e-2)],
 )
 def test_one_step_of_training_is_the_official_one(
     variant: str, dtype: torch.dtype, suffix: str, loss_rtol: float, gradient_rtol: float
@@ -39,22 +49,40 @@ def test_one_step_of_training_is_the_official_one(
     losses = pyramid_losses(outputs, torch.from_numpy(labels(2, 128, 160, 10)), class_weights(10))
     torch.autograd.backward(losses)
 
-    np.testing.assert_allclose([loss.item() for loss in losses], golden[f"losses{suffix}"], rtol=loss_rtol)
-    norms = {key: float(parameter.grad.norm()) for key, parameter in network.named_parameters() if parameter.grad is not None}
+    np.testing.assert_allclose(
+        [loss.item() for loss in losses], golden[f"losses{suffix}"], rtol=loss_rtol
+    )
+    norms = {
+        key: float(parameter.grad.norm())
+        for key, parameter in network.named_parameters()
+        if parameter.grad is not None
+    }
     assert list(norms) == golden["grad_norm_keys"].tolist()
     expected = golden[f"grad_norms{suffix}"]
-    large = expected > 1e-3 * expected.max()  # a bias before a batch norm has gradient 0; what is found there is noise
-    np.testing.assert_allclose(np.array(list(norms.values()))[large], expected[large], rtol=gradient_rtol)
+    large = (
+        expected > 1e-3 * expected.max()
+    )  # a bias before a batch norm has gradient 0; what is found there is noise
+    np.testing.assert_allclose(
+        np.array(list(norms.values()))[large], expected[large], rtol=gradient_rtol
+    )
     if dtype == torch.float64:
         for number, output in enumerate(values.detach().numpy() for values in outputs):
             assert output.shape == tuple(golden[f"out{number}_shape"])
-            np.testing.assert_allclose(output[:, :, :4, :4], golden[f"out{number}_corner"], atol=1e-9 * output.std())
-            np.testing.assert_allclose(output.mean(axis=(0, 2, 3)), golden[f"out{number}_mean"], atol=1e-9 * output.std())
+            np.testing.assert_allclose(
+                output[:, :, :4, :4], golden[f"out{number}_corner"], atol=1e-9 * output.std()
+            )
+            np.testing.assert_allclose(
+                output.mean(axis=(0, 2, 3)), golden[f"out{number}_mean"], atol=1e-9 * output.std()
+            )
         stem = network.encoder_rgb.bn1
         assert stem.running_mean is not None
         assert stem.running_var is not None
-        np.testing.assert_allclose(stem.running_mean.numpy(), golden["bn_running_mean_after"], rtol=1e-9)
-        np.testing.assert_allclose(stem.running_var.numpy(), golden["bn_running_var_after"], rtol=1e-9)
+        np.testing.assert_allclose(
+            stem.running_mean.numpy(), golden["bn_running_mean_after"], rtol=1e-9
+        )
+        np.testing.assert_allclose(
+            stem.running_var.numpy(), golden["bn_running_var_after"], rtol=1e-9
+        )
 
 
 @law(30)
@@ -70,13 +98,17 @@ def test_the_loss_is_the_weighted_mean_over_labelled_pixels(seed: int, num_class
         pixel, target = logits[batch, :, row, col], truth[batch, row, col] - 1
         total += weights[target] * (np.log(np.exp(pixel).sum()) - pixel[target])
         mass += weights[target]
-    (loss,) = pyramid_losses([torch.from_numpy(logits)], torch.from_numpy(truth), torch.from_numpy(weights))
+    (loss,) = pyramid_losses(
+        [torch.from_numpy(logits)], torch.from_numpy(truth), torch.from_numpy(weights)
+    )
     assert float(loss) == pytest.approx(total / mass, rel=1e-9)
 
 
 def test_pictures_without_labels_cost_nothing_and_teach_nothing() -> None:
     logits = torch.randn(1, 3, 8, 8, requires_grad=True)
-    losses = pyramid_losses([logits, logits[:, :, ::4, ::4]], torch.zeros(1, 8, 8, dtype=torch.uint8), torch.ones(3))
+    losses = pyramid_losses(
+        [logits, logits[:, :, ::4, ::4]], torch.zeros(1, 8, 8, dtype=torch.uint8), torch.ones(3)
+    )
     torch.autograd.backward(losses)
     assert [loss.item() for loss in losses] == [0.0, 0.0]
     assert logits.grad is not None
@@ -87,31 +119,48 @@ def test_pictures_without_labels_cost_nothing_and_teach_nothing() -> None:
 
 
 def test_a_class_of_weight_zero_teaches_nothing() -> None:
-    assert weighted_cross_entropy(torch.randn(1, 2, 4, 4), torch.zeros(1, 4, 4).long(), torch.tensor([0.0, 1.0])).item() == 0.0
+    assert (
+        weighted_cross_entropy(
+            torch.randn(1, 2, 4, 4), torch.zeros(1, 4, 4).long(), torch.tensor([0.0, 1.0])
+        ).item()
+        == 0.0
+    )
 
 
 @law(30)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6))
-def test_of_sure_answers_the_jaccard_loss_is_what_lacks_to_the_mean_iou(seed: int, num_classes: int) -> None:
+def test_of_sure_answers_the_jaccard_loss_is_what_lacks_to_the_mean_iou(
+    seed: int, num_classes: int
+) -> None:
     random = np.random.default_rng(seed)
-    said, truth = random.integers(0, num_classes, size=(2, 4, 6)), random.integers(0, num_classes + 1, size=(2, 4, 6))
+    said, truth = (
+        random.integers(0, num_classes, size=(2, 4, 6)),
+        random.integers(0, num_classes + 1, size=(2, 4, 6)),
+    )
     truth[0, 0, 0] = 1
     logits = 1e3 * np.moveaxis(np.eye(num_classes)[said], -1, 1)
     known, shown = truth > 0, np.unique(truth[truth > 0]) - 1
     ious = [
-        (known & (said == number) & (truth == number + 1)).sum() / (known & ((said == number) | (truth == number + 1))).sum()
+        (known & (said == number) & (truth == number + 1)).sum()
+        / (known & ((said == number) | (truth == number + 1))).sum()
         for number in shown
     ]
     loss = jaccard_loss(torch.from_numpy(logits), torch.from_numpy(truth))
     assert float(loss) == pytest.approx(1 - np.mean(ious), abs=1e-9)
 
 
-def test_in_doubt_the_jaccard_loss_names_a_rare_thing_that_cross_entropy_leaves_to_the_background() -> None:
+def test_in_doubt_the_jaccard_loss_names_a_rare_thing_that_cross_entropy_leaves_to_the_background() -> (
+    None
+):
     """Of 100 pixels that look alike 40 are cable, and 1000 more are surely none."""
     labels = torch.ones(1, 1, 1100, dtype=torch.uint8)
     labels[0, 0, :40] = 2
-    doubt = torch.tensor(math.log(0.4 / 0.6), dtype=torch.float64, requires_grad=True)  # says cable with 0.4
-    cable = torch.cat([doubt.expand(100), torch.full((1000,), -50.0, dtype=torch.float64)])[None, None]
+    doubt = torch.tensor(
+        math.log(0.4 / 0.6), dtype=torch.float64, requires_grad=True
+    )  # says cable with 0.4
+    cable = torch.cat([doubt.expand(100), torch.full((1000,), -50.0, dtype=torch.float64)])[
+        None, None
+    ]
     logits = torch.stack([torch.zeros_like(cable), cable], dim=1)
     (cross_entropy,) = pyramid_losses([logits], labels, torch.ones(2))
     (at_rest,) = torch.autograd.grad(cross_entropy, doubt, retain_graph=True)
@@ -154,8 +203,12 @@ def test_mean_iou_is_the_official_one() -> None:
 def test_class_weights_are_the_official_ones() -> None:
     golden = arrays("golden_preproc_metric.npz")
     counts = count_pixels(labels(4, 128, 160, 10), 10)
-    np.testing.assert_allclose(median_frequency_weights(counts), golden["weights/median_frequency"], rtol=1e-12)
-    np.testing.assert_allclose(logarithmic_weights(counts), golden["weights/logarithmic_c1.02"], rtol=1e-12)
+    np.testing.assert_allclose(
+        median_frequency_weights(counts), golden["weights/median_frequency"], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        logarithmic_weights(counts), golden["weights/logarithmic_c1.02"], rtol=1e-12
+    )
 
 
 @law(60)
@@ -166,8 +219,12 @@ def test_the_confusion_matrix_counts_every_labelled_pixel_once(seed: int, num_cl
     predicted: npt.NDArray[np.int64] = random.integers(0, num_classes, size=(7, 9))
     confusion = confusion_matrix(truth, predicted, num_classes)
     assert confusion.sum() == (truth > 0).sum()
-    np.testing.assert_array_equal(confusion.sum(axis=1), [(truth == c + 1).sum() for c in range(num_classes)])
-    half = confusion_matrix(truth[:3], predicted[:3], num_classes) + confusion_matrix(truth[3:], predicted[3:], num_classes)
+    np.testing.assert_array_equal(
+        confusion.sum(axis=1), [(truth == c + 1).sum() for c in range(num_classes)]
+    )
+    half = confusion_matrix(truth[:3], predicted[:3], num_classes) + confusion_matrix(
+        truth[3:], predicted[3:], num_classes
+    )
     np.testing.assert_array_equal(confusion, half)
     perfect = confusion_matrix(truth, np.maximum(truth - 1, 0), num_classes)
     assert mean_iou(perfect) == 1.0 or not (truth > 0).any()
@@ -184,7 +241,9 @@ def test_a_class_without_true_pixels_does_not_enter_the_mean() -> None:
 def test_a_class_that_never_occurs_weighs_nothing_and_moves_no_other() -> None:
     picture = np.array([[1, 1, 1, 2]])
     np.testing.assert_allclose(median_frequency_weights(count_pixels([picture], 2)), [2 / 3, 2.0])
-    np.testing.assert_allclose(median_frequency_weights(count_pixels([picture], 3)), [2 / 3, 2.0, 0.0])
+    np.testing.assert_allclose(
+        median_frequency_weights(count_pixels([picture], 3)), [2 / 3, 2.0, 0.0]
+    )
     np.testing.assert_array_equal(median_frequency_weights(count_pixels([], 3)), [0.0, 0.0, 0.0])
 
 

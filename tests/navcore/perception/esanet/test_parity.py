@@ -1,4 +1,5 @@
-"""The network is the official one: same keys, same shapes, same numbers; and the comparison would notice if it were not."""
+"""The network is the official one: same keys, same shapes, same numbers; and the comparison would
+notice if it were not."""
 
 from __future__ import annotations
 
@@ -14,18 +15,33 @@ from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.network import decoder, fusion, model
 from navcore.perception.esanet.network import pyramid_pooling as context
 from navcore.perception.esanet.network.blocks import NonBottleneck1D
-from tests.navcore.perception.esanet.goldens import OFFICIAL, arrays, filled, fresh, inputs, run, table
+from tests.navcore.perception.esanet.goldens import (
+    OFFICIAL,
+    arrays,
+    filled,
+    fresh,
+    inputs,
+    run,
+    table,
+)
 
 STRICT = 1e-4
-"""Of the logits' standard deviation; float32 noise is a tenth of it, the smallest mistake 380 times as much."""
+"""Of the logits' standard deviation; float32 noise is a tenth of it, the smallest mistake 380 times
+as much."""
 
 
-@pytest.mark.parametrize(("variant", "num_classes"), [("r18", 40), ("r18-nbt1d", 40), ("r34-nbt1d", 37), ("r34-nbt1d", 40)])
+@pytest.mark.parametrize(
+    ("variant", "num_classes"),
+    [("r18", 40), ("r18-nbt1d", 40), ("r34-nbt1d", 37), ("r34-nbt1d", 40)],
+)
 def test_keys_shapes_and_their_order_are_the_official_ones(variant: str, num_classes: int) -> None:
     golden = table(f"state_dict_{OFFICIAL[variant]}_c{num_classes}.json")
     network = build(variant, num_classes)
     (expected,) = (value for value in golden.values() if isinstance(value, list))
-    found = [[key, list(value.shape), str(value.dtype).removeprefix("torch.")] for key, value in network.state_dict().items()]
+    found = [
+        [key, list(value.shape), str(value.dtype).removeprefix("torch.")]
+        for key, value in network.state_dict().items()
+    ]
     assert found == expected
     assert sum(parameter.numel() for parameter in network.parameters()) == golden["n_params"]
 
@@ -47,13 +63,17 @@ def test_keys_shapes_and_their_order_are_the_official_ones(variant: str, num_cla
 def test_logits_are_the_official_ones(variant: str, num_classes: int, size: str) -> None:
     name = f"{OFFICIAL[variant]}_c{num_classes}"
     golden = {
-        key.removeprefix(f"{size}/"): value for key, value in arrays(f"golden_{name}.npz").items() if key.startswith(size)
+        key.removeprefix(f"{size}/"): value
+        for key, value in arrays(f"golden_{name}.npz").items()
+        if key.startswith(size)
     }
     scale = table("noise.json")[f"{name}_{size}"]["out_std"]
     rgb, depth = inputs(size)
     middle = depth[0, 0, depth.shape[2] // 2, depth.shape[3] // 2]
     checks = [rgb.double().sum(), depth.double().sum(), rgb[0, 0, 0, 0], middle]
-    np.testing.assert_allclose(np.array([float(value) for value in checks]), golden["input_checks"], rtol=1e-9)
+    np.testing.assert_allclose(
+        np.array([float(value) for value in checks]), golden["input_checks"], rtol=1e-9
+    )
 
     logits = run(filled(variant, num_classes), size)
     batch, row, col = golden["positions"]
@@ -61,9 +81,15 @@ def test_logits_are_the_official_ones(variant: str, num_classes: int, size: str)
         assert np.abs(logits[batch, :, row, col] - golden[reference]).max() <= STRICT * scale
     winners = logits.argmax(axis=1)
     np.testing.assert_array_equal(winners[:, ::4, ::4], golden["argmax_every4"])
-    np.testing.assert_array_equal(np.bincount(winners.ravel(), minlength=num_classes), golden["argmax_hist"])
-    np.testing.assert_allclose(logits.mean(axis=(0, 2, 3), dtype=np.float64), golden["class_mean"], atol=STRICT * scale)
-    np.testing.assert_allclose(logits.std(axis=(0, 2, 3), dtype=np.float64), golden["class_std"], atol=STRICT * scale)
+    np.testing.assert_array_equal(
+        np.bincount(winners.ravel(), minlength=num_classes), golden["argmax_hist"]
+    )
+    np.testing.assert_allclose(
+        logits.mean(axis=(0, 2, 3), dtype=np.float64), golden["class_mean"], atol=STRICT * scale
+    )
+    np.testing.assert_allclose(
+        logits.std(axis=(0, 2, 3), dtype=np.float64), golden["class_std"], atol=STRICT * scale
+    )
 
 
 def test_memory_format_changes_nothing_but_the_speed() -> None:
@@ -73,7 +99,8 @@ def test_memory_format_changes_nothing_but_the_speed() -> None:
     assert np.abs(run(network, "1x128x160") - plain).max() <= 3 * STRICT * plain.std()
 
 
-# What typical mistakes cost, measured on the official network: the goldens would show every one of them.
+# What typical mistakes cost, measured on the official network: the goldens would show every one of
+# them.
 
 Patch = Callable[[EsaNet, pytest.MonkeyPatch], None]
 
@@ -95,13 +122,19 @@ def one_epsilon(value: float) -> Patch:
 
 def bilinear_context(network: EsaNet, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        context, "enlarge", lambda x, like: functional.interpolate(x, like.shape[2:], mode="bilinear", align_corners=False)
+        context,
+        "enlarge",
+        lambda x, like: functional.interpolate(
+            x, like.shape[2:], mode="bilinear", align_corners=False
+        ),
     )
 
 
 def bilinear_upsampling(network: EsaNet, patch: pytest.MonkeyPatch) -> None:
     def forward(self: decoder.LearnedUpsampling, x: Tensor) -> Tensor:
-        return self.conv(functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False))  # type: ignore[no-any-return]
+        return self.conv(  # type: ignore[no-any-return]
+            functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)
+        )
 
     patch.setattr(decoder.LearnedUpsampling, "forward", forward)
 
@@ -122,7 +155,11 @@ def no_weighting_at_the_stem(network: EsaNet, patch: pytest.MonkeyPatch) -> None
 
 def pool_before_fusion(network: EsaNet, patch: pytest.MonkeyPatch) -> None:
     fuse = network.get_submodule("se_layer0").forward
-    patch.setattr(network.get_submodule("se_layer0"), "forward", lambda rgb, depth: fuse(POOL(rgb), POOL(depth)))
+    patch.setattr(
+        network.get_submodule("se_layer0"),
+        "forward",
+        lambda rgb, depth: fuse(POOL(rgb), POOL(depth)),
+    )
     patch.setattr(model, "max_pool", lambda x: x if x.shape[2] == 64 else POOL(x))
 
 
@@ -135,12 +172,19 @@ def colour_leaks_into_depth(network: EsaNet, patch: pytest.MonkeyPatch) -> None:
         return stage_of_rgb(number, x)
 
     patch.setattr(network.encoder_rgb, "stage", remember)
-    patch.setattr(network.encoder_depth, "stage", lambda number, x: stage_of_depth(number, x if number == 1 else handed_on[-1]))
+    patch.setattr(
+        network.encoder_depth,
+        "stage",
+        lambda number, x: stage_of_depth(number, x if number == 1 else handed_on[-1]),
+    )
 
 
 def skips_of_rgb(network: EsaNet, patch: pytest.MonkeyPatch) -> None:
     for number in (1, 2, 3):
-        fusing, skip = network.get_submodule(f"se_layer{number}"), network.get_submodule(f"skip_layer{number}")
+        fusing, skip = (
+            network.get_submodule(f"se_layer{number}"),
+            network.get_submodule(f"skip_layer{number}"),
+        )
         _skip_from_rgb(fusing, skip, patch)
 
 
@@ -180,7 +224,9 @@ def _patch() -> Iterator[pytest.MonkeyPatch]:
 
 
 @pytest.mark.parametrize("mistake", MUTATIONS)
-def test_a_typical_mistake_costs_what_it_costs_the_official_network(mistake: str, patch: pytest.MonkeyPatch) -> None:
+def test_a_typical_mistake_costs_what_it_costs_the_official_network(
+    mistake: str, patch: pytest.MonkeyPatch
+) -> None:
     variant = "r34-nbt1d" if mistake == "BN eps 1e-5 everywhere" else "r18"
     largest, mean, _ = table("mutations.json")[f"{OFFICIAL[variant]}: {mistake}"]
     right = run(filled(variant, 40), SIZE)

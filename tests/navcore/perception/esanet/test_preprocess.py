@@ -38,12 +38,15 @@ DATA_SETS = {"nyuv2": (NYUV2_DEPTH, 0.1, 40), "sunrgbd": (SUNRGBD_DEPTH, 1.0, 37
 
 
 def sample(scale: float) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """The official repository's sample picture, (424, 512, 3) and (424, 512), depth in data set units."""
+    """The official repository's sample picture, (424, 512, 3) and (424, 512), depth in data set
+    units."""
     bgr = cv2.imread(str(data_file("samples/sample_rgb.png")), cv2.IMREAD_COLOR)
     depth = cv2.imread(str(data_file("samples/sample_depth.png")), cv2.IMREAD_UNCHANGED)
     assert bgr is not None
     assert depth is not None
-    return np.ascontiguousarray(bgr[..., ::-1], dtype=np.uint8), np.asarray(depth, dtype=np.float32) * np.float32(scale)
+    return np.ascontiguousarray(bgr[..., ::-1], dtype=np.uint8), np.asarray(
+        depth, dtype=np.float32
+    ) * np.float32(scale)
 
 
 @pytest.mark.parametrize("data_set", DATA_SETS)
@@ -58,11 +61,16 @@ def test_the_tensors_are_the_official_ones(data_set: str, raw: bool) -> None:
         torch.float32,
     )
     prefix = f"{data_set}/{'raw' if raw else 'refined'}/"
-    golden = {key.removeprefix(prefix): value for key, value in arrays("golden_preproc_metric.npz").items()}
+    golden = {
+        key.removeprefix(prefix): value
+        for key, value in arrays("golden_preproc_metric.npz").items()
+    }
     batch, row, col = golden["positions"]
     np.testing.assert_allclose(rgb[batch, :, row, col].numpy(), golden["image"], atol=2e-6)
     np.testing.assert_allclose(depth[batch, 0, row, col].numpy(), golden["depth"], atol=2e-6)
-    np.testing.assert_allclose(rgb.double().mean(dim=(0, 2, 3)).numpy(), golden["image_mean"], atol=1e-6)
+    np.testing.assert_allclose(
+        rgb.double().mean(dim=(0, 2, 3)).numpy(), golden["image_mean"], atol=1e-6
+    )
     assert float(depth.double().mean()) == pytest.approx(float(golden["depth_mean"]), abs=1e-6)
     assert float((depth == 0).double().mean()) == float(golden["depth_zero_fraction"])
 
@@ -77,7 +85,9 @@ def test_from_picture_to_logits_the_numbers_are_the_official_ones(data_set: str)
     def logits(depth_as: DepthStatistics) -> npt.NDArray[np.float32]:
         with torch.inference_mode():
             small = filled("r34-nbt1d", num_classes)(*to_tensors(*sample(scale), SIZE, depth_as))
-            full = functional.interpolate(small, size=(424, 512), mode="bilinear", align_corners=False)
+            full = functional.interpolate(
+                small, size=(424, 512), mode="bilinear", align_corners=False
+            )
         return np.asarray(full.numpy(), dtype=np.float32)
 
     found = logits(statistics)
@@ -90,7 +100,9 @@ def test_from_picture_to_logits_the_numbers_are_the_official_ones(data_set: str)
 
 @law(40)
 @given(st.floats(0.0, 60_000.0), st.booleans())
-def test_depth_is_centred_and_only_missing_raw_depth_becomes_the_mean(depth: float, raw: bool) -> None:
+def test_depth_is_centred_and_only_missing_raw_depth_becomes_the_mean(
+    depth: float, raw: bool
+) -> None:
     statistics = dataclasses.replace(SUNRGBD_DEPTH, raw=raw)
     (value,) = normalise_depth(np.full((1, 1), depth, dtype=np.float32), statistics).ravel()
     expected = 0.0 if raw and np.float32(depth) == 0 else (depth - statistics.mean) / statistics.std
@@ -130,7 +142,9 @@ def test_pictures_of_another_shape_or_type_are_refused() -> None:
         resize_depth(np.zeros((4, 4), dtype=np.uint16), SIZE)
 
 
-@pytest.mark.parametrize(("height", "width"), [(240, 320), (480, 650), (0, 640), (480, -32), (480, 4128), (480.0, 640)])
+@pytest.mark.parametrize(
+    ("height", "width"), [(240, 320), (480, 650), (0, 640), (480, -32), (480, 4128), (480.0, 640)]
+)
 def test_a_working_size_the_network_cannot_take_is_refused(height: int, width: int) -> None:
     with pytest.raises(BadConfiguration, match="multiple of 32"):
         check_size(Size(height=height, width=width), 32)

@@ -1,4 +1,5 @@
-"""Eight bits: which convolutions, how they round, and that an engine computes what torch says it should."""
+"""Eight bits: which convolutions, how they round, and that an engine computes what torch says it
+should."""
 
 from __future__ import annotations
 
@@ -17,17 +18,36 @@ from navcore.perception.esanet.inference.selection import open_inference, probes
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.batchnorm_folding import folded
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
-from navcore.perception.esanet.network.quantisation import ByteConvolution, convolutions, measured_ranges, quantised
+from navcore.perception.esanet.network.quantisation import (
+    ByteConvolution,
+    convolutions,
+    measured_ranges,
+    quantised,
+)
 from navcore.perception.esanet.weights.weights_file import WeightsCard, load, save
-from tests.navcore.perception.esanet.test_inference import NAMES, SIZE, needs_openvino, network, network_file
+from tests.navcore.perception.esanet.test_inference import (
+    NAMES,
+    SIZE,
+    needs_openvino,
+    network,
+    network_file,
+)
 
 CARD = WeightsCard(
-    variant="r18-nbt1d", num_classes=4, width=1 / 8, class_names=NAMES, depth=NYUV2_DEPTH, source_sha256="0" * 64, size=SIZE
+    variant="r18-nbt1d",
+    num_classes=4,
+    width=1 / 8,
+    class_names=NAMES,
+    depth=NYUV2_DEPTH,
+    source_sha256="0" * 64,
+    size=SIZE,
 )
 
 
 def ranges() -> tuple[float, ...]:
-    pictures = [(torch.from_numpy(rgb), torch.from_numpy(depth)) for rgb, depth in probes(SIZE, NYUV2_DEPTH)]
+    pictures = [
+        (torch.from_numpy(rgb), torch.from_numpy(depth)) for rgb, depth in probes(SIZE, NYUV2_DEPTH)
+    ]
     return measured_ranges(network(), pictures)
 
 
@@ -45,7 +65,9 @@ def test_only_what_follows_a_relu_works_on_bytes() -> None:
     assert not any(isinstance(module, ByteConvolution) for module in network().modules())
 
 
-def test_a_convolution_rounds_its_inputs_and_each_kernel_to_bytes_and_cuts_off_what_is_beyond() -> None:
+def test_a_convolution_rounds_its_inputs_and_each_kernel_to_bytes_and_cuts_off_what_is_beyond() -> (
+    None
+):
     plain = nn.Conv2d(1, 2, 1)
     with torch.no_grad():
         plain.weight[:] = torch.tensor([[[[1.0]]], [[[-0.1]]]])
@@ -74,7 +96,9 @@ def test_ranges_are_kept_with_the_weights_and_files_without_them_still_load(tmp_
 
 
 def test_a_range_leaves_out_the_few_largest_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("navcore.perception.esanet.network.quantisation.KEPT", 0.99)  # the maps of this network are small
+    monkeypatch.setattr(
+        "navcore.perception.esanet.network.quantisation.KEPT", 0.99
+    )  # the maps of this network are small
     rgb, depth = (torch.from_numpy(batch) for batch in probes(SIZE, NYUV2_DEPTH)[0])
     folded_network = folded(network())
     convolution = folded_network.get_submodule("skip_layer1.0.conv")
@@ -95,10 +119,19 @@ def test_openvino_computes_in_eight_bits_and_rounds_no_more_than_that() -> None:
     as_if, exact = TorchInference(quantised(network(), ranges())), TorchInference(network())
     for picture in probes(SIZE, NYUV2_DEPTH):
         answer, expected, plain = (one.logits(*picture).copy() for one in (engine, as_if, exact))
-        lost = [float(np.abs(rounded - plain).mean() / plain.std()) for rounded in (expected, answer)]
+        lost = [
+            float(np.abs(rounded - plain).mean() / plain.std()) for rounded in (expected, answer)
+        ]
         assert all(0.005 < share < 0.06 for share in lost)
-    layers = [one.get_rt_info() for one in engine._request.get_compiled_model().get_runtime_model().get_ops()]
-    in_bytes = [one for one in layers if (one["layerType"].value, one["runtimePrecision"].value) == ("Convolution", "u8")]
+    layers = [
+        one.get_rt_info()
+        for one in engine._request.get_compiled_model().get_runtime_model().get_ops()
+    ]
+    in_bytes = [
+        one
+        for one in layers
+        if (one["layerType"].value, one["runtimePrecision"].value) == ("Convolution", "u8")
+    ]
     assert len(in_bytes) == sum(most > 0 for most in ranges())
 
 

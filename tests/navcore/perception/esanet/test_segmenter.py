@@ -18,7 +18,13 @@ from navcore.geometry.camera import Intrinsics
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference.argmax import most_likely
-from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, SUNRGBD_DEPTH, DepthStatistics, Size, to_tensors
+from navcore.perception.esanet.network.preprocess import (
+    NYUV2_DEPTH,
+    SUNRGBD_DEPTH,
+    DepthStatistics,
+    Size,
+    to_tensors,
+)
 from navcore.perception.esanet.segmenter import EsaNetSegmenter
 from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
@@ -30,7 +36,14 @@ from tests.navcore.scene import Box, picture
 NAMES = ("wall", "Red Floor", "book", "cup")
 WORKING = Size(height=96, width=128)
 BOOK, CUP = BewareClass(name="book", class_id=7), BewareClass(name="cup", class_id=9, enabled=False)
-LIST = BewareList(classes=(BewareClass(name="red floor", class_id=3), BOOK, CUP, BewareClass(name="cable", class_id=4)))
+LIST = BewareList(
+    classes=(
+        BewareClass(name="red floor", class_id=3),
+        BOOK,
+        CUP,
+        BewareClass(name="cable", class_id=4),
+    )
+)
 FRAME = picture(Box(x=(1.5, 2.0), y=(-0.5, 0.5), z=(0.0, 0.6), colour=(200, 30, 30)))
 
 
@@ -40,9 +53,16 @@ def trained(names: tuple[str, ...] = NAMES) -> TrainedNetwork:
     return TrainedNetwork(network=network, card=card_of(names, NYUV2_DEPTH, "r18-nbt1d", 1 / 8))
 
 
-def card_of(names: tuple[str, ...], depth: DepthStatistics, variant: str, width: float = 1.0) -> WeightsCard:
+def card_of(
+    names: tuple[str, ...], depth: DepthStatistics, variant: str, width: float = 1.0
+) -> WeightsCard:
     return WeightsCard(
-        variant=variant, num_classes=len(names), width=width, class_names=names, depth=depth, source_sha256="0" * 64
+        variant=variant,
+        num_classes=len(names),
+        width=width,
+        class_names=names,
+        depth=depth,
+        source_sha256="0" * 64,
     )
 
 
@@ -52,7 +72,9 @@ def probabilities() -> npt.NDArray[np.float64]:
     depth_mm = FRAME.depth_m * np.float32(1000)
     with torch.inference_mode():
         logits = trained().network(*to_tensors(FRAME.rgb, depth_mm, WORKING, NYUV2_DEPTH))
-        logits = functional.interpolate(logits, size=FRAME.depth_m.shape, mode="bilinear", align_corners=False)[0].double()
+        logits = functional.interpolate(
+            logits, size=FRAME.depth_m.shape, mode="bilinear", align_corners=False
+        )[0].double()
     powers = np.exp(logits.numpy())
     return np.asarray(powers / powers.sum(axis=0), dtype=np.float64)
 
@@ -61,7 +83,10 @@ def test_labels_are_the_likeliest_class_by_name_and_confidence_its_probability()
     segmenter: Segmenter = EsaNetSegmenter(trained(), size=WORKING)
     labels = segmenter.segment(FRAME, LIST)
     assert labels.class_ids.shape == labels.confidence.shape == FRAME.depth_m.shape
-    assert (labels.class_ids.dtype, labels.confidence.dtype) == (np.dtype(np.uint8), np.dtype(np.float32))
+    assert (labels.class_ids.dtype, labels.confidence.dtype) == (
+        np.dtype(np.uint8),
+        np.dtype(np.float32),
+    )
     np.testing.assert_allclose(labels.confidence, probabilities().max(axis=0), atol=1e-4)
     ranked = np.sort(probabilities(), axis=0)
     clear = ranked[-1] - ranked[-2] > 1e-3
@@ -71,11 +96,17 @@ def test_labels_are_the_likeliest_class_by_name_and_confidence_its_probability()
     np.testing.assert_array_equal(labels.class_ids[clear], expected[clear])
 
 
-def test_a_class_the_list_does_not_name_is_nothing_and_one_switched_off_is_labelled_all_the_same() -> None:
+def test_a_class_the_list_does_not_name_is_nothing_and_one_switched_off_is_labelled_all_the_same() -> (
+    None
+):
     segmenter = EsaNetSegmenter(trained(), size=WORKING)
     assert set(np.unique(segmenter.segment(FRAME, BewareList(classes=())).class_ids)) == {NOTHING}
-    everything = BewareList(classes=tuple(BewareClass(name=name, class_id=5 + i) for i, name in enumerate(NAMES)))
-    switched_off = everything.replaced(dataclasses.replace(entry, enabled=False) for entry in everything.classes)
+    everything = BewareList(
+        classes=tuple(BewareClass(name=name, class_id=5 + i) for i, name in enumerate(NAMES))
+    )
+    switched_off = everything.replaced(
+        dataclasses.replace(entry, enabled=False) for entry in everything.classes
+    )
     on, off = segmenter.segment(FRAME, everything), segmenter.segment(FRAME, switched_off)
     assert on.class_ids.min() >= 5
     np.testing.assert_array_equal(on.class_ids, off.class_ids)
@@ -109,7 +140,9 @@ def test_weights_from_the_disk_label_like_those_in_memory(tmp_path: Path) -> Non
     mine = trained()
     save(mine.network, mine.card, tmp_path / "mine.safetensors")
     again = EsaNetSegmenter(load(tmp_path / "mine.safetensors"), size=WORKING).segment(FRAME, LIST)
-    np.testing.assert_array_equal(again.class_ids, EsaNetSegmenter(mine, size=WORKING).segment(FRAME, LIST).class_ids)
+    np.testing.assert_array_equal(
+        again.class_ids, EsaNetSegmenter(mine, size=WORKING).segment(FRAME, LIST).class_ids
+    )
 
 
 def test_confidence_is_a_probability_however_large_the_logits() -> None:
@@ -123,7 +156,9 @@ def test_winners_and_their_probabilities_are_those_of_the_resized_logits_softmax
     logits = np.random.default_rng(3).normal(0, 5, (7, 24, 32)).astype(np.float32)
     logits[2] += np.linspace(-40, 40, 32, dtype=np.float32)
     winners, confidence = most_likely(logits, height=15, width=53)
-    resized = torch.nn.functional.interpolate(torch.from_numpy(logits)[None], size=(15, 53), mode="bilinear")[0].softmax(0)
+    resized = torch.nn.functional.interpolate(
+        torch.from_numpy(logits)[None], size=(15, 53), mode="bilinear"
+    )[0].softmax(0)
     np.testing.assert_array_equal(winners, resized.argmax(0).numpy())
     np.testing.assert_allclose(confidence, resized.max(0).values.numpy(), atol=2e-5)
 
@@ -139,14 +174,21 @@ def test_a_network_that_answers_nan_is_refused_not_believed() -> None:
 
 @pytest.mark.parametrize(
     ("data_set", "names", "depth", "units"),
-    [("nyuv2", NYUV2_CLASSES, NYUV2_DEPTH, 10_000.0), ("sunrgbd", SUNRGBD_CLASSES, SUNRGBD_DEPTH, 8_000.0)],
+    [
+        ("nyuv2", NYUV2_CLASSES, NYUV2_DEPTH, 10_000.0),
+        ("sunrgbd", SUNRGBD_CLASSES, SUNRGBD_DEPTH, 8_000.0),
+    ],
 )
 def test_the_official_sample_is_labelled_as_the_official_network_labels_it(
     data_set: str, names: tuple[str, ...], depth: DepthStatistics, units: float
 ) -> None:
     golden = arrays("golden_preproc_metric.npz")[f"{data_set}/raw/e2e_argmax"]
-    network = TrainedNetwork(network=fresh("r34-nbt1d", len(names)), card=card_of(names, depth, "r34-nbt1d"))
-    everything = BewareList(classes=tuple(BewareClass(name=name, class_id=i + 1) for i, name in enumerate(names)))
+    network = TrainedNetwork(
+        network=fresh("r34-nbt1d", len(names)), card=card_of(names, depth, "r34-nbt1d")
+    )
+    everything = BewareList(
+        classes=tuple(BewareClass(name=name, class_id=i + 1) for i, name in enumerate(names))
+    )
     labels = EsaNetSegmenter(network).segment(sample(units), everything)
     assert (labels.class_ids != golden + 1).mean() < 1e-3
 
@@ -159,4 +201,6 @@ def sample(units_per_m: float) -> Frame:
     assert depth is not None
     lens = Intrinsics(width=512, height=424, fx=365.0, fy=365.0, cx=256.0, cy=212.0)
     rgb = np.ascontiguousarray(bgr[..., ::-1], dtype=np.uint8)
-    return dataclasses.replace(FRAME, rgb=rgb, depth_m=np.asarray(depth / units_per_m, dtype=np.float32), intrinsics=lens)
+    return dataclasses.replace(
+        FRAME, rgb=rgb, depth_m=np.asarray(depth / units_per_m, dtype=np.float32), intrinsics=lens
+    )

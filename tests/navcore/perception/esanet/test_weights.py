@@ -1,4 +1,5 @@
-"""Weights on the disk: official checkpoints are understood, hostile and damaged files are refused by name."""
+"""Weights on the disk: official checkpoints are understood, hostile and damaged files are refused
+by name."""
 
 from __future__ import annotations
 
@@ -43,7 +44,13 @@ def slim(num_classes: int = 4) -> EsaNet:
 
 
 def card(**changes: Any) -> WeightsCard:
-    told = {"variant": "r18-nbt1d", "num_classes": 4, "width": SLIM, "class_names": NAMES, "depth": NYUV2_DEPTH}
+    told = {
+        "variant": "r18-nbt1d",
+        "num_classes": 4,
+        "width": SLIM,
+        "class_names": NAMES,
+        "depth": NYUV2_DEPTH,
+    }
     return WeightsCard(**{**told, "source_sha256": "0" * 64, **changes})
 
 
@@ -57,7 +64,11 @@ def bare(state: State) -> object:
 
 
 def of_training(state: State) -> object:
-    return {"epoch": 7, "state_dict": state, "optimizer": {"state": {0: torch.zeros(3)}, "param_groups": [{"lr": 0.01}]}}
+    return {
+        "epoch": 7,
+        "state_dict": state,
+        "optimizer": {"state": {0: torch.zeros(3)}, "param_groups": [{"lr": 0.01}]},
+    }
 
 
 def under_model(state: State) -> object:
@@ -92,7 +103,9 @@ def test_a_checkpoint_survives_conversion(
 
 @pytest.mark.parametrize("variant", [variant.name for variant in VARIANTS])
 @pytest.mark.parametrize(("num_classes", "width"), [(37, 1.0), (40, 1.0), (5, 0.5)])
-def test_the_architecture_is_read_from_keys_and_shapes(variant: str, num_classes: int, width: float) -> None:
+def test_the_architecture_is_read_from_keys_and_shapes(
+    variant: str, num_classes: int, width: float
+) -> None:
     architecture = Architecture(variant=variant, num_classes=num_classes, width=width)
     assert infer(architecture.skeleton().state_dict(), "here") == architecture
 
@@ -108,9 +121,15 @@ class Bomb:
 
 
 @pytest.mark.parametrize("legacy", [False, True])
-def test_a_checkpoint_that_carries_code_is_refused_and_the_code_not_run(legacy: bool, tmp_path: Path) -> None:
+def test_a_checkpoint_that_carries_code_is_refused_and_the_code_not_run(
+    legacy: bool, tmp_path: Path
+) -> None:
     crater = tmp_path / "crater"
-    source = pickled({"state_dict": dict(slim().state_dict()), "extra": Bomb(crater)}, tmp_path / "evil.pth", legacy=legacy)
+    source = pickled(
+        {"state_dict": dict(slim().state_dict()), "extra": Bomb(crater)},
+        tmp_path / "evil.pth",
+        legacy=legacy,
+    )
     with pytest.raises(BadConfiguration, match=r"evil\.pth.*nothing of it was executed"):
         convert(source, tmp_path / "mine.safetensors")
     assert not crater.exists()
@@ -138,7 +157,12 @@ def test_a_plain_pickle_that_carries_code_is_refused_and_the_code_not_run(tmp_pa
         {"state_dict": {"a": 1}},
         {1: torch.zeros(2)},
         {"a": torch.zeros(2)},
-        {"state_dict": {"encoder_rgb.conv1.weight": torch.zeros(2), "decoder.conv_out.bias": torch.zeros(())}},
+        {
+            "state_dict": {
+                "encoder_rgb.conv1.weight": torch.zeros(2),
+                "decoder.conv_out.bias": torch.zeros(()),
+            }
+        },
         {"a": torch.zeros(2, 2).to_sparse()},
         {"miou": np.float64(0.5)},
     ],
@@ -153,16 +177,45 @@ def test_a_pickle_that_is_no_esanet_is_refused_by_name(content: object, tmp_path
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda state: state.pop("se_layer2.se_rgb.fc.0.bias"), "se_layer2.se_rgb.fc.0.bias is missing"),
+        (
+            lambda state: state.pop("se_layer2.se_rgb.fc.0.bias"),
+            "se_layer2.se_rgb.fc.0.bias is missing",
+        ),
         (lambda state: state.update(surplus=torch.zeros(1)), "surplus is unknown"),
-        (lambda state: state.update({"encoder_rgb.bn1.bias": torch.zeros(9)}), r"encoder_rgb.bn1.bias is torch.float32 \(9,\)"),
-        (lambda state: state.update({"encoder_rgb.bn1.bias": torch.zeros(8).half()}), "torch.float16"),
-        (lambda state: state.update({"encoder_rgb.bn1.bias": torch.full((8,), torch.nan)}), "non-finite"),
-        (lambda state: state.update({"encoder_rgb.layer1.7.x": torch.zeros(1)}), "no known encoder"),
-        (lambda state: state.update({"context_module.features.0.conv.weight": torch.zeros(1)}), "appm"),
-        (lambda state: state.update({"encoder_rgb.conv1.weight": torch.zeros(1).expand(10**12, 3, 7, 7)}), "width"),
-        (lambda state: state.update({"decoder.conv_out.bias": torch.zeros(1).expand(10**12)}), "num_classes"),
-        (lambda state: state.update({"encoder_depth.bn1.bias": torch.zeros(1).expand(10**12)}), "expected torch.float32"),
+        (
+            lambda state: state.update({"encoder_rgb.bn1.bias": torch.zeros(9)}),
+            r"encoder_rgb.bn1.bias is torch.float32 \(9,\)",
+        ),
+        (
+            lambda state: state.update({"encoder_rgb.bn1.bias": torch.zeros(8).half()}),
+            "torch.float16",
+        ),
+        (
+            lambda state: state.update({"encoder_rgb.bn1.bias": torch.full((8,), torch.nan)}),
+            "non-finite",
+        ),
+        (
+            lambda state: state.update({"encoder_rgb.layer1.7.x": torch.zeros(1)}),
+            "no known encoder",
+        ),
+        (
+            lambda state: state.update({"context_module.features.0.conv.weight": torch.zeros(1)}),
+            "appm",
+        ),
+        (
+            lambda state: state.update(
+                {"encoder_rgb.conv1.weight": torch.zeros(1).expand(10**12, 3, 7, 7)}
+            ),
+            "width",
+        ),
+        (
+            lambda state: state.update({"decoder.conv_out.bias": torch.zeros(1).expand(10**12)}),
+            "num_classes",
+        ),
+        (
+            lambda state: state.update({"encoder_depth.bn1.bias": torch.zeros(1).expand(10**12)}),
+            "expected torch.float32",
+        ),
         (lambda state: [state.pop(key) for key in list(state) if "depth" in key], "is missing"),
     ],
 )
@@ -184,7 +237,10 @@ def test_classes_of_no_public_data_set_must_be_named(tmp_path: Path) -> None:
     assert load(tmp_path / "mine.safetensors").card.class_names == NAMES
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"PK\x03\x04" + bytes(100), b"not a pickle", bytes(1000), b"\x80\x02"])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"PK\x03\x04", b"PK\x03\x04" + bytes(100), b"not a pickle", bytes(1000), b"\x80\x02"],
+)
 def test_a_file_that_is_no_checkpoint_is_refused_by_name(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "noise.pth").write_bytes(content)
     with pytest.raises(BadConfiguration, match=r"noise\.pth"):
@@ -207,7 +263,9 @@ def test_a_checkpoint_cut_off_anywhere_is_refused(share: float, legacy: bool) ->
         read_checkpoint(path)
 
 
-def test_what_unpacks_to_too_much_is_refused_before_it_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_unpacks_to_too_much_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(checkpoint, "MAX_CHECKPOINT_BYTES", 1_000_000)
     with zipfile.ZipFile(tmp_path / "bomb.pth", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("archive/data.pkl", bytes(5_000_000))
@@ -268,8 +326,12 @@ def test_weights_that_were_appended_to_are_refused(tmp_path: Path) -> None:
 
 def forged(path: Path, tensors: State, **fields: object) -> Path:
     """A file whose digest is right and whose content is not."""
-    metadata = weights._as_metadata(card()) | {key: json.dumps(value) for key, value in fields.items()}
-    content = safetensors.torch.save(tensors, {**metadata, "sha256": weights.digest(tensors, metadata)})
+    metadata = weights._as_metadata(card()) | {
+        key: json.dumps(value) for key, value in fields.items()
+    }
+    content = safetensors.torch.save(
+        tensors, {**metadata, "sha256": weights.digest(tensors, metadata)}
+    )
     path.write_bytes(content)
     return path
 
@@ -290,7 +352,9 @@ def forged(path: Path, tensors: State, **fields: object) -> Path:
         ({"surprise": 1}, "unknown key"),
     ],
 )
-def test_a_card_that_lies_is_refused_by_name(fields: dict[str, object], says: str, tmp_path: Path) -> None:
+def test_a_card_that_lies_is_refused_by_name(
+    fields: dict[str, object], says: str, tmp_path: Path
+) -> None:
     path = forged(tmp_path / "forged.safetensors", dict(slim().state_dict()), **fields)
     with pytest.raises(BadConfiguration, match=rf"(?s)forged\.safetensors.*{says}"):
         load(path)
@@ -299,7 +363,10 @@ def test_a_card_that_lies_is_refused_by_name(fields: dict[str, object], says: st
 def test_weights_of_other_types_or_not_finite_are_refused(tmp_path: Path) -> None:
     state = dict(slim().state_dict())
     assert load(forged(tmp_path / "fine.safetensors", state)).card == card()  # the control
-    for value, says in ((torch.zeros(8, dtype=torch.bfloat16), "bfloat16"), (torch.full((8,), torch.inf), "non-finite")):
+    for value, says in (
+        (torch.zeros(8, dtype=torch.bfloat16), "bfloat16"),
+        (torch.full((8,), torch.inf), "non-finite"),
+    ):
         path = forged(tmp_path / "odd.safetensors", {**state, "encoder_rgb.bn1.bias": value})
         with pytest.raises(BadConfiguration, match=rf"odd\.safetensors.*{says}"):
             load(path)
@@ -319,7 +386,9 @@ def test_a_safetensors_file_of_somebody_else_is_refused_by_name(tmp_path: Path) 
             load(path)
 
 
-def test_weights_that_are_missing_or_too_large_are_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_that_are_missing_or_too_large_are_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(BadConfiguration, match=r"missing\.safetensors: no such file"):
         load(tmp_path / "missing.safetensors")
     (tmp_path / "large.safetensors").write_bytes(weights_bytes())
@@ -336,7 +405,9 @@ def test_a_card_and_a_network_that_do_not_belong_together_are_not_saved(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_fails_leaves_the_old_weights_intact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_fails_leaves_the_old_weights_intact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     target = tmp_path / "mine.safetensors"
     save(slim(), card(), target)
     before = target.read_bytes()
@@ -359,7 +430,9 @@ def test_loaded_weights_can_be_trained_further(tmp_path: Path) -> None:
     torch.optim.SGD(network.parameters(), lr=0.1).step()
 
 
-def test_kernels_in_half_precision_take_half_the_room_and_come_back_as_the_nearest_numbers(tmp_path: Path) -> None:
+def test_kernels_in_half_precision_take_half_the_room_and_come_back_as_the_nearest_numbers(
+    tmp_path: Path,
+) -> None:
     network = slim()
     save(network, card(), tmp_path / "whole.safetensors")
     save(network, card(), tmp_path / "half.safetensors", half=True)
