@@ -23,7 +23,7 @@ bench: setup
 
 # What holds when something goes wrong, measured: faults are injected and the promises about stopping judged. Minutes.
 reliability: setup
-	$(BIN)/bewarenav reliability $(ARGS)
+	$(BIN)/python -m tests.reliability $(ARGS)
 
 # The promise of the office, measured: ten seeded missions, judged by the referee. Minutes, so it is no part of `test`.
 campaign: setup

@@ -1,79 +1,98 @@
-"""The whole loop, once per frame: read `Navigator.tick` and know the system (the paper's Algorithms
-1 and 2)."""
+"""The whole loop, once per frame: read `Navigator.tick` and know the system (Algorithms 1 and 2)."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from navcore.behaviours.lane_keep_out import LaneKeepOut
-from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
-from navcore.behaviours.waiting import WaitingTimer
+from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.local_planner import plan_motion
-from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.social import PeopleState
-from navcore.control.speed_limits import allowed_speed_mps, slowed, travel_time_s
-from navcore.costmap.costmap import Costmap, nearest_free
+from navcore.control.controller import Controller, ControlTask
+from navcore.control.motion import Motion
+from navcore.control.speed_limits import travel_time_s
+from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
-from navcore.costmap.local_costmap import (
-    footprint_overlaps,
-    frontier,
-    nearby,
-    obstacle_masks,
-    split_areas,
-)
-from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.grid.bitplane import BitPlane
-from navcore.grid.free_space import FREE, FreeSpace
-from navcore.grid.grid import Cell, GridSpec, OccupancyGrid, inflate_layers
-from navcore.mapping.observation import observe
+from navcore.geometry.arrays import FloatImage
+from navcore.geometry.transform import Pose2, Twist
+from navcore.grid.grid import GridSpec, OccupancyGrid, inflate_layers
+from navcore.mapping.mapper import Mapper
 from navcore.mapping.point_map import PointMap
-from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.perception.ground import Image, ground_heights
+from navcore.perception.ground import ground_heights
 from navcore.perception.labels import Labels, Segmenter
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
-from navcore.planning.escape import escape_path
-from navcore.planning.gap_viewpoint import viewpoint_before_gap
-from navcore.planning.path import NoPath, Path, Reason
-from navcore.planning.planner import plan_in
-from navcore.planning.replanner import Replanner
-from navcore.planning.route import NO_POINTS, Route, build_route, no_route
-from navcore.planning.search.open_list import SearchWorkspace
+from navcore.planning.global_planner import GlobalPlanner, Replan
+from navcore.planning.path import Path
+from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TickResult:
-    """What one tick made of a frame."""
+    """The outcome of one tick."""
 
     frame: Frame
-    """The frame it was made of."""
+    """The frame that was processed."""
     labels: Labels
-    """What its pixels show."""
+    """Label of every pixel."""
     occupancy: Costmap
-    """The map after the frame."""
+    """The costmap after the frame."""
     route: Route | None
-    """The way to the goal; None without a goal."""
+    """The route to the goal; None without a goal."""
     motion: Motion
-    """What to do until the next frame."""
+    """The motion until the next frame."""
     people: tuple[Track, ...] = ()
-    """Who walks or stands about, and how."""
+    """Tracked people."""
     closed: tuple[Zone, ...] = ()
-    """Where the robot keeps out for a while of its own accord: a way that was found closed, or
-    somebody's lane."""
+    """Zones that the robot avoids of its own accord for a while: passages that it found blocked,
+    lanes of people."""
+
+
+def _segment(segmenter: Segmenter, frame: Frame, beware: BewareList) -> Labels:
+    return segmenter.segment(frame, beware)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stages:
+    """The stages of a tick, each a function of the component that holds its state.
+
+    Timing, fault injection and ablations wrap or replace fields of this record before they hand it
+    to the navigator; nothing is patched afterwards.
+    """
+
+    segment: Callable[[Segmenter, Frame, BewareList], Labels] = _segment
+    """Label the pixels."""
+    estimate_ground: Callable[[Frame, float], FloatImage] = ground_heights
+    """(H, W) height of the ground below each pixel; the number is the steepest slope of ground."""
+    track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
+        PeopleTracker.follow
+    )
+    """Track people."""
+    update_map: Callable[[Mapper, Frame, Labels, BewareList, FloatImage], None] = Mapper.update
+    """Insert the frame's points into the map."""
+    update_costmap: Callable[[LiveCostmap, BewareList, tuple[Zone, ...]], Costmap] = (
+        LiveCostmap.follow
+    )
+    """Follow the changes of the map, the beware list and the zones."""
+    plan: Callable[
+        [GlobalPlanner, Costmap, Pose2, NavigationRequest, tuple[Zone, ...], Replan], Route | None
+    ] = GlobalPlanner.route
+    """Give the present route; calls `replan` when something has changed."""
+    replan: Replan = GlobalPlanner.plan
+    """Plan in full."""
+    control: Callable[[Controller, ControlTask], Motion] = Controller.control
+    """Choose the motion."""
+    supervise: Callable[..., tuple[Behaviour, Motion]] = Behaviour.after
+    """Run the behaviours: recovery, waiting, keep-outs of the robot's own."""
 
 
 class Navigator:
-    """The map and the present path. It has no clock, no thread and no means to stop the robot: that
-    is the gate's work."""
+    """The map, the present route and the behaviours; it has no clock, no thread and cannot stop the
+    robot, which is the gate's work."""
 
     def __init__(
         self,
@@ -82,221 +101,67 @@ class Navigator:
         profile: RobotProfile,
         segmenter: Segmenter,
         config: NavigatorConfig,
+        stages: Stages | None = None,
     ) -> None:
         self.map = PointMap(spec, config.map)
-        self._profile = profile
-        self._segmenter = segmenter
-        self._config = config
-        self._occupancy = LiveCostmap(
+        """The global map."""
+        self.behaviour = Behaviour()
+        """Recovery, waiting and keep-outs as of the newest tick."""
+        self._stages = stages or Stages()
+        self._profile, self._config, self._segmenter = profile, config, segmenter
+        self._tracker = PeopleTracker(non_cooperative=config.people.non_cooperative)
+        self._mapper = Mapper(self.map, self._tracker, profile, config)
+        self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
         )
-        self._replanner = Replanner(self._occupancy.space)
-        self._route: tuple[tuple[object, ...], Route] | None = None
-        self._motion = IDLE
-        self._placed = False
-        self._tracker = PeopleTracker(non_cooperative=config.people.non_cooperative)
-        self._recovery, self._trail = Recovery(), NO_POINTS
-        self._lanes, self._patience = LaneKeepOut(), WaitingTimer()
-        self._was_open: tuple[float, float] | None = None
-        self._aim: tuple[object, ...] = ()
-        self._closed: tuple[Zone, ...] = ()
+        self._planner = GlobalPlanner(self._costmap.space, spec, profile, config)
+        self._controller = Controller(self.map.explored, profile, config)
 
-    def tick(self, frame: Frame, order: NavigationRequest) -> TickResult:
-        """From a frame to a motion. Raises `BadFrame`, and then has changed nothing."""
+    def tick(self, frame: Frame, request: NavigationRequest) -> TickResult:
+        """Turn a frame into a motion. Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
-        labels = self.label(frame, order)
-        ground_m = self.survey(frame)
-        people = self.track(frame, labels, order, ground_m)
-        self.remember(frame, labels, order, ground_m)
-        occupancy, closed = self.occupancy(order), self.closed
-        route = self.route(occupancy, frame.pose, order)
-        motion = self.move(
-            occupancy,
-            frame.pose,
-            route,
-            people,
-            leaving=(*order.zones, *closed) if order.leave else None,
-            goal_yaw_rad=order.goal_yaw_rad,
-            now=frame.twist,
+        stages, beware, pose = self._stages, request.beware, frame.pose
+        labels = stages.segment(self._segmenter, frame, beware)
+        ground_m = stages.estimate_ground(frame, self._config.points.max_slope)
+        people = stages.track(self._tracker, frame, labels, beware, ground_m)
+        stages.update_map(self._mapper, frame, labels, beware, ground_m)
+        self.behaviour = self.behaviour.towards(request)
+        keep_outs = self.behaviour.keep_outs
+        zones = (*request.zones, *keep_outs)
+        costmap = stages.update_costmap(self._costmap, beware, zones)
+        route = stages.plan(self._planner, costmap, pose, request, keep_outs, stages.replan)
+        task = self._control_task(costmap, frame, route, people, request)
+        motion = stages.control(self._controller, task)
+        self.behaviour, motion = stages.supervise(
+            self.behaviour,
+            motion,
+            frame=frame,
+            route=route,
+            people=people,
+            request=request,
+            profile=self._profile,
+            config=self._config,
         )
-        self.leave_lanes(motion, frame, route, people)
-        motion = self.limit(self.recover(motion, frame, route, order), frame, order)
         return TickResult(
             frame=frame,
             labels=labels,
-            occupancy=occupancy,
+            occupancy=costmap,
             route=route,
-            motion=motion,
+            motion=self.limit(motion, request.zones, pose, frame.twist),
             people=people,
-            closed=closed,
+            closed=keep_outs,
         )
 
-    def label(self, frame: Frame, order: NavigationRequest) -> Labels:
-        """Which pixels show something on the beware list."""
-        return self._segmenter.segment(frame, order.beware)
+    def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
+        """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
+        return self._controller.limit(motion, zones, pose, twist)
 
-    def survey(self, frame: Frame) -> Image:
-        """(H, W) how high the ground lies below what each pixel shows."""
-        return ground_heights(frame, self._config.points.max_slope)
+    def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
+        """Plan from scratch over any costmap; changes nothing and may run in any thread."""
+        return self._planner.preview(costmap, pose, goal)
 
-    def track(
-        self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None
-    ) -> tuple[Track, ...]:
-        """Everybody who walks, and everybody whom the segmenter recognises."""
-        return self._tracker.follow(frame, labels, order.beware, ground_m)
-
-    def remember(
-        self, frame: Frame, labels: Labels, order: NavigationRequest, ground_m: Image | None = None
-    ) -> None:
-        """Put the frame's points on the map, under its pose ID, but for those of people who walk;
-        note the ground trodden."""
-        self._tread(frame.pose)
-        seen = observe(frame, labels, order.beware, self.map.spec, self._config.points, ground_m)
-        self.map.insert(seen, frame, labels)
-        people = order.beware.people_ids
-        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
-        self.map.clear_ghosts(seen.box, self._tracker.is_free_floor, people, frame)
-        self.map.explored.look(frame, self._config.points)
-
-    def occupancy(self, order: NavigationRequest) -> Costmap:
-        """The occupied and the blocked cells; what has changed on the map, the list or the zones is
-        followed."""
-        aim = (order.goal, order.goal_yaw_rad, order.leave)
-        if self._aim != aim:
-            # What was tried on the way to another goal, and found closed there, says nothing of
-            # this one.
-            self._aim, self._closed, self._recovery = aim, (), Recovery()
-        return self._occupancy.follow(order.beware, (*order.zones, *self.closed))
-
-    @property
-    def closed(self) -> tuple[Zone, ...]:
-        """Where the robot keeps out for a while of its own accord."""
-        return (*self._closed, *self._lanes.zones)
-
-    def route(self, occupancy: Costmap, pose: Pose2, order: NavigationRequest) -> Route | None:
-        """The shortest path from here, planned in full whenever the map, the goal or the robot's
-        cell has changed."""
-        if order.goal is None and not order.leave:
-            return None
-        key = (occupancy.version, order.goal, self.map.spec.cell(pose.x_m, pose.y_m))
-        if self._route is None or self._route[0] != key:
-            if order.goal is None:
-                route = self.way_out(occupancy, pose, (*order.zones, *self.closed))
-            else:
-                route = self.plan(occupancy, pose, order.goal, order.beware)
-            self._route = (key, route)
-            if isinstance(route.outcome, Path):
-                self._was_open = order.goal
-        return self._route[1]
-
-    def plan(
-        self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
-    ) -> Route:
-        """The shortest path from a pose to a goal over the present map, which follows the list."""
-        start = self._start(occupancy, pose)
-        if start is None:
-            return no_route(Reason.START_BLOCKED)
-        space = self._occupancy.space
-        outcome = self._replanner.plan(
-            start, self.map.spec.cell(*goal), max_expansions=self._config.plan_budget
-        )
-        if outcome == NoPath(reason=Reason.UNREACHABLE):
-            return self._nearer(occupancy, pose, goal, beware) or self._laid(
-                outcome, goal, space.across[FREE]
-            )
-        if (
-            outcome == NoPath(reason=Reason.GOAL_BLOCKED)
-            and self._was_open == goal
-            and pose.distance_to(*goal) > _LOOK_M
-        ):
-            return self._beside(occupancy, start, goal) or self._laid(
-                outcome, goal, space.across[FREE]
-            )
-        return self._laid(outcome, goal, space.across[FREE])
-
-    def _nearer(
-        self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
-    ) -> Route | None:
-        """No path, but a way to where it may look open from nearer; None where there is none, or
-        the robot is there."""
-        spec = self.map.spec
-        found = viewpoint_before_gap(
-            occupancy,
-            spec.cell(pose.x_m, pose.y_m),
-            spec.cell(*goal),
-            people=beware.people_ids,
-            vehicle_width_m=self._profile.width_m,
-            relief_cells=self._config.start_relief_m / spec.resolution_m,
-        )
-        if found is None:
-            return None
-        space = self._occupancy.space
-        path = plan_in(
-            space, SearchWorkspace(space), *found, max_expansions=self._config.plan_budget
-        )
-        if not isinstance(path, Path):
-            return None
-        way = self._laid(path, spec.centre(*found[1]), space.across[FREE])
-        return dataclasses.replace(way, outcome=NoPath(reason=Reason.UNREACHABLE))
-
-    def _beside(self, occupancy: Costmap, start: Cell, goal: tuple[float, float]) -> Route | None:
-        """The way to beside a goal that was open, and where something was seen from afar to stand
-        by now: does it still?
-
-        None where there is none, and where an operator's zone is on the goal or near it: that does
-        not go by looking.
-        """
-        grid, spec, (row, col) = occupancy.grid, self.map.spec, self.map.spec.cell(*goal)
-        reach = math.ceil(_BESIDE_M / spec.resolution_m)
-        window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
-        beside = nearest_free(occupancy.free, (row, col), _BESIDE_M / spec.resolution_m)
-        if beside is None or any(
-            layer[window].any() for layer in (grid.zones, *(zone for _, zone in grid.wide_zones))
-        ):
-            return None
-        path = self._replanner.plan(start, beside, max_expansions=self._config.plan_budget)
-        way = self._laid(path, spec.centre(*beside), self._occupancy.space.across[FREE])
-        return dataclasses.replace(way, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
-
-    def way_out(self, occupancy: Costmap, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
-        """The shortest way to where no part of the robot is in a beware area, however it turns;
-        over no area but its own.
-
-        `zones`: those that the occupancy was made with.
-        """
-        found = escape_path(occupancy, pose, zones, self._profile, self._config)
-        if isinstance(found.outcome, NoPath):
-            return no_route(found.outcome.reason)
-        goal = found.spec.centre(*found.outcome.cells[-1])
-        way = build_route(found.outcome, goal, found.free, found.spec, self._profile, self._config)
-        return dataclasses.replace(way, outcome=found.on_the_map)
-
-    def preview(self, occupancy: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """The shortest path over any given occupancy, from scratch; changes nothing and may be
-        called from any thread."""
-        start = self._start(occupancy, pose)
-        if start is None:
-            return no_route(Reason.START_BLOCKED)
-        space = FreeSpace.of(occupancy.blocked)
-        outcome = plan_in(
-            space,
-            SearchWorkspace(space),
-            start,
-            self.map.spec.cell(*goal),
-            max_expansions=self._config.plan_budget,
-        )
-        return self._laid(outcome, goal, space.across[FREE])
-
-    def travel_time_s(
-        self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None
-    ) -> float:
-        """How long a route takes, about; where people will be in the way is not known beforehand."""
-        return travel_time_s(
-            route.points, zones, self._profile, self._config.local, start_yaw_rad=start_yaw_rad
-        )
-
-    def drafted(self, grid: OccupancyGrid) -> Costmap:
-        """A given grid as the planners would see it: for previews."""
+    def inflate_draft(self, grid: OccupancyGrid) -> Costmap:
+        """Make a costmap of a draft grid, for previews."""
         blocked = inflate_layers(
             grid,
             vehicle_width_m=self._profile.width_m,
@@ -304,162 +169,40 @@ class Navigator:
         )
         return Costmap.of(grid, blocked, version=-1)
 
-    def _start(self, occupancy: Costmap, pose: Pose2) -> Cell | None:
-        spec = self.map.spec
-        return nearest_free(
-            occupancy.free,
-            spec.cell(pose.x_m, pose.y_m),
-            self._config.start_relief_m / spec.resolution_m,
-        )
+    def travel_time_s(
+        self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None
+    ) -> float:
+        """Estimate the duration of a route in seconds, without people in the way."""
+        points, local = route.points, self._config.local
+        return travel_time_s(points, zones, self._profile, local, start_yaw_rad=start_yaw_rad)
 
-    def _laid(self, outcome: Path | NoPath, goal: tuple[float, float], free: BitPlane) -> Route:
-        return build_route(outcome, goal, free, self.map.spec, self._profile, self._config)
+    def reset_pose(self) -> None:
+        """Expect the robot anywhere: it was moved by other means than its wheels."""
+        self._mapper.reset_pose()
+        self._controller.reset()
+        self.behaviour = self.behaviour.after_reset()
 
-    def move(
+    def _control_task(
         self,
-        occupancy: Costmap,
-        pose: Pose2,
+        costmap: Costmap,
+        frame: Frame,
         route: Route | None,
-        people: tuple[Track, ...] = (),
-        *,
-        leaving: tuple[Zone, ...] | None = None,
-        goal_yaw_rad: float | None = None,
-        now: Twist = STANDSTILL,
-    ) -> Motion:
-        """The velocity that follows the route, touches nothing and is in nobody's way; standing
-        without a route.
-
-        At the route's end the robot turns to `goal_yaw_rad`, where one is asked for. `now` is the
-        velocity that it has.
-
-        A robot that is `leaving` may pass over the area it stands in, and over no other: all zones
-        are given with it.
-        """
-        reach = self._config.local.reach_m + self._profile.circumscribed_radius_m
-        around = occupancy.around(pose, reach)
-        (hard, forbidden), rules = obstacle_masks(around), self._config.local
-        if leaving is not None:
-            rules = dataclasses.replace(
-                rules, nearly_m=0.0
-            )  # near the end of the way out is still inside
-            _, forbidden = split_areas(around, leaving, self._profile, pose)
-        ruled = nearby(forbidden, around, pose, reach)
-        if route is None or len(route.points) == 0:
-            trapped = footprint_overlaps(ruled, self._profile, around.spec.resolution_m)
-            self._motion = (
-                Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE) if trapped else IDLE
-            )
-            return self._motion
-        self._motion = plan_motion(
-            geometric=nearby(hard, around, pose, reach),
-            ruled=ruled,
-            unseen=nearby(frontier(self.map.explored.known(around.spec)), around, pose, reach),
-            path_map=route.track,
-            pose=pose,
-            previous=self._motion,
-            profile=self._profile,
-            rules=rules,
-            cell_m=around.spec.resolution_m,
-            people=PeopleState.of(people, pose, self._config.people),
-            people_config=self._config.people,
-            goal_yaw_rad=goal_yaw_rad,
-            retreat_map=self._trail if self._recovery.means is RecoveryAction.BACK else None,
-            look_round=self._recovery.means is RecoveryAction.LOOK,
-            ignore_predictions=self._patience.is_over(self._config.people),
-            now=now,
+        people: tuple[Track, ...],
+        request: NavigationRequest,
+    ) -> ControlTask:
+        behaviour = self.behaviour
+        zones = (*request.zones, *behaviour.keep_outs)
+        has_route = route is not None and len(route.points) > 0
+        return ControlTask(
+            costmap=costmap,
+            pose=frame.pose,
+            twist=frame.twist,
+            track=route.track if route is not None and has_route else NO_POINTS,
+            reaches_goal=route is not None and isinstance(route.outcome, Path),
+            people=people,
+            goal_yaw_rad=request.goal_yaw_rad,
+            leaving=zones if request.leave else None,
+            retreat=behaviour.retreat,
+            spin=behaviour.spins,
+            ignore_predictions=behaviour.waiting.is_over(self._config.people),
         )
-        if isinstance(route.outcome, NoPath) and self._motion.outcome in (
-            ControllerState.ARRIVED,
-            ControllerState.ALIGN,
-        ):
-            self._motion = IDLE  # where the way was closed, not at the goal
-        return self._motion
-
-    def leave_lanes(
-        self, motion: Motion, frame: Frame, route: Route | None, people: tuple[Track, ...]
-    ) -> None:
-        """Whoever keeps the robot waiting where he walks to and fro gets his lane from the next
-        tick on; see `lanes.py`."""
-        self._patience = self._patience.after(motion, frame.pose, frame.stamp_ns)
-        way_m = None if route is None else route.length_m
-        profile, people_config = self._profile, self._config.people
-        self._lanes = self._lanes.after(
-            motion,
-            people,
-            frame.pose,
-            frame.stamp_ns,
-            way_m=way_m,
-            profile=profile,
-            people_config=people_config,
-        )
-
-    def limit(self, motion: Motion, frame: Frame, order: NavigationRequest) -> Motion:
-        """The same motion, as slow as the operator's speed limits want it."""
-        rules = self._config.local
-        return slowed(
-            motion,
-            allowed_speed_mps(order.zones, frame.pose, frame.twist.v_mps, self._profile, rules),
-        )
-
-    def recover(
-        self, motion: Motion, frame: Frame, route: Route | None, order: NavigationRequest
-    ) -> Motion:
-        """The same motion, or standing while it is waited, or because nothing has helped; see
-        `recovery.py`."""
-        self._trail = trail_with(self._trail, frame.pose)
-        looked = (
-            route is not None
-            and isinstance(route.outcome, NoPath)
-            and motion.outcome is ControllerState.IDLE
-        )
-        if route is None or len(route.points) == 0 or looked:
-            self._recovery, closed = Recovery(), self._closed
-            if closed and order.goal is not None:
-                # Only what was found closed may be in the way: rather give up where the robot is
-                # than say that there is none.
-                self._closed, self._recovery = (
-                    (),
-                    Recovery(
-                        means=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
-                    ),
-                )
-            return motion
-        before = self._recovery
-        self._recovery = before.after(motion, frame.pose, frame.stamp_ns, self._config.recovery)
-        if (
-            self._recovery.means is RecoveryAction.CLOSE
-            and before.means is not RecoveryAction.CLOSE
-            and before.at is not None
-        ):
-            # Before where it stands now: it has moved a little since it was boxed in, and must not
-            # stand in what it closes.
-            self._closed = (*self._closed, closed_way(route.track, frame.pose, self._profile))
-        if self._recovery.means is RecoveryAction.GIVE_UP:
-            self._closed = ()  # should one of the ways that were found closed be open again, it goes on
-            return Motion(twist=STANDSTILL, outcome=ControllerState.GIVEN_UP)
-        return (
-            Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
-            if self._recovery.means is RecoveryAction.WAIT
-            else motion
-        )
-
-    def put_down(self) -> None:
-        """The robot is where the next frame says, however it came there: what it did before does
-        not lead on from here."""
-        self._placed, self._motion, self._trail = False, IDLE, NO_POINTS
-        self._recovery, self._patience = Recovery(), WaitingTimer()
-
-    def _tread(self, pose: Pose2) -> None:
-        outline = self._profile.footprint()
-        if not self._placed:
-            # Where it is put down it has been given room; the camera cannot see the floor at its
-            # own feet.
-            angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
-            outline = self._config.start_clear_m * np.column_stack([np.cos(angles), np.sin(angles)])
-            self._placed = True
-        self.map.explored.mark_driven(pose.to_parent(outline))
-
-
-_BESIDE_M, _LOOK_M = 1.5, 3.0
-"""So far beside a goal that is taken the robot would go, and from so far away it is sure of that.
-"""

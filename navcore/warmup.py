@@ -74,6 +74,7 @@ def _warm_kernels() -> None:
         spec.cell(*goal),
         vehicle_width_m=0.7,
         relief_cells=9.0,
+        body_m=MappingConfig().body_m,
     )
     navigator.preview(decision.occupancy, frame.pose, goal)
     tight = ManoeuvreProblem(

@@ -1,7 +1,7 @@
-"""The simulated robot: physics, driver, sensors, people and referee behind the port that every
-robot satisfies.
+"""The simulated robot: physics, motor controller, sensors, people and referee behind the driver
+interface of every robot.
 
-It is stepped from outside and reads no clock: time passes by 1/240 s in each `step`, and only
+It is stepped from outside and reads no clock: time advances by 1/240 s in each `step`, and only
 there.
 """
 
@@ -26,7 +26,7 @@ from sim.physics.quiet import quiet_stdout
 from sim.referee.referee import Referee
 from sim.robot.chassis import chassis_for
 from sim.robot.odometry import Gyro, Odometry
-from sim.robot.skid_steer import Driver, SkidSteer
+from sim.robot.skid_steer import GRAVITY_MPS2, Driver, SkidSteer
 from sim.scenario.schema import Scenario
 from sim.scenario.variation import Source, generator, randomise
 from sim.sensors.camera import Camera, Renderer
@@ -37,12 +37,12 @@ from sim.truth.true_objects import class_of_bodies
 STEPS_PER_S = 240
 PERIOD_S = 1 / STEPS_PER_S
 SETTLING_STEPS = 60
-"""The model needs a moment to come to rest on its wheels; the clock starts after it."""
+"""Physics steps in which the model comes to rest on its wheels, before the clock starts."""
 
 
 class Simulator:
-    """One scenario, one seed; same seed and commands, same run, bit for bit. Several may live in
-    one process."""
+    """A robot in one scenario with one seed: the same seed and commands give the same run, bit for
+    bit. Several may live in one process."""
 
     def __init__(
         self,
@@ -56,11 +56,11 @@ class Simulator:
         robot: RobotProfile = HUSKY,
         as_found: bool = False,
     ) -> None:
-        """`seed` ≥ 0 moves chairs and items a little and decides where people are and how sensors
-        err.
+        """Build the world. `seed` ≥ 0 decides the small displacements of chairs and items, where
+        people are, and the sensor errors.
 
-        `as_found`: the scenario is what a seed has made of it already, and everything stands where
-        it says.
+        `camera_size` is (columns, rows). `as_found`: the scenario already is what a seed has made
+        of it, and every object stays where the scenario puts it. Raises `BadConfiguration`.
         """
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(
@@ -70,39 +70,40 @@ class Simulator:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.profile, self._chassis = robot, chassis_for(robot)
         self.scenario = scenario if as_found else randomise(scenario, seed)
-        """As it is found in this run."""
+        """The scenario after the seed has varied it."""
         with quiet_stdout():
-            self._client: int = pybullet.connect(
+            self.client: int = pybullet.connect(
                 pybullet.DIRECT, options="--width={} --height={}".format(*camera_size)
             )
+            """Number of the physics client, negative once closed."""
             try:
-                self._camera = self._add_camera(
+                self.camera = self._make_camera(
                     renderer, camera_size, errors or StereoErrors(), seed
                 )
                 self._build(seed)
-                for _ in range(2):  # EGL talks during its first pictures
-                    self._camera.render_ideal(self.true_pose())
+                for _ in range(2):  # EGL prints messages during its first images
+                    self.camera.render_ideal(self.true_pose())
             except BaseException:
-                pybullet.disconnect(physicsClientId=self._client)
+                pybullet.disconnect(physicsClientId=self.client)
                 raise
-        self._steps, self._pictures, self._camera_rate_hz = 0, 0, camera_rate_hz
+        self._steps, self._frames, self.camera_rate_hz = 0, 0, camera_rate_hz
         self._yaw_rate_radps = 0.0
         self._faults = FaultSchedule(scenario.faults, (seed, Source.FAULTS))
         self._frame: Frame | None = None
         self.referee = Referee(self.scenario, robot)
-        """The ground truth's verdict."""
+        """The judge of this run by the ground truth."""
 
     @property
     def renderer(self) -> Renderer:
-        """What renders the camera's pictures."""
-        return self._camera.renderer
+        """The renderer of the camera."""
+        return self.camera.renderer
 
     def now_ns(self) -> int:
-        """Simulated time since the start."""
+        """Return the simulated time since the start, in nanoseconds."""
         return self._steps * 1_000_000_000 // STEPS_PER_S
 
     def step(self) -> None:
-        """Let 1/240 s pass; takes a picture when one is due."""
+        """Advance the world by 1/240 s and take a frame when one is due."""
         before = self.true_pose()
         t_s = self._steps * PERIOD_S
         self._robot.drive(
@@ -111,7 +112,7 @@ class Simulator:
             )
         )
         self._crowd.step(before)
-        pybullet.stepSimulation(physicsClientId=self._client)
+        pybullet.stepSimulation(physicsClientId=self.client)
         self._steps += 1
         pose = self.true_pose()
         self._yaw_rate_radps = self._faults.gyro(
@@ -122,37 +123,37 @@ class Simulator:
             t_s=self._steps * PERIOD_S,
             pose=pose,
             rolling=self._robot.rolling(),
-            people=self._crowd.poses(),
-            items=[self._lies_at(body) for body in self._loose],
+            people=self.moving_poses(),
+            items=[self._item_pose(body) for body in self.item_bodies],
             period_s=PERIOD_S,
             odometry=self.odometry(),
         )
-        if self._steps * PERIOD_S * self._camera_rate_hz >= self._pictures:
-            self._pictures += 1
+        if self._steps * PERIOD_S * self.camera_rate_hz >= self._frames:
+            self._frames += 1
             self._frame = self._faults.frame(self.capture(), self._steps * PERIOD_S) or self._frame
 
     def newest_frame(self) -> Frame | None:
-        """The last picture that was due, or None before the first."""
+        """Return the frame that was due last, or None before the first."""
         return self._frame
 
     def capture(self) -> Frame:
-        """Take a picture now."""
-        rgb, depth_m = self._camera.picture(self.true_pose())
+        """Return a frame taken now."""
+        rgb, depth_m = self.camera.capture(self.true_pose())
         rgb.flags.writeable = depth_m.flags.writeable = False
         return Frame(
             stamp_ns=self.now_ns(),
             rgb=rgb,
             depth_m=depth_m,
-            intrinsics=self._camera.intrinsics,
-            T_base_camera=self._camera.mount,
+            intrinsics=self.camera.intrinsics,
+            T_base_camera=self.camera.mount,
             pose=self.odometry(),
             twist=self.velocity(),
         )
 
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
-        """(H, W) which pixels of a picture taken now show what is to beware of and people, by
-        class: for oracles and tests."""
-        bodies = self._camera.bodies(self.true_pose())
+        """Return class → (H, W) mask of the pixels of a frame taken now that show beware objects
+        and people: for oracles and tests."""
+        bodies = self.camera.bodies(self.true_pose())
         shown: dict[str, npt.NDArray[np.bool_]] = {}
         for body, name in self._class_of.items():
             pixels = bodies == body
@@ -160,48 +161,48 @@ class Simulator:
         return shown
 
     def send(self, twist: Twist) -> None:
-        """Ask the wheels for a velocity; it is clipped to the platform's limits and forgotten after
-        0.25 s."""
-        self._driver.ask(twist, self.now_ns())
+        """Command a velocity; it is clipped to the limits of the platform and expires after 0.25 s."""
+        self._driver.command(twist, self.now_ns())
 
     def odometry(self) -> Pose2:
-        """T_map_base as the robot believes."""
+        """Return T_map_base by odometry."""
         return self._odometry.pose
 
     def velocity(self) -> Twist:
-        """As the robot measures it."""
+        """Return the velocity by encoders and gyro."""
         return self._odometry.twist
 
     def true_pose(self) -> Pose2:
-        """T_map_base as it is: for the referee and for tests, never for navigation."""
+        """Return the true T_map_base: for referee and tests, never for navigation."""
         return self._robot.pose()
 
-    def true_people(self) -> tuple[Pose2, ...]:
-        """T_map_person of everybody: for tests, never for navigation."""
-        return tuple(walker.pose for walker in self._crowd.walkers)
+    def moving_poses(self) -> tuple[Pose2, ...]:
+        """Return the true T_map_body of every person and then of every mover: for referee and
+        tests."""
+        return tuple(self._crowd.poses())
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The schedule of what goes wrong, on the simulator's clock."""
+        """The scheduled faults, on the clock of the simulator."""
         return self._faults.faults
 
     def inject(self, fault: Fault) -> None:
-        """Let one more thing go wrong, from `fault.from_s` on this clock; raises `BadConfiguration`
-        when it cannot."""
+        """Schedule one more fault; its times are on the clock of the simulator. Raises
+        `BadConfiguration` for an impossible one."""
         self._faults.add(fault)
 
     def new_run(self) -> None:
-        """Begin to judge afresh, by the same zones; robot, people and clock go on."""
+        """Start a new judgement with the same zones; robot, people and clock go on."""
         zones, self.referee = self.referee.zones, Referee(self.scenario, self.profile)
         self.referee.set_zones(zones)
 
     def close(self) -> None:
-        """Free the physics client; the simulator is of no use afterwards."""
-        if self._client >= 0:
+        """Release the physics client; the simulator cannot be used afterwards."""
+        if self.client >= 0:
             with quiet_stdout():
-                self._camera.close()
-                pybullet.disconnect(physicsClientId=self._client)
-            self._client = -1
+                self.camera.close()
+                pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
 
     def __enter__(self) -> Simulator:
         return self
@@ -214,15 +215,15 @@ class Simulator:
     ) -> None:
         self.close()
 
-    def _lies_at(self, body: int) -> Pose2:
+    def _item_pose(self, body: int) -> Pose2:
         (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
-            body, physicsClientId=self._client
+            body, physicsClientId=self.client
         )
         return Pose2(
             x_m=x_m, y_m=y_m, yaw_rad=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         )
 
-    def _add_camera(
+    def _make_camera(
         self,
         renderer: Literal["auto", "tiny", "egl"],
         size: tuple[int, int],
@@ -231,7 +232,7 @@ class Simulator:
     ) -> Camera:
         rng = generator(seed, Source.CAMERA)
         return Camera(
-            self._client,
+            self.client,
             size=size,
             renderer=renderer,
             errors=errors,
@@ -241,23 +242,25 @@ class Simulator:
         )
 
     def _build(self, seed: int) -> None:
-        pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
-        pybullet.setTimeStep(PERIOD_S, physicsClientId=self._client)
-        build_world(self._client, self.scenario)
-        self._loose = newest_bodies(
-            self._client, len(self.scenario.items)
-        )  # the world's last: see `build_world`
-        first = pybullet.getNumBodies(physicsClientId=self._client)
+        pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=self.client)
+        pybullet.setTimeStep(PERIOD_S, physicsClientId=self.client)
+        build_world(self.client, self.scenario)
+        # The items are the last bodies that `build_world` makes.
+        self.item_bodies = newest_bodies(self.client, len(self.scenario.items))
+        """Physics bodies of the items of the scenario, in its order."""
+        first = pybullet.getNumBodies(physicsClientId=self.client)
         self._crowd = Crowd(
-            self._client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
+            self.client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
         )
-        self._class_of = class_of_bodies(self.scenario, loose=self._loose, first_person=first)
+        self._class_of = class_of_bodies(
+            self.scenario, item_bodies=self.item_bodies, first_person=first
+        )
         self._robot = SkidSteer(
-            self._client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief)
+            self.client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief)
         )
         for _ in range(SETTLING_STEPS):
             self._robot.drive(0.0, 0.0)
-            pybullet.stepSimulation(physicsClientId=self._client)
+            pybullet.stepSimulation(physicsClientId=self.client)
         self._driver = Driver(PERIOD_S, self.profile, self._chassis)
         self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
         self._odometry: Odometry = Odometry(

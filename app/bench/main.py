@@ -19,7 +19,7 @@ from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
 from app.episode.episode import Episode
 from app.runtime.segmentation import measure_segmenter
-from app.runtime.stage_timer import STAGES
+from app.runtime.stage_timer import STAGES, TICK
 from navcore.mission.beware_list import default_beware_list
 from navcore.warmup import warm_up
 from sim.scenario.load import load_scenario
@@ -27,12 +27,15 @@ from sim.scenario.load import load_scenario
 TICKS = 300
 WHAT = {
     "tick": "frame → twist, everything",
-    "label": "segmentation",
-    "remember": "points, map",
-    "occupancy": "layers, inflation",
-    "route": "path and waypoints, cached or planned",
-    "plan": "… of these, the plans made in full",
-    "move": "local planner",
+    "segment": "segmentation",
+    "estimate_ground": "ground heights",
+    "track": "people",
+    "update_map": "points, map",
+    "update_costmap": "layers, inflation",
+    "plan": "path and waypoints, cached or planned",
+    "replan": "of these, the plans made in full",
+    "control": "local planner",
+    "supervise": "behaviours",
 }
 
 
@@ -83,9 +86,9 @@ def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
             "max ms",
             title=f"{scenario}, {platform.machine()}",
         )
-        for stage in STAGES:
-            figures = episode.stopwatch.summary(stage)
-            count = len(episode.stopwatch.ms[stage])
+        for stage in (TICK, *STAGES):
+            figures = episode.timer.summary(stage)
+            count = len(episode.timer.ms[stage])
             table.add_row(
                 stage,
                 WHAT[stage],

@@ -16,15 +16,17 @@ import numpy as np
 import numpy.typing as npt
 from rich.table import Table
 
+from app.runtime.stage_timer import TICK, StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
 from navcore.mapping.voxels import depth_view, measured_voxels
-from navcore.mission.beware_list import default_beware_list
+from navcore.mission.beware_list import NOTHING, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.labels import Labels, Segmenter, with_full_confidence
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
@@ -66,43 +68,35 @@ def tick_table(ticks: int) -> Table:
 
 
 def _measured(ticks: int) -> list[Stage]:
-    spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
+    spec, timer = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M), StageTimer()
     navigator = Navigator(
-        spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        spec=spec,
+        profile=HUSKY,
+        segmenter=ColourSegmenter(),
+        config=NavigatorConfig(),
+        stages=timer.wrap(Stages(segment=_unlabelled)),
     )
+    tick = timer.timed(TICK, navigator.tick)
     order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
-    names = (
-        "depth → cells, by itself",
-        "points, map",
-        "layers, inflation",
-        "path",
-        "motion",
-        "all but the first",
-    )
-    stages = [Stage(what=name, ms=[]) for name in names]
     forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
+    cells_ms = []
     for number in range(ticks + WARM_UP):
+        if number == WARM_UP:
+            for durations in timer.ms.values():
+                durations.clear()
         frame = forest.picture(pose, number)
-        # The pictures are grey and the colour rules find nothing; how long that takes does not
-        # count.
-        labels = navigator.label(frame, order)
-        marks = [time.perf_counter()]
-        navigator.remember(frame, labels, order)
-        marks.append(time.perf_counter())
-        occupancy = navigator.occupancy(order)
-        marks.append(time.perf_counter())
-        route = navigator.route(occupancy, pose, order)
-        marks.append(time.perf_counter())
-        navigator.move(occupancy, pose, route)
-        marks.append(time.perf_counter())
-        if number >= WARM_UP:
-            parts = [_depth_to_cells_s(frame, spec), *np.diff(marks), marks[-1] - marks[0]]
-            for stage, seconds in zip(stages, parts, strict=True):
-                stage.ms.append(seconds * 1e3)
+        route = tick(frame, order).route
+        cells_ms.append(_depth_to_cells_s(frame, spec) * 1e3)
         if route is None or len(route.track) < 2:
-            raise RuntimeError("the forest has no way through; choose another seed")
+            raise RuntimeError("the forest has no path; choose another seed")
         pose = _ahead(pose, route.track)
-    return stages
+    stages = [Stage(what=name, ms=list(durations)) for name, durations in timer.ms.items()]
+    return [Stage(what="depth → cells, by itself", ms=cells_ms[WARM_UP:]), *stages]
+
+
+def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Labels:
+    """Labels of an image that shows nothing on the beware list, made in no time."""
+    return with_full_confidence(np.full(frame.depth_m.shape, NOTHING, dtype=np.uint8))
 
 
 class _Forest:

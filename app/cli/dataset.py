@@ -1,10 +1,10 @@
-"""`bewarenav dataset`: render labelled pictures of random worlds."""
+"""`bewarenav dataset`: render, import and inspect labelled data sets."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
@@ -15,87 +15,119 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
-from app.cli.import_dataset import import_cli, info
+from app.cli.options import takes_options
 from navcore.errors import BadConfiguration
 
-if TYPE_CHECKING:
-    from sim.dataset.generate import (
-        Picture,
-        Split,
-    )  # at run time they would make every command wait for the simulator
-
-dataset_cli = typer.Typer(
-    help="Data sets for the segmentation: render, import and look at them.", no_args_is_help=True
-)
-dataset_cli.add_typer(import_cli, name="import")
-dataset_cli.command()(info)
+if TYPE_CHECKING:  # at run time these would make every command wait for torch and the simulator
+    from navcore.learning.data.importers import Labelled
+    from sim.dataset.generate import LabelledImage, Split
 
 POSES_PER_WORLD = 8
 WORLDS_PER_JOB = 25
-"""A process makes the pictures of so many worlds before it ends, because the renderers keep some of
-their memory."""
+"""Number of worlds that one process renders before it ends, because the renderers leak memory."""
 RendererName = Literal["auto", "tiny", "egl"]
+
+OutArgument = Annotated[
+    Path, typer.Argument(metavar="OUT", help="Folder to create; it must be empty if it exists.")
+]
+DepthOption = Annotated[
+    Path,
+    typer.Option("--depth-dir", metavar="DIR", help="16-bit depth PNGs named as the images."),
+]
+UnitsOption = Annotated[
+    float,
+    typer.Option("--units-per-m", help="Depth units per metre in the PNGs; 1000 = millimetres."),
+]
+BackgroundOption = Annotated[
+    bool,
+    typer.Option("--background", help="Make unlabelled pixels the class `background`, not void."),
+]
+
+dataset_cli = typer.Typer(
+    help="Data sets for the segmentation: render, import and inspect them.", no_args_is_help=True
+)
+import_cli = typer.Typer(
+    help="Make a data set of labels that people drew in other programs.", no_args_is_help=True
+)
+dataset_cli.add_typer(import_cli, name="import")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Some pictures of one split, which one process makes."""
+    """Images of one split that one process renders."""
 
     split: Split
+    """Split of the data set that the images belong to."""
     seed: int
-    """Of their worlds."""
+    """Seed of the worlds."""
     count: int
-    """How many."""
+    """Number of images."""
     size: tuple[int, int]
-    """Columns and rows."""
+    """Columns and rows of the images."""
     renderer: RendererName
-    """What draws them."""
+    """Renderer of the images."""
 
 
-@dataset_cli.command()
-def render(
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="Folder to make; it must be empty if it is there.")
-    ],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderSettings:
+    """The argument and the options of `dataset render`."""
+
+    out: OutArgument
     train: Annotated[
-        int, typer.Option(min=0, max=1_000_000, help="Number of pictures to train with.")
-    ] = 4500,
+        int, typer.Option(min=0, max=1_000_000, help="Number of images of the train split.")
+    ] = 4500
     valid: Annotated[
         int,
-        typer.Option(min=0, max=1_000_000, help="Number of pictures to choose the best epoch by."),
-    ] = 300,
+        typer.Option(
+            min=0,
+            max=1_000_000,
+            help="Number of images of the valid split, which chooses the best epoch.",
+        ),
+    ] = 300
     test: Annotated[
-        int, typer.Option(min=0, max=1_000_000, help="Number of pictures to measure with.")
-    ] = 600,
+        int, typer.Option(min=0, max=1_000_000, help="Number of images of the test split.")
+    ] = 600
     seed: Annotated[
-        int, typer.Option(min=0, max=1000, help="The same seed gives the same pictures.")
-    ] = 0,
+        int, typer.Option(min=0, max=1000, help="The same seed gives the same images.")
+    ] = 0
     size: Annotated[
         list[str] | None,
         typer.Option(
             metavar="WxH",
-            help="Columns and rows of a picture; several take turns. 424x240 if left out.",
+            help="Columns and rows of an image; several sizes take turns. 424x240 if left out.",
         ),
-    ] = None,
+    ] = None
     renderer: Annotated[
         RendererName, typer.Option(help="auto: EGL for two thirds of the worlds where it works.")
-    ] = "auto",
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that render.")] = 1,
-) -> None:
-    """Render labelled pictures of random worlds; no world of one split is in another."""
+    ] = "auto"
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that render.")] = 1
+
+
+@dataset_cli.command()
+@takes_options
+def render(settings: RenderSettings) -> None:
+    """Render labelled images of random worlds; no world of one split is in another."""
     from navcore.learning.data.class_names import BEWARE_CLASSES
     from navcore.learning.data.writer import DatasetWriter
 
-    counts: dict[Split, int] = {"train": train, "valid": valid, "test": test}
-    jobs = _jobs(counts, seed, [_size(text) for text in size or ["424x240"]], renderer)
+    counts: dict[Split, int] = {
+        "train": settings.train,
+        "valid": settings.valid,
+        "test": settings.test,
+    }
+    sizes = [_size(text) for text in settings.size or ["424x240"]]
+    jobs = _jobs(counts, settings.seed, sizes, settings.renderer)
     source = {
         "made_by": "bewarenav dataset render",
-        "seed": seed,
-        "renderer": renderer,
+        "seed": settings.seed,
+        "renderer": settings.renderer,
         "poses_per_world": POSES_PER_WORLD,
     }
-    writer = DatasetWriter(out, class_names=BEWARE_CLASSES, units_per_m=1000.0, source=source)
+    writer = DatasetWriter(
+        settings.out, class_names=BEWARE_CLASSES, units_per_m=1000.0, source=source
+    )
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -104,22 +136,136 @@ def render(
     )
     with (
         Progress(*columns, console=Terminal(stderr=True)) as bar,
-        closing(_rendered(jobs, workers)) as results,
+        closing(_rendered(jobs, settings.workers)) as results,
     ):
         task = bar.add_task("rendering", total=sum(counts.values()))
-        for split, pictures in results:
-            for picture in pictures:
-                writer.add(split, picture.name, picture.rgb, picture.depth_mm, picture.labels)
+        for split, images in results:
+            for image in images:
+                writer.add(split, image.name, image.rgb, image.depth_mm, image.labels)
                 bar.advance(task)
     writer.finish()
-    typer.echo(f"{out}: {train} pictures to train, {valid} to validate and {test} to test with")
+    typer.echo(_summary(settings.out, settings.train, settings.valid, settings.test))
+
+
+@dataset_cli.command()
+def info(folder: Annotated[Path, typer.Argument(help="A data set folder.")]) -> None:
+    """Check every image of a data set and describe it."""
+    from navcore.learning.data.card import SPLITS
+    from navcore.learning.data.dataset import load_dataset
+    from navcore.learning.training.metrics import count_pixels
+
+    dataset = load_dataset(folder)
+    card = dataset.card
+    sizes = ", ".join(f"{width}×{height}" for height, width in card.sizes) or "not told"
+    typer.echo(f"{len(dataset)} pictures, sizes {sizes}")
+    typer.echo(f"depth: {card.depth}\nsource: {dict(card.source)}")
+    table = Table(
+        "class",
+        *(f"{split} ({dataset.count(split)})" for split in SPLITS),
+        title="share of the labelled pixels",
+    )
+    columns = []
+    for split in SPLITS:
+        labels = (dataset.read(split, index).labels for index in range(dataset.count(split)))
+        of_class = count_pixels(labels, len(card.class_names)).of_class
+        columns.append(of_class / max(1, int(of_class.sum())))
+    for name, *shares in zip(card.class_names, *columns, strict=True):
+        table.add_row(name, *(f"{100 * share:.3f} %" for share in shares))
+    Terminal().print(table)
+
+
+@import_cli.command()
+def cvat(
+    archive: Annotated[
+        Path,
+        typer.Argument(metavar="FILE.zip", help='Exported by CVAT as "Segmentation mask 1.1".'),
+    ],
+    out: OutArgument,
+    depth_dir: DepthOption,
+    rgb_dir: Annotated[
+        Path | None,
+        typer.Option("--rgb-dir", help="Folder of the images, if they are not in the archive."),
+    ] = None,
+    background: BackgroundOption = False,
+    units_per_m: UnitsOption = 1000.0,
+) -> None:
+    """Import masks drawn in CVAT."""
+    from navcore.learning.data.importers import CvatArchive
+
+    source = CvatArchive(archive, depth_dir=depth_dir, rgb_dir=rgb_dir, keep_background=background)
+    origin = f"CVAT archive {archive.name}"
+    _write(source, source.class_names, out, units_per_m=units_per_m, origin=origin)
+
+
+@import_cli.command()
+def labelme(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with one JSON file per image.")
+    ],
+    out: OutArgument,
+    depth_dir: Annotated[
+        Path | None, typer.Option("--depth-dir", metavar="DIR", help="Depth PNGs; usually FOLDER.")
+    ] = None,
+    classes: Annotated[
+        str, typer.Option("--classes", help="Class names in their order, comma-separated.")
+    ] = "",
+    split: Annotated[str, typer.Option("--split", help="train, valid or test.")] = "train",
+    background: BackgroundOption = False,
+    units_per_m: UnitsOption = 1000.0,
+) -> None:
+    """Import polygons drawn in labelme."""
+    from navcore.learning.data.card import SPLITS
+    from navcore.learning.data.importers import LabelmeFolder
+
+    chosen = next((known for known in SPLITS if known == split), None)
+    if chosen is None:
+        raise BadConfiguration(f"--split {split!r:.40}: expected one of {', '.join(SPLITS)}")
+    names = [name.strip() for name in classes.split(",") if name.strip()]
+    source = LabelmeFolder(
+        folder,
+        depth_dir=depth_dir or folder,
+        class_names=names,
+        split=chosen,
+        keep_background=background,
+    )
+    origin = f"labelme folder {folder.name}"
+    _write(source, source.class_names, out, units_per_m=units_per_m, origin=origin)
+
+
+def _write(
+    images: Iterable[Labelled],
+    class_names: tuple[str, ...],
+    out: Path,
+    *,
+    units_per_m: float,
+    origin: str,
+) -> None:
+    from navcore.learning.data.writer import DatasetWriter
+
+    source = {"imported_from": origin}
+    writer = DatasetWriter(out, class_names=class_names, units_per_m=units_per_m, source=source)
+    for image in images:
+        sample = image.sample
+        writer.add(image.split, image.name, sample.rgb, sample.depth, sample.labels)
+    counts = writer.finish().counts
+    typer.echo(_summary(out, counts.train, counts.valid, counts.test))
+    typer.echo(f"classes: {', '.join(class_names)}")
+    if "background" not in (name.casefold() for name in class_names):
+        typer.echo(
+            "no class is called background: unless one class stands for the rest, a network "
+            "trained on this data set alone finds one of the classes in every pixel"
+        )
+
+
+def _summary(out: Path, train: int, valid: int, test: int) -> str:
+    return f"{out}: {train} pictures to train, {valid} to validate and {test} to test with"
 
 
 def _jobs(
     counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int]], renderer: RendererName
 ) -> list[Job]:
-    """The shards of every split; with several sizes each shard has the next one, so every split has
-    a share of each."""
+    """Return the shards of every split; several sizes take turns over the shards, so that every
+    split has a share of each."""
     from sim.dataset.generate import SHARDS_PER_SPLIT, shard_seed
 
     most = POSES_PER_WORLD * WORLDS_PER_JOB
@@ -140,44 +286,43 @@ def _jobs(
     ]
 
 
-def _rendered(jobs: list[Job], workers: int) -> Generator[tuple[Split, list[Picture]]]:
-    """The pictures of each job, in the order of the jobs."""
+def _rendered(jobs: list[Job], workers: int) -> Generator[tuple[Split, list[LabelledImage]]]:
+    """Yield the images of each job, in the order of the jobs."""
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _hush, max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(workers, context, _silence_output, max_tasks_per_child=1) as pool:
         try:
             yield from pool.map(_render, jobs)
         except BrokenProcessPool:
-            # A pool of `multiprocessing` would start another process and wait for the lost pictures
-            # for ever.
+            # `multiprocessing.Pool` would start another process and wait for the lost images for
+            # ever.
             raise BadConfiguration(
-                "a process that renders was killed; if memory is short, say fewer --workers"
+                "a process that renders was killed; if memory is short, use fewer --workers"
             ) from None
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _hush() -> None:
-    """The renderers talk in the middle of the progress bar; what goes wrong comes back as an
-    exception."""
-    with Path(os.devnull).open("w", encoding="ascii") as nowhere:
+def _silence_output() -> None:
+    """Silence the renderers, which print into the progress bar; errors arrive as exceptions."""
+    with Path(os.devnull).open("w", encoding="ascii") as null:
         for stream in (1, 2):
-            os.dup2(nowhere.fileno(), stream)
+            os.dup2(null.fileno(), stream)
 
 
-def _render(job: Job) -> tuple[Split, list[Picture]]:
+def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
     import cv2
 
-    from sim.dataset.generate import render_pictures
+    from sim.dataset.generate import render_images
 
     cv2.setNumThreads(1)
-    pictures = render_pictures(
+    images = render_images(
         seed=job.seed,
         worlds=-(-job.count // POSES_PER_WORLD),
         poses_per_world=POSES_PER_WORLD,
         size=job.size,
         renderer=job.renderer,
     )
-    return job.split, list(pictures)[: job.count]
+    return job.split, list(images)[: job.count]
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""What is installed, what is missing, and what to do about it."""
+"""`bewarenav doctor`: what is installed, what is missing, and how to install it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ PACKAGES = (
 )
 FASTER = ("onnx", "onnxruntime", "openvino")
 TRIAL_S = 1.0
+"""Time for which each engine of the network is measured, seconds."""
 
 
 def examine() -> int:
-    """Print one line a part; 0 when everything that is needed is there."""
+    """Print one line per part; return 0 if everything required is installed, else 1."""
     missing = 0
     _say(True, f"Python {platform.python_version()} ({sys.executable})")
     for package in PACKAGES:
@@ -57,26 +58,26 @@ def _renderer() -> tuple[bool, str]:
             return True, "camera renderer: EGL"
     return (
         False,
-        "camera renderer: TINY, slower; for EGL: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri",
+        "camera renderer: TINY, slower; for EGL: "
+        "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri",
     )
 
 
 def _segmentation() -> Iterator[tuple[bool, str]]:
-    """Which engines there are, what the network takes on each, and what drives."""
+    """Yield the installed engines, the time of the network on each, and the one that drives."""
     from app.runtime.segmentation import compose, measure_segmenter
     from app.runtime.segmenter_choice import SegmenterChoice
     from navcore.perception.esanet.inference.onnx_engines import is_installed
 
     for package in FASTER:
-        there = is_installed(package)
-        yield (
-            there,
-            f"{package} {importlib.metadata.version(package)}"
-            if there
-            else (
-                f"{package} is missing; not needed, but the network runs faster with it: pip install 'bewarenav[fast]'"
-            ),
-        )
+        if is_installed(package):
+            yield True, f"{package} {importlib.metadata.version(package)}"
+        else:
+            yield (
+                False,
+                f"{package} is missing; not needed, but the network runs faster with it: "
+                "pip install 'bewarenav[fast]'",
+            )
     what, trials = measure_segmenter(trial_s=TRIAL_S)
     yield True, f"measured {what}"
     for trial in trials:

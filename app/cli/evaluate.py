@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console as Terminal
@@ -14,150 +16,197 @@ from app.cli.options import (
     BewareOption,
     NavigationOption,
     RandomOption,
+    SegmenterOptions,
     ZonesOption,
     beware_list,
 )
 from app.episode.ablation import Ablation
-from app.runtime.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
 from navcore.errors import BadConfiguration
 
+if TYPE_CHECKING:
+    from navcore.config.navigator import NavigatorConfig
 
-def evaluate(
+DETECTION_SUITE, CROSSINGS_SUITE = "finding", "crossings"
+ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.95, 1.0
+"""Share of objects found in time, and rate of false detections, at which `finding` succeeds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateSettings:
+    """The argument and the options of the command."""
+
     suite: Annotated[
         str,
         typer.Argument(
-            help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, crossings and finding."
+            help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
+            "crossings and finding."
         ),
-    ],
+    ]
     worlds: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")
-    ] = None,
+    ] = None
     robot: Annotated[
-        str, typer.Option(metavar="husky|jackal", help="What drives; suites are scaled to fit it.")
-    ] = "husky",
+        str,
+        typer.Option(metavar="husky|jackal", help="Robot that drives; suites are scaled to it."),
+    ] = "husky"
     episodes: Annotated[
         int | None,
         typer.Option(
             min=1,
             max=10_000,
-            help="Seeds of a scenario, 10 if left out; the first worlds of a suite.",
+            help="Number of episodes: seeds of a scenario (10 by default), or worlds of a suite.",
         ),
-    ] = None,
+    ] = None
     seed: Annotated[
         int,
-        typer.Option(
-            min=0, help="Of the first episode; the others follow. Of every world of a suite."
-        ),
-    ] = 0,
-    workers: Annotated[int, typer.Option(min=1, max=64)] = 1,
+        typer.Option(min=0, help="Seed of the first episode, counting up; of every world of barn."),
+    ] = 0
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Episodes driven in parallel.")] = 1
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where episodes.jsonl, summary.json and the figures go."),
-    ] = None,
-    max_time: Annotated[float, typer.Option(metavar="S", min=1.0)] = 600.0,
-    beware: BewareOption = None,
-    segmenter: KindOption = "auto",
-    weights: WeightsOption = None,
-    backend: BackendOption = "auto",
-    navigation: NavigationOption = None,
-    random: RandomOption = False,
-    zones: ZonesOption = None,
-    ablation: AblationOption = Ablation.NONE,
+        typer.Option(metavar="DIR", help="Folder of episodes.jsonl, summary.json and figures."),
+    ] = None
+    max_time: Annotated[
+        float,
+        typer.Option(metavar="S", min=1.0, help="Time limit of an episode in simulated seconds."),
+    ] = 600.0
+    beware: BewareOption = None
+    segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
+    navigation: NavigationOption = None
+    random: RandomOption = False
+    zones: ZonesOption = None
+    ablation: AblationOption = Ablation.NONE
     figures: Annotated[
         int,
-        typer.Option(
-            min=0, help="Draw so many of the first episodes; those that fail are always drawn."
-        ),
-    ] = 1,
-) -> None:
-    """Drive many seeded episodes and print what came of them; resumes where it was interrupted."""
-    from app.evaluation.barn import SUITES, evaluate_barn
-    from app.evaluation.crossings import evaluate_crossings
-    from app.runtime.segmentation import compose
+        typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
+    ] = 1
+
+
+def evaluate(settings: EvaluateSettings) -> None:
+    """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
+    from app.evaluation.barn import SUITES
     from navcore.config.navigator import load_config
     from navcore.robot.profile import load_profile
 
-    if suite in (*SUITES, "crossings", "finding") and (
-        random or zones is not None or ablation is not Ablation.NONE
-    ):
-        raise BadConfiguration(
-            f"--random, --zones and --ablation are for scenarios, {suite!r} is a suite of its own"
-        )
-    if suite == "finding" and navigation is not None:
-        raise BadConfiguration(
-            "--navigation is for what drives, and in the suite 'finding' nothing does"
-        )
-    config = None if navigation is None else load_config(navigation, load_profile(robot))
-    if suite in SUITES:
-        into = out or Path("runs") / f"{suite}-{robot}"
-        verdict = evaluate_barn(
-            suite,
-            worlds,
-            robot=robot,
-            count=episodes,
-            seed=seed,
-            workers=workers,
-            out=into,
-            config=config,
-        )
-        sys.exit(0 if verdict["success_rate"] == 1.0 else 1)
-    if suite == "crossings":
-        seeds, into = range(seed, seed + (episodes or 200)), out or Path("runs") / suite
-        verdict = evaluate_crossings(
-            seeds=seeds, workers=workers, out=into, beware=beware_list(beware), config=config
-        )
-        sys.exit(0 if verdict["drove_into_somebody"] == 0 else 1)
-    choice = SegmenterChoice(kind=segmenter, weights=weights, engine=backend)
-    if suite == "finding":
-        from app.evaluation.detection import run_finding
+    _check_options(settings, (*SUITES, CROSSINGS_SUITE, DETECTION_SUITE))
+    config = (
+        None
+        if settings.navigation is None
+        else load_config(settings.navigation, load_profile(settings.robot))
+    )
+    if settings.suite in SUITES:
+        succeeded = _barn(settings, config)
+    elif settings.suite == CROSSINGS_SUITE:
+        succeeded = _crossings(settings, config)
+    elif settings.suite == DETECTION_SUITE:
+        succeeded = _detection(settings)
+    else:
+        succeeded = _scenario(settings, config)
+    sys.exit(0 if succeeded else 1)
 
-        into = out or Path("runs") / suite
-        found = run_finding(
-            compose(choice).segmenter,
-            beware_list(beware),
-            seed=seed,
-            walks=episodes or 40,
-            out=into,
-        )
-        sys.exit(0 if found["found_in_time"] >= 0.95 and found["false_items_per_10_m"] < 1.0 else 1)
 
+def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
+    own_task = settings.random or settings.zones is not None
+    if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
+        raise BadConfiguration(
+            "--random, --zones and --ablation are for scenarios, "
+            f"{settings.suite!r} is a suite of its own"
+        )
+    if settings.suite == DETECTION_SUITE and settings.navigation is not None:
+        raise BadConfiguration(
+            "--navigation sets how a robot drives, and in the suite 'finding' nothing does"
+        )
+
+
+def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.evaluation.barn import evaluate_barn
+
+    verdict = evaluate_barn(
+        settings.suite,
+        settings.worlds,
+        robot=settings.robot,
+        count=settings.episodes,
+        seed=settings.seed,
+        workers=settings.workers,
+        out=settings.out or Path("runs") / f"{settings.suite}-{settings.robot}",
+        config=config,
+    )
+    return _is_perfect(verdict)
+
+
+def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.evaluation.crossings import evaluate_crossings
+
+    verdict = evaluate_crossings(
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 200)),
+        workers=settings.workers,
+        out=settings.out or Path("runs") / settings.suite,
+        beware=beware_list(settings.beware),
+        config=config,
+    )
+    return bool(verdict["drove_into_somebody"] == 0)
+
+
+def _detection(settings: EvaluateSettings) -> bool:
+    from app.evaluation.detection import run_detection
+    from app.runtime.segmentation import compose
+
+    found = run_detection(
+        compose(settings.segmentation.choice()).segmenter,
+        beware_list(settings.beware),
+        seed=settings.seed,
+        walks=settings.episodes or 40,
+        out=settings.out or Path("runs") / settings.suite,
+    )
+    return bool(
+        found["found_in_time"] >= ENOUGH_FOUND
+        and found["false_items_per_10_m"] < FEW_FALSE_PER_10_M
+    )
+
+
+def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
+    from app.runtime.segmentation import compose
     from sim.scenario.load import load_scenario
 
     task = Task(
-        scenario=load_scenario(suite),
-        random=random,
-        zones=zones,
-        ablation=ablation,
-        max_time_s=max_time,
+        scenario=load_scenario(settings.suite),
+        random=settings.random,
+        zones=settings.zones,
+        ablation=settings.ablation,
+        max_time_s=settings.max_time,
     )
     parts = [
-        Path(suite).stem,
-        "random" if random else "",
-        "" if ablation is Ablation.NONE else str(ablation),
+        Path(settings.suite).stem,
+        "random" if settings.random else "",
+        "" if settings.ablation is Ablation.NONE else str(settings.ablation),
     ]
+    needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
     summary = evaluate_scenario(
         task,
-        robot=robot,
-        seeds=range(seed, seed + (episodes or 10)),
-        workers=workers,
-        out=out or Path("runs") / "-".join(filter(None, parts)),
-        beware=beware_list(beware),
-        perception=None if ablation in NEEDS_NO_SEGMENTER else compose(choice),
-        draw_first=figures,
+        robot=settings.robot,
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 10)),
+        workers=settings.workers,
+        out=settings.out or Path("runs") / "-".join(filter(None, parts)),
+        beware=beware_list(settings.beware),
+        perception=compose(settings.segmentation.choice()) if needs_segmenter else None,
+        draw_first=settings.figures,
         config=config,
     )
-    sys.exit(0 if summary["success_rate"] == 1.0 else 1)
+    return _is_perfect(summary)
+
+
+def _is_perfect(summary: Mapping[str, Any]) -> bool:
+    return bool(summary["success_rate"] == 1.0)
 
 
 def compare(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR…", help="Where evaluations of scenarios lie.")
+        list[Path], typer.Argument(metavar="DIR…", help="Output folders of evaluated scenarios.")
     ],
 ) -> None:
-    """Print what came of several evaluations side by side, e.g. of the whole system and of its
-    ablations."""
+    """Print several evaluations side by side, e.g. of the whole system and of its ablations."""
     from app.evaluation.summary import compare as side_by_side
 
     Terminal(width=None if sys.stdout.isatty() else 60 + 36 * len(folders)).print(

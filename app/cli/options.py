@@ -1,19 +1,36 @@
-"""What the commands share: options, points given as text, and places to write to. Imports nothing
-that takes a second."""
+"""Command-line options that several commands share, and how a dataclass becomes options.
+
+A command with many options takes one frozen dataclass, whose fields are `Annotated` with their
+`typer.Option`; `takes_options` turns the fields into the parameters that typer shows. Nothing here
+imports a slow package.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
 import math
 import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
 from app.episode.ablation import Ablation
+from app.runtime.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
 
+Settings = TypeVar("Settings")
+
+ScenarioOption = Annotated[
+    str,
+    typer.Option("--scenario", metavar="NAME|FILE.toml", help="A built-in world or a world file."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same run.")]
 PriorOption = Annotated[
     Path | None,
     typer.Option(
@@ -27,30 +44,30 @@ NavigationOption = Annotated[
     typer.Option(
         "--navigation",
         metavar="FILE.toml",
-        help="How the navigation is set, where not as it comes.",
+        help="Navigation parameters that differ from the defaults.",
     ),
 ]
 LevelOption = Annotated[
     bool,
     typer.Option(
         "--level",
-        help="The poses' world of a recording has z up and its floor at 0: look for none.",
+        help="The recording's world frame has z up and the floor at z = 0: do not search for it.",
     ),
 ]
-KeptOption = Annotated[
+SavedMapOption = Annotated[
     Path | None,
     typer.Option(
         "--map",
         metavar="FILE",
-        help="The map of an earlier session: loaded if it is there, kept there at the end.",
+        help="The map of an earlier session: loaded if the file exists, saved there at the end.",
     ),
 ]
-
 BewareOption = Annotated[
     Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")
 ]
 RandomOption = Annotated[
-    bool, typer.Option("--random", help="Each seed draws a start and a goal that can be reached.")
+    bool,
+    typer.Option("--random", help="Draw a start and a reachable goal from each seed."),
 ]
 ZonesOption = Annotated[
     int | None,
@@ -58,27 +75,105 @@ ZonesOption = Annotated[
         "--zones",
         min=0,
         max=8,
-        help="The operator's zones that each seed draws across the way; 2 with --random.",
+        help="Number of zones that each seed draws across the path; 2 with --random.",
     ),
 ]
-
-
-def beware_list(path: Path | None) -> BewareList:
-    """Of a file, or the one that comes with the package."""
-    return default_beware_list() if path is None else load_beware_list(path)
-
-
 AblationOption = Annotated[
     Ablation,
     typer.Option(
         "--ablation",
-        help="Leave a part of the navigation out, or give it the simulator's own labels.",
+        help="Leave a part of the navigation out, or label images by the simulator's truth.",
     ),
 ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmenterOptions:
+    """The options that choose the segmenter."""
+
+    segmenter: Annotated[
+        Kind,
+        typer.Option(
+            "--segmenter",
+            help="The network, the colour rules alone, or the network where it runs.",
+        ),
+    ] = "auto"
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            "--weights",
+            metavar="FILE.safetensors|FILE.onnx",
+            help="A network other than the shipped one.",
+        ),
+    ] = None
+    backend: Annotated[
+        Backend,
+        typer.Option(
+            "--backend",
+            help="Engine of the network; `auto` takes the fastest accurate one, `torch` is the "
+            "bit-exact reference.",
+        ),
+    ] = "auto"
+
+    def choice(self, *, live: bool = False) -> SegmenterChoice:
+        """Return the segmenter to compose; `live` where the world does not wait for it."""
+        return SegmenterChoice(
+            kind=self.segmenter, weights=self.weights, engine=self.backend, live=live
+        )
+
+
+def takes_options(command: Callable[[Settings], None]) -> Callable[..., None]:
+    """Return `command`, which takes one dataclass of options, with their fields as parameters.
+
+    A field whose type is a dataclass itself stands for the fields of that one, in its position.
+    """
+    (settings_type,) = (hint for name, hint in get_type_hints(command).items() if name != "return")
+
+    @functools.wraps(command)
+    def with_parameters(**values: Any) -> None:
+        command(_filled(settings_type, values))
+
+    parameters = list(_parameters(settings_type))
+    with_parameters.__annotations__ = {one.name: one.annotation for one in parameters}
+    with_parameters.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return with_parameters
+
+
+def _parameters(settings_type: Any) -> Iterator[inspect.Parameter]:
+    hints = get_type_hints(settings_type, include_extras=True)
+    for option in dataclasses.fields(settings_type):
+        hint = hints[option.name]
+        if dataclasses.is_dataclass(hint):
+            yield from _parameters(hint)
+        else:
+            missing = option.default is dataclasses.MISSING
+            yield inspect.Parameter(
+                option.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if missing else option.default,
+                annotation=hint,
+            )
+
+
+def _filled(settings_type: Any, values: Mapping[str, Any]) -> Any:
+    hints = get_type_hints(settings_type)
+    return settings_type(
+        **{
+            option.name: _filled(hints[option.name], values)
+            if dataclasses.is_dataclass(hints[option.name])
+            else values[option.name]
+            for option in dataclasses.fields(settings_type)
+        }
+    )
+
+
+def beware_list(path: Path | None) -> BewareList:
+    """Return the beware list of a file, or the default one that comes with the package."""
+    return default_beware_list() if path is None else load_beware_list(path)
+
+
 def point(text: str, option: str) -> tuple[float, float]:
-    """(x, y) of an `X,Y` argument; raises `BadConfiguration` with the option's name."""
+    """Parse an `X,Y` argument; raises `BadConfiguration` that names the option."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
@@ -87,7 +182,7 @@ def point(text: str, option: str) -> tuple[float, float]:
 
 
 def finite_point(text: str, option: str) -> tuple[float, float]:
-    """The same for a point that must be somewhere; NaN, infinity and more than 1000 km are nowhere."""
+    """Parse an `X,Y` argument of two finite numbers of at most 1000 km; raises as `point` does."""
     x, y = point(text, option)
     if not (math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) <= 1e6):
         raise BadConfiguration(f"{option} {text!r}: expected two numbers from -1000000 to 1000000")
@@ -95,7 +190,7 @@ def finite_point(text: str, option: str) -> tuple[float, float]:
 
 
 def prepare(folder: Path) -> None:
-    """Refuse a place that cannot be written before the work is done, not after."""
+    """Create a folder and refuse one that cannot be written, before the work and not after it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -1,52 +1,54 @@
-"""`bewarenav replay`: a recording of a real sensor through the navigator."""
+"""`bewarenav replay`: run the navigator on a recording of a real sensor."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.options import LevelOption, finite_point, prepare
-from app.runtime.segmenter_choice import BackendOption, KindOption, SegmenterChoice, WeightsOption
+from app.cli.options import LevelOption, SegmenterOptions, finite_point, prepare
 from navcore.files import write_whole
 
 if TYPE_CHECKING:
     from app.replay.reference import Agreement
 
 
-def replay(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplaySettings:
+    """The argument and the options of the command."""
+
     folder: Annotated[
         Path,
         typer.Argument(
             metavar="DIR", help="poses.txt, camera-intrinsics.txt, frame-NNNNNN.{color,depth}."
         ),
-    ],
+    ]
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Write replay.json and the map (map.npz) here."),
-    ] = None,
+    ] = None
     goal: Annotated[
         str | None,
-        typer.Option(metavar="X,Y", help="Plan to here; else to where the camera began."),
-    ] = None,
+        typer.Option(metavar="X,Y", help="Goal of the path; the camera's start if left out."),
+    ] = None
     reference: Annotated[
         Path | None,
         typer.Option(metavar="FILE.npz", help="Free and occupied voxels to compare with."),
-    ] = None,
-    picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False,
+    ] = None
+    picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False
     robot: Annotated[
-        str, typer.Option(metavar="NAME|FILE.toml", help="Whose size the path is for.")
-    ] = "husky",
-    every: Annotated[int, typer.Option(min=1, max=1000, help="Only every so manieth frame.")] = 1,
-    level: LevelOption = False,
-    segmenter: KindOption = "auto",
-    weights: WeightsOption = None,
-    backend: BackendOption = "auto",
-) -> None:
-    """Build the map of a recording, frame by frame as a robot would, plan on it and say how well it
-    agrees with a reference."""
+        str, typer.Option(metavar="NAME|FILE.toml", help="Robot whose size the path is for.")
+    ] = "husky"
+    every: Annotated[int, typer.Option(min=1, max=1000, help="Use every N-th frame only.")] = 1
+    level: LevelOption = False
+    segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
+
+
+def replay(settings: ReplaySettings) -> None:
+    """Build the map of a recording frame by frame, plan on it and compare it with a reference."""
     import numpy as np
     from rich.console import Console as Terminal
     from rich.progress import Progress
@@ -63,17 +65,18 @@ def replay(
     from navcore.mission.beware_list import default_beware_list
     from navcore.robot.profile import load_profile
 
-    if out is None and picture:
+    out = settings.out
+    if out is None and settings.picture:
         out = Path("runs") / "replay"
     if out is not None:
         prepare(out)
-    target = None if goal is None else finite_point(goal, "--goal")
-    profile, beware = load_profile(robot), default_beware_list()
+    target = None if settings.goal is None else finite_point(settings.goal, "--goal")
+    profile, beware = load_profile(settings.robot), default_beware_list()
     config = config_for(profile)
-    known = None if reference is None else load_reference(reference)
-    recording = open_recording(folder, every=every)
-    perception = compose(SegmenterChoice(kind=segmenter, weights=weights, engine=backend))
-    T_map_world = np.eye(4) if level else find_floor(recording)
+    known = None if settings.reference is None else load_reference(settings.reference)
+    recording = open_recording(settings.folder, every=settings.every)
+    perception = compose(settings.segmentation.choice())
+    T_map_world = np.eye(4) if settings.level else find_floor(recording)
     with Progress(console=Terminal(stderr=True)) as bar:
         task = bar.add_task("frames", total=len(recording))
         replayed = run(
@@ -92,7 +95,7 @@ def replay(
     if out is not None:
         write_whole(out / "replay.json", json.dumps(report, indent=1).encode())
         save_map(replayed.navigator.map, beware, out / "map.npz")
-    if out is not None and picture:
+    if out is not None and settings.picture:
         write_whole(
             out / "replay.png",
             draw_replay(recording, replayed, known, config, title="\n".join(lines)),
@@ -101,20 +104,21 @@ def replay(
 
 
 def in_words(report: dict[str, Any], judged: Agreement | None) -> list[str]:
-    """The report for people."""
+    """Return the report as lines of text."""
     (x, y), (goal_x, goal_y) = report["start"], report["goal"]
     lines = [
-        f"{report['frames']} frames: {report['explored_m2']:.1f} m² and {report['explored_m3']:.1f} m³ explored, "
-        f"{report['occupied_cells']} cells occupied, {report['beware_cells']} to beware of, "
-        f"a tick {report['tick_ms']:.0f} ms",
+        f"{report['frames']} frames: {report['explored_m2']:.1f} m² and "
+        f"{report['explored_m3']:.1f} m³ explored, {report['occupied_cells']} cells occupied, "
+        f"{report['beware_cells']} to beware of, a tick {report['tick_ms']:.0f} ms",
     ]
     if judged is not None:
         lines.append(
-            f"beside the reference: occupied IoU {judged.iou:.3f}, precision {judged.precision_near:.4f} and recall "
-            f"{judged.recall_near:.4f} within one cell ({judged.judged} cells against {judged.reference}; "
-            f"{judged.not_judged} more lie where it knows nothing)"
+            f"beside the reference: occupied IoU {judged.iou:.3f}, "
+            f"precision {judged.precision_near:.4f} and recall {judged.recall_near:.4f} "
+            f"within one cell ({judged.judged} cells against {judged.reference}; "
+            f"{judged.not_judged} more where the reference is unknown)"
         )
-    way = f"from ({x:.2f}, {y:.2f}) to ({goal_x:.2f}, {goal_y:.2f})"
+    ends = f"from ({x:.2f}, {y:.2f}) to ({goal_x:.2f}, {goal_y:.2f})"
     if report["path_m"] is None:
-        return [*lines, f"no path {way}: {report['no_path']}"]
-    return [*lines, f"path {way}: {report['path_m']:.2f} m, {len(report['waypoints'])} waypoints"]
+        return [*lines, f"no path {ends}: {report['no_path']}"]
+    return [*lines, f"path {ends}: {report['path_m']:.2f} m, {len(report['waypoints'])} waypoints"]

@@ -1,9 +1,10 @@
-"""`bewarenav segment`: what a network sees in a picture, or how well it labels a data set."""
+"""`bewarenav segment`: label one image with a network, or measure it on a data set."""
 
 from __future__ import annotations
 
 import colorsys
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,51 +22,65 @@ if TYPE_CHECKING:
     from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 
 OPACITY = 0.55
+"""Opacity of the class colours over the image."""
 
 
-def segment(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentSettings:
+    """The argument and the options of the command."""
+
     weights: Annotated[
         Path, typer.Argument(metavar="MODEL.safetensors", help="A trained or converted network.")
-    ],
-    rgb: Annotated[Path | None, typer.Option("--rgb", help="A picture, PNG or JPEG.")] = None,
-    depth: Annotated[Path | None, typer.Option("--depth", help="Its depth, 16-bit PNG.")] = None,
+    ]
+    rgb: Annotated[Path | None, typer.Option("--rgb", help="A colour image, PNG or JPEG.")] = None
+    depth: Annotated[
+        Path | None, typer.Option("--depth", help="The depth image of --rgb, 16-bit PNG.")
+    ] = None
     units_per_m: Annotated[
-        float, typer.Option(help="Of the depth PNG; 1000 = millimetres.", min=1e-3, max=1e6)
-    ] = 1000.0,
+        float,
+        typer.Option(
+            help="Depth units per metre in the PNG; 1000 = millimetres.", min=1e-3, max=1e6
+        ),
+    ] = 1000.0
     data: Annotated[
         Path | None,
-        typer.Option("--data", metavar="DIR", help="A data set instead of one picture."),
-    ] = None,
-    split: Annotated[str, typer.Option(help="Of the data set: train, valid or test.")] = "test",
+        typer.Option("--data", metavar="DIR", help="A data set instead of one image."),
+    ] = None
+    split: Annotated[str, typer.Option(help="Split of the data set: train, valid or test.")] = (
+        "test"
+    )
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write overlays and masks here.")
-    ] = None,
+    ] = None
     size: Annotated[
-        str, typer.Option(metavar="WxH", help="Working size; else the one it was trained at.")
-    ] = "",
+        str, typer.Option(metavar="WxH", help="Working size; the training size if left out.")
+    ] = ""
     mirrored_too: Annotated[
-        bool, typer.Option("--mirrored-too", help="Average with the mirrored picture.")
-    ] = False,
-) -> None:
-    """Label a picture pair or a data set's split; with labels at hand, print the IoU of every
-    class."""
+        bool, typer.Option("--mirrored-too", help="Average with the mirrored image.")
+    ] = False
+
+
+def segment(settings: SegmentSettings) -> None:
+    """Label an image pair or a split of a data set; print the IoU of every class if the data set
+    has labels."""
     import torch
 
     from navcore.learning.training.evaluation import Looking
     from navcore.perception.esanet.weights.weights_file import load
 
+    data, rgb, depth, out = settings.data, settings.rgb, settings.depth, settings.out
     if (data is None) == (rgb is None or depth is None):
         raise BadConfiguration("segment: say either --rgb and --depth, or --data")
-    trained = load(weights)
+    trained = load(settings.weights)
     trained.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    looking = Looking(size=_size(size, trained), mirrored_too=mirrored_too)
+    looking = Looking(size=_size(settings.size, trained), mirrored_too=settings.mirrored_too)
     if data is not None:
-        _data_set(trained, looking, data, split, out)
+        _label_data_set(trained, looking, data, settings.split, out)
     elif rgb is not None and depth is not None:
-        _picture(trained, looking, rgb, depth, units_per_m, out)
+        _label_image(trained, looking, rgb, depth, settings.units_per_m, out)
 
 
-def _picture(
+def _label_image(
     trained: TrainedNetwork,
     looking: Looking,
     rgb: Path,
@@ -95,7 +110,7 @@ def _picture(
         _draw(out, rgb.stem, sample, classes)
 
 
-def _data_set(
+def _label_data_set(
     trained: TrainedNetwork, looking: Looking, data: Path, split: str, out: Path | None
 ) -> None:
     import numpy as np
@@ -111,7 +126,7 @@ def _data_set(
     dataset = dataset_for(data, class_names=card.class_names, depth=card.depth)
     chosen = next((known for known in SPLITS if known == split and dataset.count(known)), None)
     if chosen is None:
-        raise BadConfiguration(f"--split {split!r:.40}: the data set has no such pictures")
+        raise BadConfiguration(f"--split {split!r:.40}: the data set has no such images")
     confusion = np.zeros((card.num_classes, card.num_classes), dtype=np.int64)
     for index in range(dataset.count(chosen)):
         sample = dataset.read(chosen, index)
@@ -121,12 +136,12 @@ def _data_set(
             _draw(out, dataset.name(chosen, index), sample, classes)
     show(confusion, card.class_names, chosen)
     if out is not None:
-        told = figures(confusion, card.class_names, chosen, dataset.count(chosen))
-        write_text(out / "metrics.json", json.dumps(told, indent=1))
+        measured = figures(confusion, card.class_names, chosen, dataset.count(chosen))
+        write_text(out / "metrics.json", json.dumps(measured, indent=1))
 
 
 def palette(count: int) -> npt.NDArray[np.uint8]:
-    """(count, 3) colours far apart; the first, usually the background, is grey."""
+    """Return (count, 3) uint8 RGB colours far apart; the first, usually the background, is grey."""
     import numpy as np
 
     hues = [colorsys.hsv_to_rgb((0.618034 * index) % 1, 0.9, 0.95) for index in range(count)]
@@ -135,7 +150,7 @@ def palette(count: int) -> npt.NDArray[np.uint8]:
 
 
 def _draw(out: Path, name: str, sample: Sample, classes: npt.NDArray[np.uint8]) -> None:
-    """`NAME.mask.png` (class + 1, as labels are) and `NAME.overlay.png` (colours over the picture)."""
+    """Write `NAME.mask.png` (class + 1, as in labels) and `NAME.overlay.png` (class colours)."""
     import numpy as np
 
     from navcore.learning.data.images import write_grey, write_rgb

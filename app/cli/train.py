@@ -1,10 +1,11 @@
-"""`bewarenav train`: teach the network a data set."""
+"""`bewarenav train`: train the network on a data set."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,40 +14,45 @@ import typer
 from navcore.errors import BadConfiguration
 
 
-def train(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainSettings:
+    """The argument and the options of the command."""
+
     data: Annotated[
         Path,
         typer.Option("--data", metavar="DIR", help="Data set folder; see `bewarenav dataset`."),
-    ],
+    ]
     recipe: Annotated[
         Path | None,
-        typer.Argument(metavar="RECIPE.toml", help="Without it the defaults are taken."),
-    ] = None,
+        typer.Argument(metavar="RECIPE.toml", help="Training configuration; else the defaults."),
+    ] = None
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Where model, state and report go.")
-    ] = Path("runs/train"),
+        Path, typer.Option("--out", metavar="DIR", help="Folder of model, state and report.")
+    ] = Path("runs/train")
     start: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.safetensors",
-            help="Weights to go on from, e.g. to add your own pictures or classes.",
+            help="Initial weights, e.g. to add your own images or classes.",
         ),
-    ] = None,
+    ] = None
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Go on with the run in --out; at most one epoch was lost."),
-    ] = False,
-    device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
-    workers: Annotated[int, typer.Option(min=0, max=64, help="Threads that prepare pictures.")] = 2,
+        typer.Option("--resume", help="Continue the run in --out; loses at most one epoch."),
+    ] = False
+    device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto"
+    workers: Annotated[int, typer.Option(min=0, max=64, help="Threads that prepare images.")] = 2
     threads: Annotated[
         int, typer.Option(min=0, max=256, help="Threads that compute; 0 = one per core.")
-    ] = 0,
+    ] = 0
     cache_mb: Annotated[
-        int, typer.Option(min=0, help="Memory for decoded pictures, per process.")
-    ] = 4096,
-) -> None:
-    """Train a network on a data set: model.safetensors, its card and its figures. Under torchrun on
-    several processes."""
+        int, typer.Option(min=0, help="Memory for decoded images, megabytes per process.")
+    ] = 4096
+
+
+def train(settings: TrainSettings) -> None:
+    """Train a network on a data set: model.safetensors, its card and its measurements. Under
+    torchrun on several processes."""
     import torch
 
     from app.learning import report as training_report
@@ -56,24 +62,23 @@ def train(
     from navcore.perception.esanet.weights.weights_file import load
 
     cores = (os.cpu_count() or 1) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
-    torch.set_num_threads(
-        threads or max(1, cores)
-    )  # the package app has capped all libraries at one
-    chosen = Recipe() if recipe is None else load_recipe(recipe)
-    if not (data / "train_rgb.txt").is_file():
+    # The package app has capped all libraries at one thread.
+    torch.set_num_threads(settings.threads or max(1, cores))
+    recipe = Recipe() if settings.recipe is None else load_recipe(settings.recipe)
+    if not (settings.data / "train_rgb.txt").is_file():
         raise BadConfiguration(
-            f"--data {data}: no data set with a train split (train_rgb.txt) is there"
+            f"--data {settings.data}: no data set with a train split (train_rgb.txt) is there"
         )
     started = time.monotonic()
     run = training.train(
-        chosen,
-        load_dataset(data),
-        out,
-        resume=resume,
-        start=None if start is None else load(start),
-        device=device,
-        workers=workers,
-        cache_mb=cache_mb,
+        recipe,
+        load_dataset(settings.data),
+        settings.out,
+        resume=settings.resume,
+        start=None if settings.start is None else load(settings.start),
+        device=settings.device,
+        workers=settings.workers,
+        cache_mb=settings.cache_mb,
     )
     if run is not None:
         training_report.report(

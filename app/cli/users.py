@@ -1,5 +1,7 @@
-"""`bewarenav users`: who may log in. The console may be running meanwhile; it hears of changes
-within a second."""
+"""`bewarenav users`: the accounts of the console.
+
+The console may be running; changes take effect within a second.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,14 @@ if TYPE_CHECKING:
     from app.storage.users import UserTable
     from web.access.users import User
 
-users_cli = typer.Typer(help="Who may log in to the console.", no_args_is_help=True)
+users_cli = typer.Typer(help="Accounts that may log in to the console.", no_args_is_help=True)
 DataOption = Annotated[
     Path, typer.Option("--data", metavar="DIR", help="The console's data folder.")
 ]
 RoleOption = Annotated[
     Literal["viewer", "operator", "admin"],
     typer.Option(
-        help="viewer: look and stop; operator: drive and edit as well; admin: users as well."
+        help="viewer: watch and stop; operator: drive and edit as well; admin: users as well."
     ),
 ]
 NameArgument = Annotated[str, typer.Argument(metavar="NAME")]
@@ -32,7 +34,7 @@ NameArgument = Annotated[str, typer.Argument(metavar="NAME")]
 
 @users_cli.command("add")
 def add(name: NameArgument, role: RoleOption = "operator", data: DataOption = Path("data")) -> None:
-    """Add somebody; the password is asked for, or read from standard input."""
+    """Add a user; the password is prompted for, or read from standard input."""
     from web.access.roles import Role
     from web.access.users import new_user
 
@@ -43,7 +45,7 @@ def add(name: NameArgument, role: RoleOption = "operator", data: DataOption = Pa
 
 @users_cli.command("list")
 def list_users(data: DataOption = Path("data")) -> None:
-    """Print who may log in."""
+    """Print the users."""
     with _users(data) as users:
         for user in users.all():
             typer.echo(
@@ -53,7 +55,7 @@ def list_users(data: DataOption = Path("data")) -> None:
 
 @users_cli.command("remove")
 def remove(name: NameArgument, data: DataOption = Path("data")) -> None:
-    """Remove somebody; his sessions end."""
+    """Remove a user and end their sessions."""
     with _users(data) as users:
         users.remove(name)
     typer.echo(f"{name} may no longer log in.")
@@ -61,7 +63,7 @@ def remove(name: NameArgument, data: DataOption = Path("data")) -> None:
 
 @users_cli.command("password")
 def password(name: NameArgument, data: DataOption = Path("data")) -> None:
-    """Give somebody a new password; his sessions end."""
+    """Set a new password for a user and end their sessions."""
     from web.access.users import hash_password
 
     with _users(data) as users:
@@ -75,7 +77,7 @@ def change_role(
     role: Annotated[Literal["viewer", "operator", "admin"], typer.Argument()],
     data: DataOption = Path("data"),
 ) -> None:
-    """Give somebody another role; his sessions end."""
+    """Change the role of a user and end their sessions."""
     from web.access.roles import Role
 
     with _users(data) as users:
@@ -85,8 +87,8 @@ def change_role(
 
 @users_cli.command("token")
 def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
-    """Print a bearer token for a program that acts as NAME; it is shown this once, and the one
-    before it is void."""
+    """Print a bearer token for a program that acts as NAME; it is shown only once and replaces the
+    previous one."""
     from web.access.users import new_token
 
     token, token_hash = new_token()

@@ -1,5 +1,4 @@
-"""`bewarenav weights`: convert an official ESANet checkpoint once, and say what a weights file
-holds."""
+"""`bewarenav weights`: convert, calibrate, quantise and describe files of network weights."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:  # at run time these would make every command wait for torch
     from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 
 weights_cli = typer.Typer(
-    help="Trained ESANet networks: convert an official checkpoint, say what a file holds."
+    help="Trained ESANet networks: convert an official checkpoint, describe a file."
 )
 
 
@@ -27,7 +26,7 @@ def convert(
     ],
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
 ) -> None:
-    """Read a checkpoint without executing anything in it and write it as safetensors with its hash."""
+    """Convert a checkpoint to safetensors with its hash, without executing anything in it."""
     from navcore.perception.esanet.weights import weights_file as weights
 
     _say(weights.convert(source, target))
@@ -38,7 +37,7 @@ def halve(
     source: Annotated[Path, typer.Argument(help="A .safetensors file.")],
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
 ) -> None:
-    """Write a network with its kernels in half precision: half the size, for files to ship."""
+    """Write a network with its kernels in half precision: half the file size."""
     from navcore.perception.esanet.weights import weights_file as weights
 
     trained = weights.load(source)
@@ -52,16 +51,16 @@ def calibrate(
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
     data: Annotated[
         Path,
-        typer.Option(metavar="DIR", help="A data set that it was not trained on the split of."),
+        typer.Option(metavar="DIR", help="A data set with a split that was not used for training."),
     ],
-    split: Annotated[str, typer.Option(help="The split to do best on.")] = "valid",
+    split: Annotated[str, typer.Option(help="The split to calibrate on.")] = "valid",
 ) -> None:
-    """Shift the classes' logits so that the mean IoU of a split is largest, and scale them: as sure
-    as it is right."""
+    """Shift the logits of the classes to maximise the mean IoU of a split, and scale them so that
+    confidence equals accuracy."""
     from navcore.learning.training.calibration import calibrate as shift
     from navcore.perception.esanet.weights import weights_file as weights
 
-    trained, pictures, looking = _shown(source, target, data, split)
+    trained, pictures, looking = _opened(source, target, data, split)
     offsets, temperature = shift(trained.network, pictures, looking)
     weights.save(trained.network, trained.card, target)
     for name, offset in zip(trained.card.class_names, offsets, strict=True):
@@ -75,28 +74,28 @@ def quantise(
     target: Annotated[Path, typer.Argument(help="The .safetensors file to write.")],
     data: Annotated[
         Path,
-        typer.Option(metavar="DIR", help="A data set that it was not trained on the split of."),
+        typer.Option(metavar="DIR", help="A data set with a split that was not used for training."),
     ],
     split: Annotated[str, typer.Option(help="The split to measure on.")] = "valid",
     most_lost: Annotated[
         float,
-        typer.Option(help="Mean IoU that may be lost; else nothing is written.", min=0, max=1),
+        typer.Option(help="Largest loss of mean IoU at which the file is written.", min=0, max=1),
     ] = 0.01,
 ) -> None:
-    """Measure on pictures what ranges eight bits must hold, and what they cost; engines may run the
-    network in them then."""
+    """Measure the value ranges for eight-bit arithmetic and what it costs; engines may then run the
+    network in eight bits."""
     from navcore.errors import BadConfiguration
     from navcore.learning.training.quantisation import quantise as measure
     from navcore.perception.esanet.weights import weights_file as weights
 
-    trained, pictures, looking = _shown(source, target, data, split)
+    trained, pictures, looking = _opened(source, target, data, split)
     found = measure(trained.network, pictures, looking)
     typer.echo(
         f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}"
     )
     if math.isnan(found.mean_iou):
         raise BadConfiguration(
-            f"{data}: the pictures of {split} have no labels, so nothing can be measured"
+            f"{data}: the images of {split} have no labels, so nothing can be measured"
         )
     if found.mean_iou - found.mean_iou_in_bytes > most_lost:
         raise BadConfiguration(f"eight bits cost more than {most_lost:g}: {target} was not written")
@@ -107,19 +106,21 @@ def quantise(
 
 @weights_cli.command()
 def info(
-    path: Annotated[Path, typer.Argument(help="A converted or shipped .safetensors file.")],
+    path: Annotated[Path, typer.Argument(help="A converted or trained .safetensors file.")],
 ) -> None:
-    """Check that a file is whole and say what network it holds."""
+    """Check that a file is intact and describe its network."""
     from navcore.perception.esanet.weights import weights_file as weights
 
     _say(weights.load(path).card)
 
 
-def _shown(
+def _opened(
     source: Path, target: Path, data: Path, split: str
 ) -> tuple[TrainedNetwork, Pictures, Looking]:
-    """A network, the pictures of a split, and how it looks at them; raises `BadConfiguration` where
-    they do not fit."""
+    """Open a network and the images of a split, with how the network is run on them.
+
+    Raises `BadConfiguration` where they do not fit.
+    """
     from navcore.errors import BadConfiguration
     from navcore.learning.data.dataset import dataset_for
     from navcore.learning.training.batches import Pictures
@@ -134,13 +135,14 @@ def _shown(
         raise BadConfiguration(f"--split {split!r}: expected train, valid or test")
     dataset = dataset_for(data, class_names=trained.card.class_names, depth=trained.card.depth)
     if not dataset.count(split):  # type: ignore[arg-type]
-        raise BadConfiguration(f"--split {split}: the data set has no such pictures")
+        raise BadConfiguration(f"--split {split}: the data set has no such images")
     return trained, Pictures(dataset, split, cache_mb=0), Looking(size=trained.card.size)  # type: ignore[arg-type]
 
 
 def _say(card: WeightsCard) -> None:
     typer.echo(
-        f"{card.variant}, width {card.width:g}, {card.num_classes} classes: {', '.join(card.class_names)}"
+        f"{card.variant}, width {card.width:g}, {card.num_classes} classes: "
+        f"{', '.join(card.class_names)}"
     )
     typer.echo(f"depth: {card.depth}")
     typer.echo(f"made from sha256 {card.source_sha256}")

@@ -26,12 +26,13 @@ from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import OperatorState, RobotController
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.stage_timer import StageTimer
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.robot.husky import husky_urdf
@@ -110,12 +111,11 @@ def console(
         back_end = _back_end(options, config)
         robot = back_end.robot
         stack.callback(robot.close)
-        pilot, began_ns = _pilot(store, back_end.spec, perception, config), robot.now_ns()
-        if back_end.faults:
-            sabotage = FaultInjector(
-                pilot.navigator, lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9
-            )
-            sabotage.take_time(time.sleep)
+        began_ns = robot.now_ns()
+        faults = FaultInjector(lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
+        faults.take_time(time.sleep)
+        stages = faults.wrap(Stages()) if back_end.faults else Stages()
+        pilot = _pilot(store, back_end.spec, perception, config, stages)
         load_map(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
         stack.callback(
             lambda: save_map(pilot.navigator.map, pilot.intent.beware, options.kept)
@@ -180,14 +180,21 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
 
 
 def _pilot(
-    store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig
+    store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig, stages: Stages
 ) -> RobotController:
     """A pilot that remembers the zones and the beware list of the last session, and stands."""
-    navigator = Navigator(spec=spec, profile=HUSKY, segmenter=perception.segmenter, config=config)
+    timer = StageTimer()
+    navigator = Navigator(
+        spec=spec,
+        profile=HUSKY,
+        segmenter=perception.segmenter,
+        config=config,
+        stages=timer.wrap(stages),
+    )
     intent = OperatorState(
         mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones()
     )
-    return RobotController(navigator=navigator, profile=HUSKY, intent=intent)
+    return RobotController(navigator=navigator, profile=HUSKY, intent=intent, timer=timer)
 
 
 def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:

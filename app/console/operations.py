@@ -19,7 +19,6 @@ from app.insight.service import LiveInsight
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import MOVING, OperatorState, RobotController
 from app.runtime.segmentation import Perception
-from app.runtime.stage_timer import Stopwatch
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
@@ -70,7 +69,6 @@ class LiveOperations:
         else asks for it."""
         self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
         self._world, self._urdf, self._perception = world, robot_urdf, perception
-        self._stopwatch = Stopwatch(pilot.navigator)
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self._zones_version = 0
         spec = pilot.navigator.map.spec
@@ -124,8 +122,7 @@ class LiveOperations:
 
     def tick_ms(self) -> float:
         """How long the newest tick took."""
-        ticks = self._stopwatch.ms["tick"]
-        return ticks[-1] if ticks else 0.0
+        return self._pilot.timer.tick_ms
 
     # What is shown
 
@@ -283,7 +280,7 @@ class LiveOperations:
         )
 
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-            route = navigator.preview(navigator.drafted(grid), pose, goal)
+            route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
             if isinstance(route.outcome, NoPath):
                 return PathPreview(
                     outcome=route.outcome, points=route.points, length_m=None, time_s=None

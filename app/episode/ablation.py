@@ -5,19 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
 from navcore.config.navigator import NavigatorConfig
+from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.costmap.costmap import Costmap
-from navcore.geometry.polyline import path_from
+from navcore.geometry.arrays import Points, path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
-from navcore.navigator import Navigator
+from navcore.navigator import Stages
 from navcore.perception.labels import Labels, LabelSource, Segmenter
-from navcore.planning.route import Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from sim.simulator import Simulator
@@ -71,27 +69,23 @@ def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) ->
 
 
 def ablate(
-    navigator: Navigator, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig
-) -> None:
-    """Take the local planner away, where that is asked for."""
+    stages: Stages, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig
+) -> Stages:
+    """Replace the local planner by pure pursuit where that is asked for."""
     if ablation is not Ablation.NO_LOCAL_PLANNER:
-        return
+        return stages
 
-    def move(
-        occupancy: Costmap, pose: Pose2, route: Route | None, *rest: Any, **named: Any
-    ) -> Motion:
-        return (
-            IDLE if route is None or not len(route.points) else pursue(route, pose, profile, config)
-        )
+    def control(_controller: Controller, task: ControlTask) -> Motion:
+        return pursue(task.track, task.pose, profile, config) if len(task.track) else IDLE
 
-    navigator.move = move  # type: ignore[method-assign]
+    return dataclasses.replace(stages, control=control)
 
 
-def pursue(route: Route, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> Motion:
+def pursue(track: Points, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> Motion:
     """Pure pursuit of the path, blind to all else: towards a point ahead on it, turning on the spot
     where it leads off."""
     rules = config.local
-    path = path_from(route.track, pose)
+    path = path_from(track, pose)
     goal_m = float(np.hypot(*path[-1]))
     if goal_m <= rules.arrival_m:
         return Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)

@@ -14,18 +14,18 @@ import numpy as np
 
 from app.episode.ablation import Ablation, ablate, segmenter_for
 from app.episode.informed_baseline import SensorModel
-from app.episode.report import report_of
+from app.episode.report import EpisodeRecord, Sample, report_of
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.robot_controller import COMMAND_PERIOD_S, OperatorState, RobotController
 from app.runtime.segmentation import Perception, colour_perception
-from app.runtime.stage_timer import Stopwatch
+from app.runtime.stage_timer import StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Navigator, TickResult
+from navcore.navigator import Navigator, Stages, TickResult
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import GateDecision
@@ -67,20 +67,6 @@ class Progress:
         return f"{self.goals_done} of {self.goals} goals, {where}, {self.sim_time_s:5.0f} s"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
-    """One moment of an episode."""
-
-    t_s: float
-    """Simulated time."""
-    pose: Pose2
-    """Where the robot truly is."""
-    explored_m2: float
-    """Area that its map has seen by then."""
-    explored_m3: float
-    """And volume."""
-
-
 class Episode:
     """One seeded mission from start to end; `run` returns the episode report."""
 
@@ -99,6 +85,7 @@ class Episode:
         as_found: bool = False,
         zones: tuple[tuple[tuple[float, float], ...], ...] = (),
         ablation: Ablation = Ablation.NONE,
+        stages: Stages | None = None,
     ) -> None:
         """Without a perception the colour rules look for what is to beware of.
 
@@ -133,10 +120,17 @@ class Episode:
             perception.identity if self._segmenter is perception.segmenter else str(ablation)
         )
         """What labels the pictures."""
-        navigator = Navigator(spec=spec, profile=profile, segmenter=self._segmenter, config=config)
-        ablate(navigator, ablation, profile, config)
-        self._sabotage = FaultInjector(navigator, lambda: self.simulator.faults, lambda: self.now_s)
-        self.stopwatch = Stopwatch(navigator)
+        self._fault_injector = FaultInjector(lambda: self.simulator.faults, lambda: self.now_s)
+        self.timer = StageTimer()
+        """Durations of ticks and stages."""
+        stages = self._fault_injector.wrap(ablate(stages or Stages(), ablation, profile, config))
+        navigator = Navigator(
+            spec=spec,
+            profile=profile,
+            segmenter=self._segmenter,
+            config=config,
+            stages=self.timer.wrap(stages),
+        )
         drawn = () if ablation is Ablation.NO_ZONES else zones
         told = tuple(
             Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon)
@@ -146,6 +140,7 @@ class Episode:
             navigator=navigator,
             profile=profile,
             intent=OperatorState(mission=mission, beware=beware, zones=told),
+            timer=self.timer,
         )
         self.finds = DetectionScore(self.scenario)
         """What came into view."""
@@ -201,7 +196,33 @@ class Episode:
                     break
         self._sample()
         on_progress(self._progress())
-        return report_of(self, wall_time_s=time.perf_counter() - started, cut_short=cut_short)
+        return report_of(self._record(time.perf_counter() - started, cut_short=cut_short))
+
+    def _record(self, wall_time_s: float, *, cut_short: bool) -> EpisodeRecord:
+        driving = self.pilot.intent.mission.phase is Phase.DRIVING
+        stopped = "by its judge" if cut_short else "standing" if self.stands else "time"
+        return EpisodeRecord(
+            scenario=self.scenario,
+            seed=self.seed,
+            simulator=self.simulator,
+            segmenter=self.seen_by,
+            ablation=str(self.ablation),
+            goals=self.goals,
+            zones=self.zones,
+            ended=stopped if driving else "all goals",
+            sim_time_s=self.now_s,
+            wall_time_s=wall_time_s,
+            spec=self.spec,
+            inflation_m=self.inflation_m,
+            sensor=self.eyes,
+            goal_errors_m=self.arrived,
+            goal_errors_by_odometry_m=self.believed,
+            detections=self.finds,
+            samples=tuple(self.samples),
+            timer=self.timer,
+            beware=self.pilot.intent.beware,
+            map=self.pilot.navigator.map,
+        )
 
     @property
     def stands(self) -> bool:
@@ -238,9 +259,12 @@ class Episode:
         """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile
         are missed."""
         if frame is not None:
-            self.finds.look(frame, self.simulator.true_pose().matrix() @ frame.T_base_camera)
+            self.finds.observe(frame, self.simulator.true_pose().matrix() @ frame.T_base_camera)
         if self._thinks_of is None:
-            self._thinks_of, self._thinks_until_s = frame, self.now_s + self._sabotage.delay_s()
+            self._thinks_of, self._thinks_until_s = (
+                frame,
+                self.now_s + self._fault_injector.delay_s(),
+            )
 
     def _end_tick(self) -> None:
         if self._thinks_of is None or self.now_s < self._thinks_until_s:

@@ -17,12 +17,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.costmap.costmap import nearest_free
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.inflation import InflatedGrid
+from navcore.grid.nearest import nearest_free
 from navcore.planning.path import NoPath
 from navcore.planning.replanner import Replanner
 from navcore.planning.route import TAUT_M

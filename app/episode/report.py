@@ -1,81 +1,148 @@
-"""The report of an episode: what the referee says, how the navigator did, and what its map holds of
-the true world."""
+"""The report of an episode: the referee's judgement, durations, and what the map has of the world."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
 from app.episode.failure_causes import GOAL_RADIUS_M, causes_of
-from app.episode.informed_baseline import TrueGrids, ideal_way_m
+from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_way_m
+from app.runtime.stage_timer import StageTimer
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
-from navcore.mission.mission import Phase
+from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Goal
+from sim.referee.detections import DetectionScore
+from sim.scenario.schema import Scenario
+from sim.simulator import Simulator
 
-if TYPE_CHECKING:
-    from app.episode.episode import Episode
+Polygon = tuple[tuple[float, float], ...]
 
 
-def report_of(episode: Episode, *, wall_time_s: float, cut_short: bool) -> dict[str, Any]:
-    """The report of the contract; `cut_short` when somebody ended the run before its time."""
-    referee, watch = episode.simulator.referee, episode.stopwatch
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """The state of an episode once a second."""
+
+    t_s: float
+    """Simulated time in seconds."""
+    pose: Pose2
+    """True pose of the robot."""
+    explored_m2: float
+    """Area that the map has observed, m²."""
+    explored_m3: float
+    """Volume that the map has observed, m³."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EpisodeRecord:
+    """Everything that a report is made of, at the end of an episode."""
+
+    scenario: Scenario
+    """The world as the seed made it."""
+    seed: int
+    """Seed of the episode."""
+    simulator: Simulator
+    """The simulator with its referee."""
+    segmenter: str
+    """Identity of what labelled the images."""
+    ablation: str
+    """What was left out of the navigation."""
+    goals: tuple[Goal, ...]
+    """Goals of the mission, in order."""
+    zones: tuple[Polygon, ...]
+    """Keep-out zones drawn by the operator."""
+    ended: str
+    """Why the episode ended."""
+    sim_time_s: float
+    """Simulated duration in seconds."""
+    wall_time_s: float
+    """Real duration in seconds."""
+    spec: GridSpec
+    """Grid of the map."""
+    inflation_m: float
+    """Inflation radius of the robot's centre in metres."""
+    sensor: SensorModel
+    """Field of view of the camera."""
+    goal_errors_m: dict[int, float]
+    """True distance to each goal when the robot reported it reached, by goal id."""
+    goal_errors_by_odometry_m: dict[int, float]
+    """The same by odometry."""
+    detections: DetectionScore
+    """Which items came into view."""
+    samples: tuple[Sample, ...]
+    """One a second."""
+    timer: StageTimer
+    """Durations of ticks and stages."""
+    beware: BewareList
+    """The beware list at the end."""
+    map: PointMap
+    """The navigator's map at the end."""
+
+    @property
+    def goal_points(self) -> list[tuple[float, float]]:
+        """(x, y) of the goals in the map frame."""
+        return [(goal.x_m, goal.y_m) for goal in self.goals]
+
+
+def report_of(record: EpisodeRecord) -> dict[str, Any]:
+    """Make the episode report, a JSON object."""
+    referee, timer = record.simulator.referee, record.timer
     judged = referee.summary()
-    reached = sum(episode.arrived.get(goal.id, math.inf) <= GOAL_RADIUS_M for goal in episode.goals)
-    everywhere = reached == len(episode.goals)
-    shortest_m = _shortest_m(episode)
+    clearance_m = judged["min_clearance_m"]
+    errors_m = record.goal_errors_m
+    reached = sum(errors_m.get(goal.id, math.inf) <= GOAL_RADIUS_M for goal in record.goals)
+    everywhere = reached == len(record.goals)
+    shortest_m = referee.shortest_m(record.spec, record.inflation_m, record.goal_points)
     share = 0.0 if shortest_m is None else shortest_m / max(referee.distance_m, shortest_m)
-    ideal_m = _ideal_m(episode)
-    done = episode.pilot.intent.mission.phase is not Phase.DRIVING
+    ideal_m = _ideal_m(record)
     report = {
-        "scenario": episode.scenario.name,
-        "seed": episode.seed,
-        "robot": episode.simulator.profile.name,
-        "segmenter": episode.seen_by,
-        "ablation": str(episode.ablation),
-        "start": list(episode.scenario.start),
-        "goals": [[goal.x_m, goal.y_m] for goal in episode.goals],
-        "zones": [[list(corner) for corner in zone] for zone in episode.zones],
+        "scenario": record.scenario.name,
+        "seed": record.seed,
+        "robot": record.simulator.profile.name,
+        "segmenter": record.segmenter,
+        "ablation": record.ablation,
+        "start": list(record.scenario.start),
+        "goals": [list(point) for point in record.goal_points],
+        "zones": [[list(corner) for corner in zone] for zone in record.zones],
         "goals_reached": reached,
         "success": everywhere and referee.violations() == 0,
-        "ended": "all goals"
-        if done
-        else "by its judge"
-        if cut_short
-        else "standing"
-        if episode.stands
-        else "time",
-        "sim_time_s": round(episode.now_s, 3),
-        "wall_time_s": round(wall_time_s, 3),
+        "ended": record.ended,
+        "sim_time_s": round(record.sim_time_s, 3),
+        "wall_time_s": round(record.wall_time_s, 3),
         **judged,
-        "min_clearance_m": judged["min_clearance_m"]
-        if math.isfinite(judged["min_clearance_m"])
-        else None,
-        "shortest_m": None if shortest_m is None else round(shortest_m, 3),
+        "min_clearance_m": clearance_m if math.isfinite(clearance_m) else None,
+        "shortest_m": _rounded(shortest_m),
         "spl": round(share, 4) if everywhere else 0.0,
-        "ideal_m": None if ideal_m is None else round(ideal_m, 3),
-        "goal_errors_m": {
-            str(goal_id): round(error, 3) for goal_id, error in episode.arrived.items()
-        },
-        "goal_errors_by_odometry_m": {
-            str(goal_id): round(error, 3) for goal_id, error in episode.believed.items()
-        },
-        "items": _items(episode),
-        "explored_share": _explored_share(episode),
-        "replans": len(watch.ms["plan"]),
-        "plan_ms": watch.summary("plan"),
-        "tick_ms": watch.summary("tick"),
-        "segment_ms": watch.summary("label"),
-        "series": _series(episode),
+        "ideal_m": _rounded(ideal_m),
+        "goal_errors_m": _by_goal(errors_m),
+        "goal_errors_by_odometry_m": _by_goal(record.goal_errors_by_odometry_m),
+        "items": _items(record),
+        "explored_share": _explored_share(record),
+        "replans": len(timer.ms["replan"]),
+        "plan_ms": timer.summary("replan"),
+        "tick_ms": timer.summary("tick"),
+        "segment_ms": timer.summary("segment"),
+        "series": _series(record),
     }
     return {**report, "causes": causes_of(report)}
 
 
-def _series(episode: Episode) -> dict[str, list[float]]:
-    samples, referee = episode.samples, episode.simulator.referee
+def _rounded(length_m: float | None) -> float | None:
+    return None if length_m is None else round(length_m, 3)
+
+
+def _by_goal(errors_m: dict[int, float]) -> dict[str, float]:
+    return {str(goal_id): round(error, 3) for goal_id, error in errors_m.items()}
+
+
+def _series(record: EpisodeRecord) -> dict[str, list[float]]:
+    samples, referee = record.samples, record.simulator.referee
     return {
         "t_s": [round(sample.t_s, 3) for sample in samples],
         "distance_m": [round(referee.distance_at(sample.t_s), 3) for sample in samples],
@@ -86,40 +153,32 @@ def _series(episode: Episode) -> dict[str, list[float]]:
     }
 
 
-def _shortest_m(episode: Episode) -> float | None:
-    """The shortest way through all goals for who knows the true map and keeps the navigator's
-    margin."""
-    goals = [(goal.x_m, goal.y_m) for goal in episode.goals]
-    return episode.simulator.referee.shortest_m(episode.spec, episode.inflation_m, goals)
-
-
-def _ideal_m(episode: Episode) -> float | None:
-    """The way of a driver without faults who has to see the world first."""
-    spec, (x_m, y_m, yaw_rad) = episode.spec, episode.scenario.start
-    tall, low, zones = episode.simulator.referee.true_cells(spec)
+def _ideal_m(record: EpisodeRecord) -> float | None:
+    """Length in metres of an ideal driver's route through a world that is unknown at first."""
+    spec, (x_m, y_m, yaw_rad) = record.spec, record.scenario.start
+    tall, low, zones = record.simulator.referee.true_cells(spec)
     return ideal_way_m(
         TrueGrids(tall=tall, low=low, known=zones),
         spec,
         Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
-        [(goal.x_m, goal.y_m) for goal in episode.goals],
-        eyes=episode.eyes,
-        inflation_m=episode.inflation_m,
+        record.goal_points,
+        eyes=record.sensor,
+        inflation_m=record.inflation_m,
     )
 
 
-def _items(episode: Episode) -> dict[str, dict[str, int]]:
-    beware = episode.pilot.intent.beware
-    grid = layer_grid(episode.pilot.navigator.map, beware, ())
+def _items(record: EpisodeRecord) -> dict[str, dict[str, int]]:
+    beware = record.beware
+    grid = layer_grid(record.map, beware, ())
     held = {entry.name: grid.beware[entry.class_id] for entry in beware.enabled}
-    return episode.finds.verdict(held, episode.spec)
+    return record.detections.counts_by_class(held, record.spec)
 
 
-def _explored_share(episode: Episode) -> float:
-    """How much of the floor that the robot could stand on, truly and from its start, its map has
-    seen."""
-    spec: GridSpec = episode.spec
-    free = ~episode.simulator.referee.true_blocked(spec, episode.simulator.profile.width_m / 2)
+def _explored_share(record: EpisodeRecord) -> float:
+    """Share of the truly reachable floor that the map has observed."""
+    spec = record.spec
+    free = ~record.simulator.referee.true_blocked(spec, record.simulator.profile.width_m / 2)
     _, areas = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    floor = areas == areas[spec.cell(*episode.scenario.start[:2])]
-    seen = episode.pilot.navigator.map.explored.seen.bools
+    floor = areas == areas[spec.cell(*record.scenario.start[:2])]
+    seen = record.map.explored.seen.bools
     return round(float((seen & floor).sum() / floor.sum()), 4)

@@ -15,7 +15,7 @@ from navcore.mission.mission import Mission
 from navcore.robot.profile import RobotProfile
 from sim.scenario.schema import Scenario, map_grid
 from sim.scenario.variation import randomise
-from sim.truth.random_missions import ROOM_M, draw_places, draw_zones
+from sim.truth.random_missions import EXTRA_CLEARANCE_M, draw_mission, draw_zones
 
 ZONES = 2
 """Of an episode with random start and goal, when nobody says how many."""
@@ -110,10 +110,10 @@ def _placed(
 ) -> tuple[Scenario, NavigatorConfig]:
     """With start and goal drawn; where there is nowhere as much room as the robot is usually given,
     it is told of less."""
-    tight_m = min(robot.circumscribed_radius_m + ROOM_M, config.start_clear_m)
+    tight_m = min(robot.circumscribed_radius_m + EXTRA_CLEARANCE_M, config.start_clear_m)
     room_m = {"robot": robot, "margin_m": config.safety_margin_m, "margins_m": margins_m}
     try:
-        return draw_places(world, seed, start_clear_m=config.start_clear_m, **room_m), config  # type: ignore[arg-type]
+        return draw_mission(world, seed, start_clear_m=config.start_clear_m, **room_m), config  # type: ignore[arg-type]
     except BadConfiguration:
-        placed = draw_places(world, seed, start_clear_m=tight_m, **room_m)  # type: ignore[arg-type]
+        placed = draw_mission(world, seed, start_clear_m=tight_m, **room_m)  # type: ignore[arg-type]
         return placed, dataclasses.replace(config, start_clear_m=tight_m)

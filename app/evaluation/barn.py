@@ -1,5 +1,4 @@
-"""The outside measure: the published BARN and DynaBARN worlds, driven by camera alone, scored by
-the challenge's rule."""
+"""Evaluation on the published BARN and DynaBARN worlds by the challenge's rules, camera only."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ from sim.scenario.barn import SCALES, BarnWorld, load_worlds
 from sim.simulator import Simulator
 
 MOVED_M = 0.1
-"""The clock starts when the robot has come so far from the start."""
+"""Distance from the start at which the challenge's clock starts, metres."""
 COLUMNS = (
     "world",
     "success",
@@ -34,25 +33,25 @@ COLUMNS = (
     "wall_time_s",
 )
 SUITES = ("barn", "dynabarn")
-LOOK_FIRST_S = 1.5
-"""The robot looks for so long before it sets out, or it could not know who walks; the clock does
-not run yet."""
-NOTHING_TO_BEWARE = BewareList(classes=())
+OBSERVE_FIRST_S = 1.5
+"""Time the robot observes before it starts to drive, seconds, to detect moving people; the
+challenge's clock does not run yet."""
+NO_CLASSES = BewareList(classes=())
 
 
 class ChallengeRules:
-    """Ends a run by the challenge's rule: within the tolerance of the goal, at any contact, or when
-    the time is up."""
+    """The challenge's rules: a run ends at the goal, at any contact, or at the time limit."""
 
     def __init__(self, world: BarnWorld) -> None:
         self._world = world
         self.began_s: float | None = None
-        """When the robot had moved; None before."""
+        """Simulated time at which the clock started; None before."""
         self.now_s = 0.0
-        self.there = self.touched = False
+        """Simulated time, seconds."""
+        self.at_goal = self.touched = False
 
     def ended(self, simulator: Simulator) -> bool:
-        """Look at the ground truth; whether the run is over."""
+        """Judge the simulator's ground truth; return whether the run is over."""
         pose, (x_m, y_m, _), referee = (
             simulator.true_pose(),
             self._world.scenario.start,
@@ -62,15 +61,15 @@ class ChallengeRules:
         if self.began_s is None and pose.distance_to(x_m, y_m) >= MOVED_M:
             self.began_s = self.now_s
         self.touched = referee.collisions + referee.struck_while_standing > 0
-        self.there = (
+        self.at_goal = (
             not self.touched
             and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m
         )
-        return self.there or self.touched or self.time_s >= self._world.limit_s
+        return self.at_goal or self.touched or self.time_s >= self._world.limit_s
 
     @property
     def time_s(self) -> float:
-        """On the challenge's clock; before the robot has moved, since it was put down."""
+        """Time on the challenge's clock, seconds; simulated time before the clock has started."""
         return self.now_s - (self.began_s or 0.0)
 
 
@@ -85,10 +84,10 @@ def evaluate_barn(
     out: Path,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive the first `count` worlds of a file, one run each; prints a table, writes `summary.json`
-    and returns it.
+    """Drive the first `count` worlds of a file, one run each; print a table, write `summary.json`.
 
-    Without a configuration they are driven with the one that the robot starts with.
+    Returns the summary. `config` defaults to the configuration of the robot. Raises
+    `BadConfiguration`.
     """
     if worlds is None:
         raise BadConfiguration(
@@ -114,7 +113,7 @@ def evaluate_barn(
 
 
 def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """The figures of a campaign."""
+    """Return the summary of a campaign as a JSON object."""
     return {
         "suite": suite,
         "robot": robot.name,
@@ -138,46 +137,46 @@ def drive_world(
     seed: int,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """One run through the world of a number; the episode's report with the challenge's verdict."""
+    """Drive the world with the given number once; return its report with the challenge's verdict."""
     profile = load_profile(robot)
     world = next(world for world in _listed(suite, worlds, profile) if world.id == number)
-    judge = ChallengeRules(world)
+    rules = ChallengeRules(world)
     episode = Episode(
         world.scenario,
         seed=seed,
-        beware=NOTHING_TO_BEWARE,
+        beware=NO_CLASSES,
         config=config or _fitted(suite, config_for(profile)),
         max_time_s=2 * world.limit_s,
         robot=profile,
     )
     try:
-        report = episode.run(ended=judge.ended, look_first_s=LOOK_FIRST_S)
+        report = episode.run(ended=rules.ended, look_first_s=OBSERVE_FIRST_S)
     finally:
         episode.close()
-    judged = {**report, "world": number, **verdict(world, judge)}
+    judged = {**report, "world": number, **verdict(world, rules)}
     return {**judged, "causes": causes_of(judged)}
 
 
-def verdict(world: BarnWorld, judge: ChallengeRules) -> dict[str, Any]:
-    """What the challenge makes of a run."""
+def verdict(world: BarnWorld, rules: ChallengeRules) -> dict[str, Any]:
+    """Return the challenge's verdict on a run as report fields."""
     return {
-        "success": judge.there,
-        "goals_reached": int(judge.there),
-        "collision": judge.touched,
-        "timeout": not judge.there and not judge.touched,
-        "time_s": round(judge.time_s, 3),
+        "success": rules.at_goal,
+        "goals_reached": int(rules.at_goal),
+        "collision": rules.touched,
+        "timeout": not rules.at_goal and not rules.touched,
+        "time_s": round(rules.time_s, 3),
         "optimal_s": round(world.optimal_s, 3),
-        "score": round(world.score(success=judge.there, seconds=judge.time_s), 4),
+        "score": round(world.score(success=rules.at_goal, seconds=rules.time_s), 4),
     }
 
 
 def _fitted(suite: str, config: NavigatorConfig) -> NavigatorConfig:
-    """What moves in DynaBARN runs on its rails, over whoever stands there."""
+    """Return the configuration for a suite: DynaBARN's obstacles give way to nothing."""
     return replace(config, people=replace(config.people, non_cooperative=suite == "dynabarn"))
 
 
 def _listed(suite: str, path: Path, profile: RobotProfile) -> tuple[BarnWorld, ...]:
-    """The worlds of a file, fitted to the robot."""
+    """Load the worlds of a file, scaled to the robot; raises `BadConfiguration`."""
     if profile.name not in SCALES:
         raise BadConfiguration(
             f"--robot {profile.name}: the worlds are made for one of: {', '.join(SCALES)}"

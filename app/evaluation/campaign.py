@@ -1,4 +1,4 @@
-"""Many episodes over several workers, resumable: what is in `episodes.jsonl` is not driven again."""
+"""Campaigns: many episodes on several workers, resumable from `episodes.jsonl`."""
 
 from __future__ import annotations
 
@@ -34,22 +34,25 @@ Report = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """What is driven, and where it is kept."""
+    """How the episodes of a campaign are driven and recognised."""
 
     key: str
-    """The field of a report that tells one episode of the campaign from another: a whole number."""
+    """Report field with the whole number that identifies an episode, e.g. `seed`."""
     rules: object
-    """All that an episode depends on beside its key; its `repr` names the campaign, and episodes of
-    another are refused."""
+    """Everything an episode depends on besides its key; the hash of its `repr` identifies the
+    campaign, and episodes of another campaign are refused."""
     holds: str
-    """The same in words, for that refusal."""
+    """The contents of a refused file, in words, for the error message."""
     drive: Callable[[int], Report]
-    """Drives one episode in this process."""
+    """Drives the episode of a key in this process."""
     drive_alone: Callable[[int], Report]
-    """The same in a process of its own; can be pickled."""
+    """Drives the episode of a key in a worker process; can be pickled."""
 
     def run(self, wanted: Sequence[int], *, workers: int, out: Path) -> list[Report]:
-        """Drive what is not kept yet, keep each as it ends; the reports in the order wanted."""
+        """Drive the episodes that are not recorded yet and record each when it ends.
+
+        Returns the reports in the order of `wanted`; raises `BadConfiguration`.
+        """
         name = hashlib.sha256(repr(self.rules).encode()).hexdigest()[:16]
         kept = out / "episodes.jsonl"
         try:
@@ -83,14 +86,14 @@ class Campaign:
             try:
                 yield from (job.result() for job in as_completed(jobs))
             except BaseException:
-                # What is driven now is not kept anyway: do not let the operator wait for it.
+                # Episodes in progress are not recorded anyway: do not let the operator wait for them.
                 pool.shutdown(wait=False, cancel_futures=True)
                 for process in active_children():
                     process.terminate()
                 raise
 
     def _read(self, text: str, name: str, path: Path) -> Iterator[Report]:
-        """The episodes kept before; a line that a kill cut short is driven again."""
+        """Yield the recorded episodes; a line that was cut short by a kill is driven again."""
         for line in text.splitlines():
             try:
                 report = json.loads(line)
@@ -102,7 +105,7 @@ class Campaign:
 
 
 def _shown(driven: Iterator[Report], kept: list[Report], total: int) -> Iterator[Report]:
-    """The same reports, with a progress bar."""
+    """Yield the driven reports and show a progress bar."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -112,24 +115,24 @@ def _shown(driven: Iterator[Report], kept: list[Report], total: int) -> Iterator
     )
     with Progress(*columns, console=Terminal(stderr=True)) as bar:
         succeeded = sum(bool(report["success"]) for report in kept)
-        task = bar.add_task(_said(succeeded, len(kept)), total=total, completed=len(kept))
+        task = bar.add_task(_progress_text(succeeded, len(kept)), total=total, completed=len(kept))
         for number, report in enumerate(driven, start=len(kept) + 1):
             yield report
             succeeded += bool(report["success"])
-            bar.update(task, completed=number, description=_said(succeeded, number))
+            bar.update(task, completed=number, description=_progress_text(succeeded, number))
 
 
-def _said(succeeded: int, ended: int) -> str:
+def _progress_text(succeeded: int, ended: int) -> str:
     return f"{succeeded} of {ended} succeeded" if ended else "driving"
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent was killed ends; one whose parent hears Ctrl-C is ended by it."""
+    """End this worker when its parent is killed; Ctrl-C is left to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_wait_for_orphanage, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _wait_for_orphanage() -> None:
+def _exit_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -137,12 +140,12 @@ def _wait_for_orphanage() -> None:
 
 
 def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> float:
-    """The mean of a figure over reports."""
+    """Return the mean of a value over reports, rounded to four decimals."""
     return round(statistics.fmean(value(report) for report in reports), 4)
 
 
 def write_summary(summary: Report, out: Path) -> None:
-    """Write `summary.json`; raises `BadConfiguration` where that cannot be done."""
+    """Write `summary.json`; raises `BadConfiguration` when the folder cannot be written."""
     try:
         (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     except OSError as error:
@@ -152,7 +155,7 @@ def write_summary(summary: Report, out: Path) -> None:
 def conclude(
     reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path
 ) -> None:
-    """Write `summary.json` and print the table."""
+    """Write `summary.json` and print a table of the reports."""
     write_summary(summary, out)
     table = Table(*columns, title=title)
     for report in reports:

@@ -1,10 +1,9 @@
-"""Somebody walks across the robot's way and does not look out for it: many seeded encounters in an
-empty hall.
+"""Evaluation of people who cross the robot's path: many seeded encounters in an empty hall.
 
-Speed, angle and moment are drawn so that a robot that drives on without care is met by him; half of
-them walk on, the others stop in the robot's way or turn back in it. They are drawn so that the
-camera can see them for a while before they meet: on a course to meet, somebody stays at the same
-bearing, and who comes from beyond the camera's field of view is seen by nobody.
+The person does not avoid the robot. Speed, angle and time are drawn so that a robot that ignores
+people is hit; half of the people walk on, the others stop on the robot's path or turn back on it.
+Each is visible to the camera for a while before the collision: on a collision course a person stays
+at the same bearing, and one outside the camera's field of view could not be avoided.
 """
 
 from __future__ import annotations
@@ -29,46 +28,46 @@ from sim.scenario.schema import MapExtent, Person, Scenario
 
 HALL_M = 30.0
 START_M, GOAL_M = -4.0, 4.5
-"""The robot drives along x, from the one to the other."""
+"""The robot drives along the x axis from start to goal, metres."""
 CRUISE_MPS, DELAY_S = 1.0, 0.4
-"""As it does when nobody is there: so fast, after so long."""
+"""Speed of the undisturbed robot, and its delay before it drives."""
 SPEEDS_MPS = (0.4, 1.6)
 MEETING_M = (-1.0, 2.5)
-"""Where on the robot's way they would meet."""
+"""Range of the x coordinate at which the two paths cross, metres."""
 WIDEST_RAD = math.radians(40.0)
-"""He is seen at a smaller bearing from the camera than this; it sees 43.5° to either side …"""
+"""Largest bearing at which the camera sees a person; its field of view reaches 43.5° each side."""
 CAMERA_M, FARTHEST_M = 0.35, 4.2
-"""… from so far ahead of the robot's middle, and people up to so far …"""
+"""x of the camera in the robot's frame, and its range for people, metres."""
 NOTICE_S, SEEN_S = 3.0, 0.8
-"""… for so long within so long before they meet."""
+"""The person is visible for `SEEN_S` within the last `NOTICE_S` before the collision, seconds."""
 PATIENCE_S = 60.0
-"""A robot that has not reached its goal by then has not reached it."""
-BEYOND_M, FOR_GOOD_S = 6.0, 3600.0
-"""So far he walks on after the meeting, and there he stays."""
+"""Time limit of an episode, simulated seconds."""
+BEYOND_M, REST_S = 6.0, 3600.0
+"""Distance that the person walks beyond the crossing, and the time they then stay there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing:
-    """Somebody's way across the robot's, as drawn."""
+    """A person's walk across the robot's path, as drawn from a seed."""
 
     speed_mps: float
-    """Of walking."""
+    """Walking speed of the person."""
     angle_deg: float
-    """Between his heading and the robot's: 90 is straight across, 180 towards the robot; negative
-    to the right."""
+    """Angle from the robot's heading to the person's: 90 is straight across, 180 towards the robot;
+    negative to the right."""
     meeting_m: float
-    """x at which his way crosses the robot's."""
+    """x coordinate at which the paths cross."""
     late_s: float
-    """By how much he is there after the robot's middle would be."""
+    """Delay of the person at the crossing behind the centre of the undisturbed robot."""
     kind: str
-    """`walks on`, `stops` or `turns back`."""
+    """Behaviour of the person: `walks on`, `stops` or `turns back`."""
     beyond_m: float
-    """How far past the crossing of their ways he stops or turns back; negative for before it."""
+    """Distance past the crossing at which the person stops or turns back; negative before it."""
     pause_s: float
-    """How long he then stands."""
+    """Time for which the person then stands."""
 
     def scenario(self) -> Scenario:
-        """The empty hall with him in it."""
+        """Return the empty hall with the person in it."""
         angle = math.radians(self.angle_deg)
         ahead = np.array([math.cos(angle), math.sin(angle)])
         meeting = np.array([self.meeting_m, 0.0])
@@ -82,7 +81,7 @@ class Crossing:
         points = tuple(
             (float(x), float(y)) for x, y in (meeting + along * ahead for along in stations)
         )
-        pauses = (0.0, FOR_GOOD_S) if on else (0.0, self.pause_s, FOR_GOOD_S)
+        pauses = (0.0, REST_S) if on else (0.0, self.pause_s, REST_S)
         person = Person(
             points=points, speed_mps=self.speed_mps, yields=False, begins_at=0.0, pauses_s=pauses
         )
@@ -95,9 +94,9 @@ class Crossing:
             people=(person,),
         )
 
-    def meets_the_careless(self) -> bool:
-        """Whether a robot that just drives along x at its cruising speed is touched by him, who
-        comes into its sight first."""
+    def hits_undisturbed_robot(self) -> bool:
+        """Return whether the person touches a robot that drives along x at its cruising speed, and
+        is visible to its camera before that."""
         angle = math.radians(self.angle_deg)
         t_s = np.linspace(0.0, 12.0, 481)
         robot_m = START_M + CRUISE_MPS * np.maximum(t_s - DELAY_S, 0.0)
@@ -118,11 +117,12 @@ class Crossing:
         return bool((before & seen).sum() * (t_s[1] - t_s[0]) >= SEEN_S)
 
     def _due_s(self) -> float:
+        """Return the time at which the undisturbed robot reaches the crossing."""
         return DELAY_S + (self.meeting_m - START_M) / CRUISE_MPS
 
 
 def draw_crossing(seed: int) -> Crossing:
-    """The crossing of a seed: the first drawn that meets a robot without care."""
+    """Return the crossing of a seed: the first one drawn that hits an undisturbed robot."""
     rng = np.random.default_rng((seed, 0xC0551))
     while True:
         kind = str(rng.choice(["walks on", "walks on", "stops", "turns back"]))
@@ -135,7 +135,7 @@ def draw_crossing(seed: int) -> Crossing:
             beyond_m=float(rng.uniform(-0.6, 1.2)),
             pause_s=float(rng.uniform(1.0, 6.0)) if kind == "stops" else 0.0,
         )
-        if crossing.meets_the_careless():
+        if crossing.hits_undisturbed_robot():
             return crossing
 
 
@@ -163,8 +163,7 @@ def evaluate_crossings(
     max_time_s: float = PATIENCE_S,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive one crossing a seed, keep each as it ends, print a table, write `summary.json`; returns
-    the summary."""
+    """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     config = config or NavigatorConfig()
     drive = partial(drive_crossing, beware=beware, max_time_s=max_time_s, config=config)
     campaign = Campaign(
@@ -183,7 +182,7 @@ def evaluate_crossings(
 def drive_crossing(
     seed: int, *, beware: BewareList, max_time_s: float, config: NavigatorConfig | None = None
 ) -> dict[str, Any]:
-    """The report of the crossing of a seed, and what was drawn."""
+    """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
     episode = Episode(
         crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s, config=config
@@ -201,9 +200,12 @@ def drive_crossing(
 
 
 def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """The figures of a campaign. One that drives into somebody is at fault, one into which he walks
-    while it stands is not."""
-    met = [report for report in reports if report["collisions"]]
+    """Return the summary of a campaign as a JSON object.
+
+    A robot that drives into a person is at fault; one that a person walks into while it stands is
+    not.
+    """
+    hit = [report for report in reports if report["collisions"]]
     untouched = [
         report
         for report in reports
@@ -211,8 +213,8 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
     ]
     return {
         "episodes": len(reports),
-        "drove_into_somebody": len(met),
-        "drove_into_somebody_seeds": [report["seed"] for report in met],
+        "drove_into_somebody": len(hit),
+        "drove_into_somebody_seeds": [report["seed"] for report in hit],
         "struck_while_standing": sum(
             not report["collisions"] and report["struck_while_standing"] > 0 for report in reports
         ),

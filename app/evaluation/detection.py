@@ -41,7 +41,6 @@ from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
-from sim.models.solids import placed
 from sim.sensors.camera import T_BASE_CAMERA
 
 CELL_M, STEP_M, SPEED_MPS = 0.05, 0.1, 0.8
@@ -170,7 +169,7 @@ def _walk(
         rgb, depth_m, labels = studio.render(pose.matrix() @ T_BASE_CAMERA, scene)
         true_depth_m = depth_m
         rgb, depth_m = apply_camera_effects(
-            rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator
+            rgb, depth_m, studio.intrinsics.fx, rng, like_simulator=scene.like_simulator
         )
         frame = Frame(
             stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
@@ -194,13 +193,13 @@ def _walk(
 
 def _things(scene: Scene, spec: GridSpec) -> Iterator[Thing]:
     covered = [
-        (piece.label, [placed(solid.outline(), piece.pose) for solid in piece.solids])
-        for piece in scene.pieces
+        (piece.label, [piece.pose.to_parent(solid.outline()) for solid in piece.solids])
+        for piece in scene.objects
         if piece.label != BACKGROUND
     ]
     covered += [
         (patch.label, [np.array(patch.polygon)])
-        for patch in scene.patches
+        for patch in scene.decals
         if patch.label != BACKGROUND
     ]
     for name, polygons in covered:

@@ -21,12 +21,12 @@ from matplotlib.patches import Patch, Polygon
 from app.episode.episode import Episode
 from app.episode.keyframes import Keyframe, Keyframes
 from app.runtime.robot_controller import COMMAND_PERIOD_S
-from navcore.control.local_planner import Points
+from navcore.geometry.arrays import Points
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.planning.route import Route
 from sim.scenario.layout import obstacles
 from sim.scenario.schema import Scenario
-from sim.truth.true_objects import true_things
+from sim.truth.true_objects import true_objects
 
 Image = npt.NDArray[np.float64]
 RED, VIOLET = (0.84, 0.15, 0.16), (0.58, 0.40, 0.74)
@@ -121,7 +121,7 @@ def draw_driven(axes: Any, places: Points) -> Any:
 
 def draw_hazards(axes: Any, scenario: Scenario) -> None:
     """What there truly is to beware of, by name, and where people stand and walk."""
-    for thing in true_things(scenario):
+    for thing in true_objects(scenario):
         for outline in thing.outlines:
             axes.add_patch(Polygon(outline, closed=True, fill=False, edgecolor=RED, linewidth=1.4))
         axes.annotate(

@@ -1,4 +1,4 @@
-"""Many seeded episodes of one world: driven, judged, summed up and drawn."""
+"""Evaluation of one world: many seeded episodes, driven, judged, summarised and plotted."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ NEEDS_NO_SEGMENTER = (Ablation.NO_SEMANTICS, Ablation.ORACLE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """What every episode of a campaign has in common."""
+    """Settings that all episodes of a campaign share."""
 
     task: Task
-    """What they are about."""
+    """World, goals, zones, ablation and time limit."""
     robot: str
-    """What drives."""
+    """Name of the robot profile."""
     beware: BewareList
-    """What it must not touch."""
+    """Classes that the robot must avoid."""
     out: Path
-    """Where reports and figures go."""
+    """Folder of reports and figures."""
     config: NavigatorConfig
-    """How its navigation is set."""
+    """Navigation parameters."""
     drawn: frozenset[int] = frozenset()
-    """Seeds whose figures are drawn, beside those that fail."""
+    """Seeds whose figures are drawn besides those of failed episodes."""
 
 
 def evaluate_scenario(
@@ -55,24 +55,23 @@ def evaluate_scenario(
     draw_first: int = 1,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive one episode a seed, keep each as it ends, print tables, write `summary.json` and
-    figures; returns the summary.
+    """Drive one episode per seed, print tables, and write `summary.json` and figures.
 
-    Without a configuration they are driven with the one that the robot starts with. The figures of
-    the first `draw_first` episodes and of all that fail lie in `out/figures/seed-…`.
+    Returns the summary. `config` defaults to the configuration of the robot. The figures of the
+    first `draw_first` episodes and of all failed ones are written to `out/figures/seed-…`.
     """
     perception = perception or colour_perception()
-    # Each worker makes the same segmenter again, with the engine that was found, and keeps to one
-    # thread.
+    # Each worker composes the same segmenter again, with the chosen engine and one thread.
     choice = dataclasses.replace(perception.choice, threads=1)
     profile = load_profile(robot)
-    seen_by = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
+    segmenter = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
     config, drawn = config or config_for(profile), frozenset(seeds[:draw_first])
     common = Evaluation(task=task, robot=robot, beware=beware, out=out, config=config, drawn=drawn)
     campaign = Campaign(
         key="seed",
-        rules=(task, beware.classes, profile, config, seen_by),
-        holds="another world, task, ablation, robot, configuration, beware list, segmenter or time limit",
+        rules=(task, beware.classes, profile, config, segmenter),
+        holds="another world, task, ablation, robot, configuration, beware list, segmenter "
+        "or time limit",
         drive=partial(_drive, common=common, perception=perception),
         drive_alone=partial(_drive_alone, common=common, choice=choice),
     )
@@ -116,10 +115,10 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str
         config=common.config,
     )
     try:
-        album = Keyframes(episode)
+        keyframes = Keyframes(episode)
         report = episode.run()
         if seed in common.drawn or not report["success"]:
-            plot_episode(report, episode, album, common.out / "figures" / f"seed-{seed:04d}")
+            plot_episode(report, episode, keyframes, common.out / "figures" / f"seed-{seed:04d}")
         return report
     finally:
         episode.close()

@@ -1,5 +1,4 @@
-"""The figures of many episodes with their 95 % intervals, as a JSON object and as tables; and
-several of them side by side."""
+"""Summary of many episodes: rates and means with 95 % confidence intervals, as JSON and tables."""
 
 from __future__ import annotations
 
@@ -8,14 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
+from scipy import stats
 
 from app.episode.failure_causes import count_causes
-from app.evaluation.confidence import bootstrap, wilson
 from navcore.errors import BadConfiguration
 
 Report = Mapping[str, Any]
 Measure = Callable[[Report], float]
+Interval = tuple[float, float]
+"""Lower and upper bound of a 95 % confidence interval."""
+
+RESAMPLES = 4000
+"""Number of bootstrap resamples."""
 
 RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
     "success_rate": ("success", lambda report: report["success"]),
@@ -31,7 +36,7 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
     "beware_rate": ("over an item or a marking", lambda report: report["beware_intrusions"] > 0),
     "zone_rate": ("over a zone", lambda report: report["zone_intrusions"] > 0),
 }
-"""Shares of the episodes."""
+"""Shares of the episodes: title in the tables, and whether a report counts."""
 MEANS: dict[str, tuple[str, Measure]] = {
     "spl": ("SPL", lambda report: report["spl"]),
     "ideal_spl": ("SPL of an ideal driver with this view", lambda report: _ideal_spl(report)),
@@ -50,7 +55,7 @@ MEANS: dict[str, tuple[str, Measure]] = {
         lambda report: report["sim_time_s"] / report["wall_time_s"],
     ),
 }
-"""Means over the episodes."""
+"""Means over the episodes: title in the tables, and the value of a report."""
 TOTALS = (
     "collisions",
     "struck_while_standing",
@@ -59,25 +64,28 @@ TOTALS = (
     "goals_reached",
 )
 SAME = ("scenario", "robot", "segmenter", "ablation")
-"""What all episodes of a campaign have in common."""
+"""Keys whose value all episodes of a campaign share."""
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
-    """The figures; `…_ci95` beside each rate (Wilson) and mean (bootstrap, null for a single
-    episode)."""
+    """Return rates, means and totals as a JSON object.
+
+    Each rate (Wilson interval) and mean (bootstrap interval, null for a single episode) has its
+    interval under `…_ci95`.
+    """
     summary: dict[str, Any] = {key: reports[0][key] for key in SAME}
     summary |= {"episodes": len(reports), "seeds": [report["seed"] for report in reports]}
     for key, (_, holds) in RATES.items():
         number = sum(holds(report) for report in reports)
         summary |= {
             key: round(number / len(reports), 4),
-            f"{key}_ci95": _rounded(wilson(number, len(reports))),
+            f"{key}_ci95": _rounded(rate_interval(number, len(reports))),
         }
     for key, (_, measure) in MEANS.items():
         values = [float(measure(report)) for report in reports]
         summary |= {
             key: round(sum(values) / len(values), 4),
-            f"{key}_ci95": _rounded(bootstrap(values)),
+            f"{key}_ci95": _rounded(mean_interval(values)),
         }
     clear = [
         report["min_clearance_m"] for report in reports if report["min_clearance_m"] is not None
@@ -91,14 +99,40 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     }
 
 
+def rate_interval(successes: int, trials: int) -> Interval:
+    """Return Wilson's score interval of a rate, sound for few trials and for rates of 0 and 1."""
+    interval = stats.binomtest(successes, trials).proportion_ci(
+        confidence_level=0.95, method="wilson"
+    )
+    return float(interval.low), float(interval.high)
+
+
+def mean_interval(values: Sequence[float]) -> Interval | None:
+    """Return the percentile bootstrap interval of a mean, seeded; None for fewer than two values."""
+    if len(values) < 2:
+        return None
+    interval = stats.bootstrap(
+        (values,),
+        np.mean,
+        n_resamples=RESAMPLES,
+        confidence_level=0.95,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
 def tables_of(summary: Report) -> list[Table]:
-    """For people: the figures, what was missed and taken for something, and why episodes failed."""
-    title = f"{summary['scenario']}, {summary['robot']}, {summary['episodes']} episodes, ablation {summary['ablation']}"
-    figures = Table("", "figure", "95 % interval", title=title)
+    """Return the tables to print: measures, missed and false detections, and failure causes."""
+    title = (
+        f"{summary['scenario']}, {summary['robot']}, {summary['episodes']} episodes, "
+        f"ablation {summary['ablation']}"
+    )
+    measures = Table("", "figure", "95 % interval", title=title)
     for key, (name, _) in [*RATES.items(), *MEANS.items()]:
-        figures.add_row(name, _figure(summary, key), _interval(summary, key))
-    figures.add_row("least clearance, m", f"{summary['min_clearance_m']}", "")
-    tables = [figures]
+        measures.add_row(name, _value(summary, key), _interval(summary, key))
+    measures.add_row("least clearance, m", f"{summary['min_clearance_m']}", "")
+    tables = [measures]
     if summary["items"]:
         found = Table(
             "class",
@@ -124,8 +158,8 @@ def tables_of(summary: Report) -> list[Table]:
 
 
 def compare(folders: Sequence[Path]) -> Table:
-    """A column for each folder's `summary.json`; raises `BadConfiguration` for a folder without
-    one."""
+    """Return a table with a column for each folder's `summary.json`; raises `BadConfiguration` for
+    a folder without one."""
     summaries = [_read(folder) for folder in folders]
     table = Table(
         "", *(str(folder) for folder in folders), title="mean or share, and 95 % interval"
@@ -134,7 +168,7 @@ def compare(folders: Sequence[Path]) -> Table:
         table.add_row(key, *(str(summary[key]) for summary in summaries))
     for key, (name, _) in [*RATES.items(), *MEANS.items()]:
         table.add_row(
-            name, *(f"{_figure(summary, key)}  {_interval(summary, key)}" for summary in summaries)
+            name, *(f"{_value(summary, key)}  {_interval(summary, key)}" for summary in summaries)
         )
     table.add_row("failures", *(_causes(summary) for summary in summaries))
     if len({(summary["scenario"], str(summary["seeds"])) for summary in summaries}) > 1:
@@ -171,14 +205,15 @@ def _read(folder: Path) -> dict[str, Any]:
     )
     if missing:
         raise BadConfiguration(
-            f"{folder}/summary.json: is of another suite or version, {sorted(missing)[0]!r} is missing"
+            f"{folder}/summary.json: is of another suite or version, "
+            f"{sorted(missing)[0]!r} is missing"
         )
     return dict(summary)
 
 
 def _ideal_spl(report: Report) -> float:
-    """Of who makes no mistakes but has to see the world first; 0 without a way, and in reports
-    older than this figure."""
+    """Return the SPL of the informed baseline, which makes no mistakes but sees only what the camera
+    sees; 0 without a path, and in reports older than this measure."""
     shortest_m, ideal_m = report["shortest_m"], report.get("ideal_m")
     return (
         0.0
@@ -187,11 +222,11 @@ def _ideal_spl(report: Report) -> float:
     )
 
 
-def _rounded(interval: tuple[float, float] | None) -> list[float] | None:
+def _rounded(interval: Interval | None) -> list[float] | None:
     return None if interval is None else [round(bound, 4) for bound in interval]
 
 
-def _figure(summary: Report, key: str) -> str:
+def _value(summary: Report, key: str) -> str:
     return f"{summary[key]:.1%}" if key in RATES else f"{summary[key]:.3g}"
 
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from navcore.costmap.costmap import Costmap
 from navcore.errors import NotKnown
+from navcore.geometry.polyline import metres_along
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import Cell
+from navcore.grid.nearest import nearest_of
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from navcore.planning.constraint_removal import minimum_removal
@@ -75,11 +77,7 @@ class ExplanationQuery:
             max(cell[1] - around, 0) : cell[1] + around + 1,
         ]
         near = np.argwhere(free) + np.array([max(cell[0] - around, 0), max(cell[1] - around, 0)])
-        away = ((near - cell) ** 2).sum(axis=1)
-        if not len(near) or away.min() > reach**2:
-            return cell
-        row, col = near[int(np.argmin(away))]
-        return int(row), int(col)
+        return nearest_of(near, cell, reach) or cell
 
 
 def explained(case: ExplanationQuery) -> Explanation:
@@ -107,10 +105,7 @@ def explained(case: ExplanationQuery) -> Explanation:
             lift_at_least=lift.at_least,
         )
     parts = stretches(path, rules)
-    steps = (
-        np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path.cells, axis=0).T))])
-        * spec.resolution_m
-    )
+    steps = metres_along(path.cells.astype(np.float64)) * spec.resolution_m
     along: dict[str, float] = {}
     for part in parts:
         if part.key is not None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.map_planner.stored_map import PlanMap
-from navcore.grid.flood_fill import nearest_reachable
+from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints

@@ -1,5 +1,5 @@
-"""Faults of the software above the robot, by the same schedule as the sensors': a hung planner, a
-segmentation that fails."""
+"""Faults of the software above the robot, scheduled as those of the sensors are: a planner that
+hangs, a segmentation that fails."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from typing import Any
 
 import numpy as np
 
-from navcore.navigator import Navigator
+from navcore.navigator import Stages
 from navcore.perception.labels import Labels
 from sim.sensors.faults import Fault
 
 POLL_S = 0.02
+"""Period at which a hanging stage checks whether its fault has ended, seconds."""
 
 
 class InjectedFailure(RuntimeError):  # noqa: N818 - named after what happens
-    """Raised in the place of a stage that is to fail."""
+    """Raised instead of the result of a stage that is to fail."""
 
 
 class FaultInjector:
-    """Spoils the stages of one navigator while a fault of the schedule holds."""
+    """Makes the stages of a tick fail, hang or give garbage while a fault of the schedule is on."""
 
-    def __init__(
-        self,
-        navigator: Navigator,
-        faults: Callable[[], Sequence[Fault]],
-        now_s: Callable[[], float],
-    ) -> None:
-        """`faults` and `now_s` are asked in each tick: the schedule may grow, and times are of its
-        clock."""
+    def __init__(self, faults: Callable[[], Sequence[Fault]], now_s: Callable[[], float]) -> None:
+        """`faults` and `now_s` are read in each tick: the schedule may grow, by the same clock."""
         self._faults, self._now_s = faults, now_s
         self._wait: Callable[[float], None] | None = None
-        self._wrap(navigator, "route", "planner")
-        self._wrap(navigator, "label", "segmentation")
+
+    def wrap(self, stages: Stages) -> Stages:
+        """Return the same stages, subject to the faults."""
+        return dataclasses.replace(
+            stages,
+            plan=self._faulty(stages.plan, "planner"),
+            segment=self._faulty(stages.segment, "segmentation"),
+        )
 
     def take_time(self, wait: Callable[[float], None]) -> None:
-        """Let what hangs or is slow take its time within the tick, by `wait(seconds)`; else it
-        takes none there."""
+        """Let a stage that hangs or is slow take its time by `wait(seconds)`; else it takes none."""
         self._wait = wait
 
     def delay_s(self) -> float:
-        """How long a tick that begins now would take, for those whose time passes in steps."""
+        """Duration of a tick that starts now, for simulations whose time passes in steps."""
         now_s = self._now_s()
         faults = [fault for fault in self._faults() if fault.holds(now_s)]
         hanging = [fault.until_s - now_s for fault in faults if fault.kind == "hang"]
@@ -54,23 +54,19 @@ class FaultInjector:
         ]
         return max([*hanging, sum(slow)])
 
-    def _wrap(self, navigator: Navigator, stage: str, sensor: str) -> None:
-        whole: Callable[..., Any] = getattr(navigator, stage)
-
-        @wraps(whole)
+    def _faulty(self, stage: Callable[..., Any], sensor: str) -> Callable[..., Any]:
+        @wraps(stage)
         def faulty(*arguments: Any, **named: Any) -> Any:
             fault = self._present(sensor)
             if fault is None:
-                return whole(*arguments, **named)
+                return stage(*arguments, **named)
             self._delay(fault)
             if fault.kind == "off":
-                raise InjectedFailure(
-                    f"the {sensor} has failed, as the schedule of faults wants it"
-                )
-            made = whole(*arguments, **named)
-            return _garbage(made) if fault.kind == "garbage" else made
+                raise InjectedFailure(f"the {sensor} has failed, as the schedule of faults says")
+            result = stage(*arguments, **named)
+            return _garbage(result) if fault.kind == "garbage" else result
 
-        setattr(navigator, stage, faulty)
+        return faulty
 
     def _present(self, sensor: str) -> Fault | None:
         now_s = self._now_s()

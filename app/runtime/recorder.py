@@ -12,8 +12,8 @@ import numpy as np
 
 from app.runtime.robot_controller import RobotController
 from app.storage import Store
-from navcore.control.local_planner import Points
 from navcore.errors import StorageFailed
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from app.runtime.stage_timer import TICK, StageTimer
 from navcore.behaviours.assisted_teleop import stays_out
 from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.cell_description import describe_cell
@@ -92,9 +93,18 @@ class RobotController:
     """Joins intent, navigator and gate."""
 
     def __init__(
-        self, *, navigator: Navigator, profile: RobotProfile, intent: OperatorState
+        self,
+        *,
+        navigator: Navigator,
+        profile: RobotProfile,
+        intent: OperatorState,
+        timer: StageTimer | None = None,
     ) -> None:
+        """`timer`: the one that the navigator's stages were wrapped with; it times the ticks too."""
         self.navigator = navigator
+        self.timer = timer or StageTimer()
+        """Durations of ticks and stages."""
+        self._tick = self.timer.timed(TICK, navigator.tick)
         self.profile = profile
         self._lock = threading.Lock()
         self._intent = intent
@@ -163,7 +173,7 @@ class RobotController:
         if corrected:  # here and not where they come in: only this thread touches the map
             self.navigator.map.correct(corrected)
         if put_down:
-            self.navigator.put_down()
+            self.navigator.reset_pose()
         if senses.doubt is not None or senses.repeats:
             # What cannot be true must not enter the map; the gate says why the robot stands, or the
             # command just expires.
@@ -173,7 +183,7 @@ class RobotController:
             )
             return None
         try:
-            decision = self.navigator.tick(frame, order)
+            decision: TickResult = self._tick(frame, order)
         except BadFrame as error:
             self._thought = dataclasses.replace(
                 self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
@@ -309,7 +319,8 @@ class RobotController:
             return hand
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
         return dataclasses.replace(
-            hand, twist=self.navigator.limit(asked, newest, request_of(self._intent)).twist
+            hand,
+            twist=self.navigator.limit(asked, self._intent.zones, newest.pose, newest.twist).twist,
         )
 
     def _objections_to(self, hand: Command) -> list[StopReason]:

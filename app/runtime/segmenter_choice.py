@@ -1,37 +1,13 @@
-"""What an operator may say about the segmenter, and the command-line options for it. Imports
-nothing that takes a second."""
+"""The operator's choice of the segmenter. Imports no slow package."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 Kind = Literal["auto", "network", "colour"]
 Backend = Literal["auto", "torch", "onnxruntime", "openvino", "openvino-bf16", "openvino-int8"]
-KindOption = Annotated[
-    Kind,
-    typer.Option(
-        "--segmenter", help="The network, the colour rules alone, or the network where it runs."
-    ),
-]
-WeightsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--weights",
-        metavar="FILE.safetensors|FILE.onnx",
-        help="A network other than the shipped one.",
-    ),
-]
-BackendOption = Annotated[
-    Backend,
-    typer.Option(
-        "--backend",
-        help="What runs the network; `auto` takes what is fast here. `torch` is the same to the last bit.",
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

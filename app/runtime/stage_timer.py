@@ -1,7 +1,8 @@
-"""How long the stages of a tick take, measured from outside the navigator."""
+"""Durations of a tick and its stages."""
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,26 +11,36 @@ from typing import Any
 
 import numpy as np
 
-from navcore.navigator import Navigator
+from navcore.navigator import Stages
 
-STAGES = ("tick", "label", "remember", "occupancy", "route", "plan", "move", "track")
+STAGES = tuple(field.name for field in dataclasses.fields(Stages))
+"""The stages of a tick, in the order of the data flow."""
+TICK = "tick"
+"""Key of the whole tick."""
+_KEPT = 20_000
 
 
-class Stopwatch:
-    """Wraps the stages of one navigator and keeps their durations in milliseconds."""
+class StageTimer:
+    """Keeps the newest durations of the tick and of each stage."""
 
-    def __init__(self, navigator: Navigator) -> None:
-        self.ms: dict[str, deque[float]] = {stage: deque(maxlen=20_000) for stage in STAGES}
-        for stage in STAGES:
-            setattr(navigator, stage, self._timed(stage, getattr(navigator, stage)))
+    def __init__(self) -> None:
+        self.ms: dict[str, deque[float]] = {stage: deque(maxlen=_KEPT) for stage in (TICK, *STAGES)}
+        """Durations in milliseconds, oldest first, by stage."""
 
-    def summary(self, stage: str) -> dict[str, float]:
-        """p50, p99 and max of a stage, ms; zeros when it never ran."""
-        durations = np.array(list(self.ms[stage]) or [0.0])
-        p50, p99 = np.percentile(durations, [50, 99])
-        return {"p50": float(p50), "p99": float(p99), "max": float(durations.max())}
+    @property
+    def tick_ms(self) -> float:
+        """Duration of the newest tick in milliseconds; 0 before the first."""
+        ticks = self.ms[TICK]
+        return ticks[-1] if ticks else 0.0
 
-    def _timed(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def wrap(self, stages: Stages) -> Stages:
+        """Return the same stages, timed."""
+        timed = {stage: self.timed(stage, getattr(stages, stage)) for stage in STAGES}
+        return dataclasses.replace(stages, **timed)
+
+    def timed(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the same function, its duration noted under a stage even when it raises."""
+
         @wraps(function)
         def timed(*arguments: Any, **named: Any) -> Any:
             start = time.perf_counter()
@@ -39,3 +50,9 @@ class Stopwatch:
                 self.ms[stage].append((time.perf_counter() - start) * 1e3)
 
         return timed
+
+    def summary(self, stage: str) -> dict[str, float]:
+        """p50, p99 and max of a stage in milliseconds; zeros when it never ran."""
+        durations = np.array(list(self.ms[stage]) or [0.0])
+        p50, p99 = np.percentile(durations, [50, 99])
+        return {"p50": float(p50), "p99": float(p99), "max": float(durations.max())}

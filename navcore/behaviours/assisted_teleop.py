@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from navcore.costmap.costmap import Costmap, box_around
 from navcore.costmap.local_costmap import split_areas
+from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import Zone
@@ -69,12 +70,8 @@ def _nothing(spec: GridSpec) -> OccupancyGrid:
 
 def _after(twist: Twist, t_s: float) -> Pose2:
     """Where an arc from the origin leads."""
-    v, w = twist.v_mps, twist.w_radps
-    if abs(w) < 1e-6:
-        return Pose2(x_m=v * t_s, y_m=0.0, yaw_rad=w * t_s)
-    return Pose2(
-        x_m=v * math.sin(w * t_s) / w, y_m=v * (1 - math.cos(w * t_s)) / w, yaw_rad=w * t_s
-    )
+    x_m, y_m = arc_position(twist.v_mps, twist.w_radps, t_s)
+    return Pose2(x_m=x_m, y_m=y_m, yaw_rad=twist.w_radps * t_s)
 
 
 def _covered(

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.config.behaviours import RecoveryConfig
 from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.robot.profile import RobotProfile
-
-Points = npt.NDArray[np.float64]
 
 
 class RecoveryAction(IntEnum):

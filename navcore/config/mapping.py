@@ -2,28 +2,102 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from navcore.toml_config import ranged
 
-BODY_M = 0.15
-"""Obstacles as near as this to what was seen of somebody are taken for the rest of him."""
+
+class ClearingRules(NamedTuple):
+    """When a depth image disproves a point of the map, as compiled kernels take it."""
+
+    constant_m: float
+    """Tolerance of depth in metres at no distance."""
+    per_m2: float
+    """Growth of the tolerance in metres per squared metre of distance."""
+    nearest_m: float
+    """Smallest depth in metres that counts as measured."""
+    flat_m: float
+    """Height in metres below which beware points are flat and are never cleared."""
+    nearer_share: float
+    """Share of a point's former distance below which a new measurement replaces the point."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConfidenceConfig:
+    """How images change the confidence of beware points, in log-odds."""
+
+    prior: float = ranged(-10.0, 10.0, default=-1.0)
+    """Log-odds of an object at a position that no image has shown before."""
+    overlooked: float = ranged(-10.0, 10.0, default=-2.0)
+    """Log-odds of an object at a position in which earlier images showed nothing: one detection is
+    not enough there."""
+    claim_share: float = ranged(0.0, 1.0, default=0.5)
+    """Share of the network's log-odds that one image adds; consecutive images err alike."""
+    miss: float = ranged(0.0, 10.0, default=0.25)
+    """Log-odds that an image without the object subtracts."""
+    least: float = ranged(-10.0, 0.0, default=-2.5)
+    """Smallest log-odds; a point that reaches them is forgotten."""
+    most: float = ranged(0.0, 10.0, default=3.0)
+    """Largest log-odds."""
+    certain: float = ranged(0.0, 1.0, default=0.95)
+    """Largest confidence that the beware list can ask for (the logistic of `most`, rounded down)."""
+    trusted_m: float = ranged(0.2, 20.0, default=4.0)
+    """Depth in metres beyond which images do not count; a network may miss small objects there."""
+    border_px: int = ranged(1, 200, default=8)
+    """Width in pixels of the image border that does not count; objects are cut off there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RaycastConfig:
+    """How densely lines of sight are cast through the map."""
+
+    stride_px: int = ranged(1, 64, default=4)
+    """Distance in pixels between the columns, and between the rows, that a ray is cast through."""
+    volume_stride: int = ranged(1, 64, default=3)
+    """Every how many of those rays marks the explored volume, in columns and in rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingConfig:
-    """How poses are told apart, when a point is given up, and how much may be kept."""
+    """When a pose gets a new ID, when a point is removed, and how much memory the points may take."""
 
     pose_spacing_m: float = ranged(0.01, 5.0, default=0.25)
-    """A new pose ID begins after this distance …"""
+    """Distance in metres from the last pose after which a new pose ID begins."""
     pose_spacing_deg: float = ranged(1.0, 180.0, default=10.0)
-    """… or after this turn."""
+    """Turn in degrees from the last pose after which a new pose ID begins."""
     clearing_m: float = ranged(0.02, 1.0, default=0.10)
-    """How far behind a point the camera must see, at no distance, before the point is taken for
-    gone …"""
+    """Distance in metres that the camera must see behind a point, at no distance, to remove it."""
     clearing_per_m2: float = ranged(0.0, 0.2, default=0.012)
-    """… and how much more per squared metre of distance, since stereo depth scatters with its
-    square."""
+    """Growth of that distance in metres per squared metre of depth: the error of stereo depth grows
+    with the square of the depth."""
+    nearest_m: float = ranged(0.0, 2.0, default=0.2)
+    """Smallest depth in metres at which points are checked; the camera measures nothing nearer."""
+    flat_m: float = ranged(0.0, 0.5, default=0.05)
+    """Height in metres below which beware points are floor markings, which depth cannot disprove."""
+    nearer_share: float = ranged(0.0, 1.0, default=0.7)
+    """Share of a point's former distance below which a new measurement replaces the point."""
+    floor_m: float = ranged(0.0, 0.5, default=0.05)
+    """Height in metres within which a measurement shows the floor and disproves a prior map."""
+    body_m: float = ranged(0.0, 1.0, default=0.15)
+    """Distance in metres from a person's points within which obstacles belong to the person."""
     budget_mb: float = ranged(0.01, 16_384.0, default=256.0)
-    """Memory of the points. Beyond it the oldest are thinned to one a cell and class: detail goes,
-    obstacles stay."""
+    """Memory of the points in megabytes. Beyond it the oldest are thinned to one a cell and class:
+    detail goes, obstacles stay."""
+    budget_slack: float = ranged(0.0, 1.0, default=0.9)
+    """Share of the budget above which new points stay thinned after thinning."""
+    confidence: ConfidenceConfig = field(default_factory=ConfidenceConfig)
+    """How images change the confidence of beware points."""
+    raycast: RaycastConfig = field(default_factory=RaycastConfig)
+    """How densely lines of sight are cast."""
+
+    @property
+    def clearing(self) -> ClearingRules:
+        """The values that compiled kernels need to find outdated points."""
+        return ClearingRules(
+            constant_m=self.clearing_m,
+            per_m2=self.clearing_per_m2,
+            nearest_m=self.nearest_m,
+            flat_m=self.flat_m,
+            nearer_share=self.nearer_share,
+        )

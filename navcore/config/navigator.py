@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from navcore.config.behaviours import RecoveryConfig
-from navcore.config.control import LocalPlannerConfig
+from navcore.config.control import ControlConfig, LocalPlannerConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.perception import ObservationConfig
+from navcore.config.planning import MAX_VERTEX_ANGLE_DEG, PlanningConfig
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, ranged, read_toml
 
@@ -21,7 +22,7 @@ class NavigatorConfig:
 
     safety_margin_m: float = ranged(0.0, 1.0, default=0.15)
     """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
-    max_vertex_angle_deg: float = ranged(135.1, 179.9, default=170.0)
+    max_vertex_angle_deg: float = ranged(135.1, 179.9, default=MAX_VERTEX_ANGLE_DEG)
     """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in
     the paper. A path turns by 45° at least: below 135° bends would be left out, and the lines
     between waypoints cross what the path goes round."""
@@ -45,6 +46,10 @@ class NavigatorConfig:
     """What it tries when it is boxed in."""
     people: PeopleConfig = field(default_factory=PeopleConfig)
     """How it behaves beside people."""
+    planning: PlanningConfig = field(default_factory=PlanningConfig)
+    """Tuning of the planning stage."""
+    control: ControlConfig = field(default_factory=ControlConfig)
+    """Tuning of the control stage."""
 
 
 def load_config(path: Path, robot: RobotProfile = HUSKY) -> NavigatorConfig:

@@ -12,34 +12,35 @@ class PeopleConfig:
     """How the robot behaves beside people."""
 
     personal_m: float = ranged(0.0, 1.0, default=0.25)
-    """Room left between the body and somebody who walks …"""
+    """Clearance in metres between the body and a walking person."""
     personal_per_s: float = ranged(0.0, 0.5, default=0.1)
-    """… and so much more for each second that he is predicted ahead."""
+    """Growth of this clearance in metres for each second that the person is predicted ahead."""
     headway_s: float = ranged(0.0, 3.0, default=0.8)
-    """The robot is past a place so long before somebody comes there, or it waits …"""
+    """Time in seconds by which the robot must have left a position before a person reaches it;
+    otherwise it waits."""
     waiting_s: float = ranged(0.0, 10.0, default=3.0)
-    """… where nobody will come for so long."""
+    """Time in seconds for which no person may reach the position where the robot waits."""
     settled_s: float = ranged(0.0, 60.0, default=8.0)
-    """Whoever walked is expected to do so again for so long after he stopped, or was lost from
-    sight."""
+    """Time in seconds for which a person who stopped, or was lost from sight, is expected to walk
+    on."""
     passing_s: float = ranged(0.0, 10.0, default=1.5)
-    """Nowhere that somebody who has only stopped can come to within this time does the robot pass
-    him: it waits."""
+    """The robot keeps out of the disc that a person who has only stopped can reach in this time in
+    seconds: it waits."""
     near_m: float = ranged(0.0, 3.0, default=1.0)
-    """Nearer to somebody than this …"""
+    """Distance to a person in metres within which the speed is limited to `near_mps`."""
     near_mps: float = ranged(0.1, 1.0, default=0.5)
-    """… no part of the body is faster than this."""
+    """Greatest speed in metres per second of any part of the body within `near_m` of a person."""
     lane_s: float = ranged(0.5, 600.0, default=6.0)
-    """Who has kept the robot waiting for so long has his lane left to him, where the way beside it
-    is hardly longer."""
+    """Time in seconds for which a person must have kept the robot waiting before the robot leaves
+    the lane of that person free, where the path beside it is hardly longer."""
     patience_s: float = ranged(1.0, 600.0, default=15.0)
-    """After waiting for so long at one place the robot goes by where people are, no longer by where
-    they may come to; the second rule above holds all the same."""
+    """Time in seconds of waiting at one position after which the robot avoids where people are, no
+    longer where they may come to; `near_m` and `near_mps` still hold."""
     reaction_s: float = ranged(0.1, 1.0, default=0.45)
-    """From somebody's change of mind to the moment the wheels brake."""
+    """Time in seconds from a person's change of motion to the braking of the wheels."""
     braking_mps2: float = ranged(0.5, 5.0, default=2.5)
-    """Deceleration then; the platform's own is higher."""
+    """Deceleration in metres per second squared for a person; the platform's own is higher."""
     non_cooperative: bool = False
-    """Whether what moves about looks out for nobody, as vehicles on a track: standing still before
-    it would be no help, so the robot drives on where it will not be met and gets out of the way,
-    and the rules above but for the room do not hold."""
+    """Whether moving obstacles avoid nothing, as vehicles on a track: stopping before them would
+    not help, so the robot drives on where it will not be met and moves out of their path, and of
+    the values above only the clearances apply."""

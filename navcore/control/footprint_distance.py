@@ -1,4 +1,4 @@
-"""How much room the oriented footprint keeps to points on the way to each of many poses."""
+"""Distance of the oriented footprint to points along motions, compiled."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-Points = npt.NDArray[np.float64]
+from navcore.geometry.arrays import Floats, Points
 
 
-def clearances(
-    obstacles: Points, poses: npt.NDArray[np.float64], half_length: float, half_width: float
-) -> Points:
-    """(A, S) least distance from the footprint to any obstacle point on the way to each pose, at
-    most `FAR_M`."""
+def footprint_distances(
+    obstacles: Points, poses: Floats, half_length: float, half_width: float
+) -> Floats:
+    """Return (A, S) the least distance in metres from the footprint to any of (N, 2) points on the
+    motion up to each of (A, S, 3) poses, at most `FAR_M`."""
     lanes = _lanes(obstacles, poses, math.hypot(half_length, half_width) + FAR_M)
     return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
 
 
 FAR_M = 0.5
-"""Room beyond this makes no difference to any motion."""
+"""Distance in metres beyond which obstacles make no difference to any motion."""
 LANES = 32
-"""Points are looked at so many at a time, which the compiler makes vectors of."""
+"""Number of points that are processed together, as vectors of the processor."""
 Lanes = npt.NDArray[np.float32]
+"""(B, LANES) one coordinate of the points."""
 
 
 @numba.njit(cache=True, nogil=True)
-def _lanes(obstacles: Points, poses: npt.NDArray[np.float64], reach: float) -> Lanes:
+def _lanes(obstacles: Points, poses: Floats, reach: float) -> Lanes:
     """(2, B, LANES) x and y of the points, without those that no pose comes near; single precision
     is good to a micrometre."""
     low_x = low_y = math.inf
@@ -50,27 +51,27 @@ def _lanes(obstacles: Points, poses: npt.NDArray[np.float64], reach: float) -> L
 def _sweep(
     x: Lanes,
     y: Lanes,
-    poses: npt.NDArray[np.float64],
+    poses: Floats,
     half_length: np.float32,
     half_width: np.float32,
-) -> Points:
-    arcs, steps = poses.shape[0], poses.shape[1]
-    clear, nearest = np.empty((arcs, steps)), np.empty(LANES, dtype=np.float32)
-    for a in range(arcs):
+) -> Floats:
+    count, steps = poses.shape[0], poses.shape[1]
+    distances, nearest = np.empty((count, steps)), np.empty(LANES, dtype=np.float32)
+    for a in range(count):
         least = np.float32(FAR_M) ** 2
         for s in range(steps):
             _nearest(x, y, poses[a, s], half_length, half_width, nearest)
             for lane in range(LANES):
                 least = min(least, nearest[lane])
-            clear[a, s] = math.sqrt(least)
-    return clear
+            distances[a, s] = math.sqrt(least)
+    return distances
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _nearest(
     x: Lanes,
     y: Lanes,
-    pose: npt.NDArray[np.float64],
+    pose: Floats,
     half_length: np.float32,
     half_width: np.float32,
     nearest: Lanes,

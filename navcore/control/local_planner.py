@@ -13,7 +13,6 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.people import PeopleConfig
@@ -32,11 +31,10 @@ from navcore.control.social import (
     speed_limit_near_people,
 )
 from navcore.costmap.local_costmap import footprint_overlaps, outside
+from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import metres_along, path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
 from navcore.robot.profile import RobotProfile
-
-Points = npt.NDArray[np.float64]
 
 
 def plan_motion(

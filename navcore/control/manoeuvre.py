@@ -1,5 +1,5 @@
-"""Manoeuvring where no single arc leads on: turning, backing and going forward by turns, the
-footprint free at every pose."""
+"""Manoeuvres where no single arc leads on: turning, reversing and driving forward by turns, with
+the footprint free at every pose."""
 
 from __future__ import annotations
 
@@ -8,60 +8,36 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from navcore.control.state_lattice import (
-    CELL_M,
-    FORWARD,
-    REACH_M,
-    STEP_M,
-    TURNING,
-    Ends,
-    cells,
-    cheapest,
-)
+from navcore.config.control import CONTROL_CONFIG, ManoeuvreConfig, StateLatticeConfig
+from navcore.control.motion_primitives import STATIONS
+from navcore.control.state_lattice import FORWARD, TURNING, Ends, cells, cheapest
+from navcore.geometry.arrays import Floats, Indices, Points
+from navcore.geometry.kinematics import chord_lengths
 from navcore.geometry.polyline import metres_along, points_at
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.robot.profile import RobotProfile
 
-Points = npt.NDArray[np.float64]
-
-ON_M = 1.5
-"""So far along the path a manoeuvre leads, where it can: then arcs may do again."""
-LEAST_M = 0.3
-"""One that gains less than this is none."""
-ASIDE_M = 0.3
-"""It ends this near to the path."""
-LACKING_COST = 5.0
-"""For each metre of the path that it does not gain: so much driving is worth it."""
-SEEN_FROM_M, SEEN_TO_M, FACING_RAD = 1.2, 2.5, math.radians(25.0)
-"""The camera sees the ground at such distances from the robot's middle, surely where it is so
-little off its own."""
-FORWARD_MPS, REVERSE_MPS, TURN_RADPS = 0.4, 0.2, 0.6
-"""Its speeds; behind the robot the camera sees nothing."""
-LOST_M = 0.12
-"""Farther than this from where it should be the robot is no longer on its manoeuvre."""
-PARTS = 3
-"""Into so many parts a step is cut for steering."""
-AIM_M = 0.35
-"""How far ahead on its manoeuvre the robot aims."""
-REACHED_RAD, REACHED_M = math.radians(2.0), 0.01
+TURN_GEAR = 2
+"""Gear of a turn in place to the left; negative to the right."""
+_SIGHT_LINE = np.linspace(0.0, 0.95, 24)
+"""Points of a line of sight that are checked, as shares of its length; the cell itself is not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Manoeuvre:
-    """What is left of one."""
+    """The rest of a manoeuvre."""
 
     poses: Points
     """(K, 3) x, y, heading in the map frame, close together."""
-    ways: npt.NDArray[np.int64]
-    """(K,) how each is come to: 1 forward, -1 in reverse, 2 turning left, -2 turning right in
+    gears: Indices
+    """(K,) motion that leads to each pose: 1 forward, -1 reverse, 2 turn left and -2 turn right in
     place."""
-    room_m: float
-    """It was found with so much room to everything."""
-    serves: tuple[float, float]
-    """(x, y) in the map frame of the place on the path that it leads to, or near to which one looks
-    from its end."""
+    clearance_m: float
+    """Clearance in metres that the manoeuvre was searched with."""
+    target: tuple[float, float]
+    """(x, y) in the map frame of the point on the path that the manoeuvre leads to, or that is
+    nearest to what is looked at from its end."""
 
     def in_base(self, pose: Pose2) -> Points:
         """(K, 3) the poses in the base frame of a robot at a pose."""
@@ -69,16 +45,15 @@ class Manoeuvre:
             [pose.from_parent(self.poses[:, :2]), self.poses[:, 2] - pose.yaw_rad]
         )
 
-    def takes_s(self, pose: Pose2) -> Points:
-        """(K,) seconds until a robot at a pose comes to each of its own, about."""
+    def arrival_times_s(
+        self, pose: Pose2, config: ManoeuvreConfig = CONTROL_CONFIG.manoeuvre
+    ) -> Floats:
+        """(K,) estimated seconds until a robot at `pose` reaches each pose."""
         steps = np.diff(np.vstack([[pose.x_m, pose.y_m, pose.yaw_rad], self.poses]), axis=0)
-        speeds = np.where(self.ways == FORWARD, FORWARD_MPS, REVERSE_MPS)
-        turns = np.abs((steps[:, 2] + math.pi) % (2 * math.pi) - math.pi) / TURN_RADPS
-        return np.asarray(
-            np.cumsum(
-                np.where(np.abs(self.ways) == 2, turns, np.hypot(steps[:, 0], steps[:, 1]) / speeds)
-            )
-        )
+        speeds = np.where(self.gears == FORWARD, config.forward_mps, config.reverse_mps)
+        turns = np.abs((steps[:, 2] + math.pi) % (2 * math.pi) - math.pi) / config.turn_radps
+        drives = np.hypot(steps[:, 0], steps[:, 1]) / speeds
+        return np.asarray(np.cumsum(np.where(np.abs(self.gears) == TURN_GEAR, turns, drives)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,185 +61,227 @@ class ManoeuvreProblem:
     """A tight place, in the base frame."""
 
     obstacles: Points
-    """(M, 2) cells that no part of the body may touch …"""
-    reach_m: float
-    """… each as far as this around its middle."""
+    """(M, 2) centres of the cells that no part of the body may touch."""
+    cell_radius_m: float
+    """Distance in metres from the centre of a cell to its corners."""
     unseen: Points
-    """(U, 2) rim of what the camera has not seen: no part of the body is swept over it either …"""
+    """(U, 2) centres of the unobserved cells next to observed ones; no part of the body is swept
+    over them."""
     unseen_clearance_m: float
-    """… nor comes nearer than this to its middle."""
+    """Clearance in metres to keep to the centres of unobserved cells."""
     profile: RobotProfile
-    room_m: float
-    """Kept around the footprint."""
+    """Footprint of the robot."""
+    clearance_m: float
+    """Clearance in metres to keep around the footprint."""
+    config: ManoeuvreConfig = CONTROL_CONFIG.manoeuvre
+    """Ends of a manoeuvre."""
+    lattice: StateLatticeConfig = CONTROL_CONFIG.lattice
+    """The search."""
 
 
-def manoeuvre_along(path: Points, tight: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
-    """The cheapest manoeuvre that leads on along the (N, 2) path, base frame; None where there is
-    none."""
-    return _found(_ends(path), None, tight, pose)
+def manoeuvre_along(path: Points, problem: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
+    """Find the cheapest manoeuvre that leads on along the (N, 2) path, base frame; None without
+    one."""
+    return _found(_ends_along(path, problem), None, problem, pose)
 
 
-def manoeuvre_to_see(path: Points, tight: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
-    """The cheapest to where one sees how the (N, 2) path, base frame, goes on; None if there is
-    none, or all of it is seen."""
-    if len(tight.unseen) == 0:
+def manoeuvre_to_see(path: Points, problem: ManoeuvreProblem, pose: Pose2) -> Manoeuvre | None:
+    """Find the cheapest manoeuvre to a viewpoint of how the (N, 2) path, base frame, goes on; None
+    without one, or if the path is observed."""
+    if len(problem.unseen) == 0:
         return None
-    # Of what the body would be swept over first, the nearest: with that in the picture, so is what
+    # The nearest of the cells that the body would sweep first: with that one in view, so is what
     # lies behind it.
-    metres = metres_along(path)
-    ahead = path[metres <= ON_M]
-    apart = np.hypot(*(tight.unseen[:, None] - ahead).transpose(2, 0, 1))
-    beside = np.flatnonzero(apart.min(axis=1) < tight.profile.circumscribed_radius_m)
-    if len(beside) == 0:
+    ahead = path[metres_along(path) <= problem.config.advance_m]
+    apart = np.hypot(*(problem.unseen[:, None] - ahead).transpose(2, 0, 1))
+    swept = np.flatnonzero(apart.min(axis=1) < problem.profile.circumscribed_radius_m)
+    if len(swept) == 0:
         return None
-    nearest = beside[np.hypot(*tight.unseen[beside].T).argmin()]
-    return _found(
-        _views(tight.unseen[nearest], tight.obstacles), ahead[apart[nearest].argmin()], tight, pose
-    )
+    nearest = swept[np.hypot(*problem.unseen[swept].T).argmin()]
+    ends = _viewpoints(problem.unseen[nearest], problem)
+    return _found(ends, ahead[apart[nearest].argmin()], problem, pose)
 
 
 def _found(
-    ends: Ends, place: Points | None, tight: ManoeuvreProblem, pose: Pose2
+    ends: Ends, target: Points | None, problem: ManoeuvreProblem, pose: Pose2
 ) -> Manoeuvre | None:
-    radii = np.concatenate(
-        [
-            np.full(len(tight.obstacles), tight.reach_m + tight.room_m),
-            np.full(len(tight.unseen), tight.unseen_clearance_m + 0.002),
-        ]
-    )
-    half_length_m, half_width_m = tight.profile.length_m / 2, tight.profile.width_m / 2
-    near = np.vstack([tight.obstacles, tight.unseen])
+    """The cheapest manoeuvre to one of the ends; its target is (2,) in the base frame, or its own
+    end."""
+    unseen_m = problem.unseen_clearance_m + problem.config.unseen_tolerance_m
     poses, kinds = cheapest(
-        near, radii, ends, half_length_m=half_length_m, half_width_m=half_width_m
+        np.vstack([problem.obstacles, problem.unseen]),
+        np.concatenate(
+            [
+                np.full(len(problem.obstacles), problem.cell_radius_m + problem.clearance_m),
+                np.full(len(problem.unseen), unseen_m),
+            ]
+        ),
+        ends,
+        footprint_m=(problem.profile.length_m / 2, problem.profile.width_m / 2),
+        config=problem.lattice,
     )
     if len(poses) == 0:
         return None
-    whole = np.vstack([np.zeros(3), poses])
-    parts, ways = list[Points](), list[int]()
-    for before, after, kind in zip(whole[:-1], poses, kinds.tolist(), strict=True):
-        parts.append(_in_parts(before, after, kind))
-        ways += [
-            kind if kind != TURNING else 2 * round(math.copysign(1, after[2] - before[2]))
-        ] * PARTS
-    found = np.vstack(parts)
-    on_map = pose.to_parent(
-        np.vstack([found[:, :2], found[-1:, :2] if place is None else place[None]])
-    )
+    found, gears = _divided(poses, kinds, problem)
+    end = found[-1:, :2] if target is None else target[None]
+    on_map = pose.to_parent(np.vstack([found[:, :2], end]))
     return Manoeuvre(
         poses=np.column_stack([on_map[:-1], found[:, 2] + pose.yaw_rad]),
-        ways=np.array(ways),
-        room_m=tight.room_m,
-        serves=(float(on_map[-1, 0]), float(on_map[-1, 1])),
+        gears=gears,
+        clearance_m=problem.clearance_m,
+        target=(float(on_map[-1, 0]), float(on_map[-1, 1])),
     )
 
 
-def steer(
-    manoeuvre: Manoeuvre, pose: Pose2, *, braking_mps2: float
-) -> tuple[Twist, Manoeuvre] | None:
-    """The velocity that carries a manoeuvre on from a pose, and what is left of it; None if it is
-    done, or the robot off it."""
-    poses, ways = manoeuvre.in_base(pose), manoeuvre.ways
-    done = 0
-    while done < len(ways) and _is_passed(poses[done], int(ways[done])):
-        done += 1
-    if done == len(ways):
-        return None
-    way = int(ways[done])
-    changes = np.flatnonzero(ways[done:] != way)
-    leg = poses[done : done + changes[0]] if len(changes) else poses[done:]
-    if abs(way) == 2:
-        if math.hypot(*leg[0, :2]) > LOST_M:
-            return None
-        left_rad = abs(wrap_angle(leg[0, 2])) + abs(leg[-1, 2] - leg[0, 2])
-        twist = Twist(v_mps=0.0, w_radps=math.copysign(min(TURN_RADPS, 0.1 + 1.5 * left_rad), way))
-    else:
-        ahead = way * leg
-        left_m = float(ahead[0, 0] + np.hypot(*np.diff(leg[:, :2], axis=0).T).sum())
-        if abs(ahead[0, 1]) > LOST_M:
-            return None
-        speed = min(
-            FORWARD_MPS if way == FORWARD else REVERSE_MPS,
-            math.sqrt(2 * 0.5 * braking_mps2 * left_m) + 0.03,
-        )
-        bend = _bend(ahead[:, :2], leg[-1, 2])
-        speed = min(speed, TURN_RADPS / max(abs(bend), 1e-6))
-        twist = Twist(v_mps=way * speed, w_radps=speed * bend)
-    return twist, dataclasses.replace(manoeuvre, poses=manoeuvre.poses[done:], ways=ways[done:])
+def _divided(poses: Points, kinds: Indices, problem: ManoeuvreProblem) -> tuple[Points, Indices]:
+    """(K, 3) poses close together along the steps of the search, and (K,) gears."""
+    substeps = problem.config.substeps
+    parts, gears = list[Points](), list[int]()
+    for before, after, kind in zip(
+        np.vstack([np.zeros(3), poses])[:-1], poses, kinds.tolist(), strict=True
+    ):
+        parts.append(_substeps(before, after, kind, problem))
+        turn = TURN_GEAR * round(math.copysign(1, after[2] - before[2]))
+        gears += [turn if kind == TURNING else kind] * substeps
+    return np.vstack(parts), np.array(gears)
 
 
-def _ends(path: Points) -> Ends:
-    """Beside the path, in its direction, the farther on the better."""
-    metres = metres_along(path)
-    stations = np.linspace(0.0, min(metres[-1], ON_M), 32)
-    marks, on = (
-        points_at(path, metres, at)
-        for at in (stations, np.minimum(stations, max(metres[-1] - 0.3, 0.0)) + 0.3)
-    )
-    ahead = on - marks
-    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
-    there = ahead.any(axis=1)
-    headings[~there] = headings[there][-1] if there.any() else 0.0
-    x, y = cells()
-    away = np.hypot(x[..., None] - marks[:, 0], y[..., None] - marks[:, 1])
-    nearest = away.argmin(axis=2)
-    aside = away.min(axis=2)
-    cost = LACKING_COST * (stations[-1] - stations[nearest]) + aside
-    cost[(aside > ASIDE_M) | (stations[nearest] < min(LEAST_M, 0.9 * stations[-1]))] = np.inf
-    return Ends(cost=cost, heading_rad=headings[nearest])
-
-
-def _views(place: Points, obstacles: Points) -> Ends:
-    """From where a (2,) place is seen: near it, facing it, with nothing in between."""
-    x, y = cells()
-    stands = np.zeros(x.shape, dtype=np.bool_)
-    column, row = np.floor((obstacles + REACH_M) / CELL_M).astype(np.int64).T
-    inside = (column >= 0) & (column < len(x)) & (row >= 0) & (row < len(x))
-    stands[row[inside], column[inside]] = True
-    hidden = np.zeros(x.shape, dtype=np.bool_)
-    for share in np.linspace(0.0, 0.95, 24):
-        between_x, between_y = x + share * (place[0] - x), y + share * (place[1] - y)
-        column, row = (
-            np.clip(np.floor((value + REACH_M) / CELL_M), 0, len(x) - 1).astype(np.int64)
-            for value in (between_x, between_y)
-        )
-        hidden |= stands[row, column]
-    away = np.hypot(x - place[0], y - place[1])
-    cost = np.where(hidden | (away < SEEN_FROM_M) | (away > SEEN_TO_M), np.inf, 0.0)
-    return Ends(cost=cost, heading_rad=np.arctan2(place[1] - y, place[0] - x), askew_rad=FACING_RAD)
-
-
-def _in_parts(before: Points, after: Points, kind: int) -> Points:
-    """(PARTS, 3) poses along one step, the last of them its end."""
-    share = np.linspace(0.0, 1.0, PARTS + 1)[1:]
+def _substeps(before: Points, after: Points, kind: int, problem: ManoeuvreProblem) -> Points:
+    """(substeps, 3) poses along one step, the last of them its end."""
+    substeps = problem.config.substeps
+    share = np.linspace(0.0, 1.0, substeps + 1)[1:]
     turn = after[2] - before[2]
     heading = before[2] + share * turn
     if kind == TURNING:
-        return np.column_stack([np.tile(before[:2], (PARTS, 1)), heading])
-    chord = kind * STEP_M * share * np.sinc(share * turn / 2 / math.pi)
+        return np.column_stack([np.tile(before[:2], (substeps, 1)), heading])
+    chord = chord_lengths(kind * problem.lattice.step_m * share, share * turn)
     bearing = before[2] + share * turn / 2
     return np.column_stack(
         [before[0] + chord * np.cos(bearing), before[1] + chord * np.sin(bearing), heading]
     )
 
 
-def _is_passed(pose: Points, way: int) -> bool:
-    if abs(way) == 2:
-        left = wrap_angle(float(pose[2])) * math.copysign(1, way)
-        return -math.pi / 2 < left <= REACHED_RAD
-    return float(way * pose[0]) <= REACHED_M
+def _ends_along(path: Points, problem: ManoeuvreProblem) -> Ends:
+    """Ends beside the path in its direction; the further along it, the better."""
+    config = problem.config
+    metres = metres_along(path)
+    stations = np.linspace(0.0, min(metres[-1], config.advance_m), STATIONS)
+    last = max(metres[-1] - config.tangent_m, 0.0)
+    marks = points_at(path, metres, stations)
+    ahead = points_at(path, metres, np.minimum(stations, last) + config.tangent_m) - marks
+    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+    moving = ahead.any(axis=1)
+    headings[~moving] = headings[moving][-1] if moving.any() else 0.0
+    x, y = cells(problem.lattice)
+    away = np.hypot(x[..., None] - marks[:, 0], y[..., None] - marks[:, 1])
+    nearest = away.argmin(axis=2)
+    lateral = away.min(axis=2)
+    cost = config.shortfall_cost * (stations[-1] - stations[nearest]) + lateral
+    least = min(config.min_advance_m, 0.9 * stations[-1])
+    cost[(lateral > config.lateral_m) | (stations[nearest] < least)] = np.inf
+    return Ends(cost=cost, heading_rad=headings[nearest])
 
 
-def _bend(points: Points, end_heading_rad: float) -> float:
-    """The curvature, in 1/m, of the arc to the point that lies `AIM_M` ahead on a leg; its end goes
-    straight on."""
+def _viewpoints(point: Points, problem: ManoeuvreProblem) -> Ends:
+    """Ends from which the camera sees a (2,) point: near it, facing it, with no obstacle in
+    between."""
+    config, lattice = problem.config, problem.lattice
+    x, y = cells(lattice)
+    occupied = np.zeros(x.shape, dtype=np.bool_)
+    column, row = _cell_indices(problem.obstacles.T, lattice)
+    inside = (column >= 0) & (column < len(x)) & (row >= 0) & (row < len(x))
+    occupied[row[inside], column[inside]] = True
+    hidden = np.zeros(x.shape, dtype=np.bool_)
+    for share in _SIGHT_LINE:
+        between = np.stack([x + share * (point[0] - x), y + share * (point[1] - y)])
+        column, row = np.clip(_cell_indices(between, lattice), 0, len(x) - 1)
+        hidden |= occupied[row, column]
+    away = np.hypot(x - point[0], y - point[1])
+    closed = hidden | (away < config.view_from_m) | (away > config.view_to_m)
+    return Ends(
+        cost=np.where(closed, np.inf, 0.0),
+        heading_rad=np.arctan2(point[1] - y, point[0] - x),
+        tolerance_rad=math.radians(config.view_deg),
+    )
+
+
+def _cell_indices(coordinates: Floats, lattice: StateLatticeConfig) -> Indices:
+    """Columns and rows of the search's cells, which may lie outside, by x and y in metres."""
+    return np.floor((coordinates + lattice.half_side_m) / lattice.cell_m).astype(np.int64)
+
+
+def steer(
+    manoeuvre: Manoeuvre,
+    pose: Pose2,
+    *,
+    braking_mps2: float,
+    config: ManoeuvreConfig = CONTROL_CONFIG.manoeuvre,
+) -> tuple[Twist, Manoeuvre] | None:
+    """Compute the velocity that carries a manoeuvre on from a pose, and its rest; None if it is
+    done or the robot has left it."""
+    poses, gears = manoeuvre.in_base(pose), manoeuvre.gears
+    done = 0
+    while done < len(gears) and _is_passed(poses[done], int(gears[done]), config):
+        done += 1
+    if done == len(gears):
+        return None
+    gear = int(gears[done])
+    changes = np.flatnonzero(gears[done:] != gear)
+    leg = poses[done : done + changes[0]] if len(changes) else poses[done:]
+    if abs(gear) == TURN_GEAR:
+        twist = _steer_turn(leg, gear, config)
+    else:
+        twist = _steer_leg(leg, gear, braking_mps2, config)
+    if twist is None:
+        return None
+    rest = dataclasses.replace(manoeuvre, poses=manoeuvre.poses[done:], gears=gears[done:])
+    return twist, rest
+
+
+def _steer_turn(leg: Points, gear: int, config: ManoeuvreConfig) -> Twist | None:
+    """The velocity of a turn in place; None for a robot that has left it."""
+    if math.hypot(*leg[0, :2]) > config.max_error_m:
+        return None
+    left_rad = abs(wrap_angle(leg[0, 2])) + abs(leg[-1, 2] - leg[0, 2])
+    rate = min(config.turn_radps, config.turn_base_radps + config.turn_gain_per_s * left_rad)
+    return Twist(v_mps=0.0, w_radps=math.copysign(rate, gear))
+
+
+def _steer_leg(
+    leg: Points, gear: int, braking_mps2: float, config: ManoeuvreConfig
+) -> Twist | None:
+    """The velocity along a leg, forward or in reverse; None for a robot that has left it."""
+    ahead = gear * leg
+    if abs(ahead[0, 1]) > config.max_error_m:
+        return None
+    left_m = float(ahead[0, 0] + np.hypot(*np.diff(leg[:, :2], axis=0).T).sum())
+    braking = math.sqrt(2 * config.braking_share * braking_mps2 * left_m)
+    speed = min(
+        config.forward_mps if gear == FORWARD else config.reverse_mps, braking + config.creep_mps
+    )
+    curvature = _curvature(ahead[:, :2], leg[-1, 2], config)
+    speed = min(speed, config.turn_radps / max(abs(curvature), 1e-6))
+    return Twist(v_mps=gear * speed, w_radps=speed * curvature)
+
+
+def _is_passed(pose: Points, gear: int, config: ManoeuvreConfig) -> bool:
+    if abs(gear) == TURN_GEAR:
+        left = wrap_angle(float(pose[2])) * math.copysign(1, gear)
+        return -math.pi / 2 < left <= math.radians(config.reached_deg)
+    return float(gear * pose[0]) <= config.reached_m
+
+
+def _curvature(points: Points, end_heading_rad: float, config: ManoeuvreConfig) -> float:
+    """The curvature, in 1/m, of the arc to the point a lookahead distance ahead on a leg, which
+    goes straight on at its end."""
     metres = np.concatenate(
         [[math.hypot(*points[0])], np.hypot(*np.diff(points, axis=0).T)]
     ).cumsum()
-    if metres[-1] >= AIM_M:
-        x, y = points[int(np.searchsorted(metres, AIM_M))]
+    if metres[-1] >= config.lookahead_m:
+        x, y = points[int(np.searchsorted(metres, config.lookahead_m))]
     else:
-        beyond = AIM_M - metres[-1]
-        x, y = points[-1] + beyond * np.array(
-            [math.cos(end_heading_rad), math.sin(end_heading_rad)]
-        )
-    return float(np.clip(2 * y / max(x * x + y * y, 1e-6), -3.0, 3.0))
+        beyond = config.lookahead_m - metres[-1]
+        direction = np.array([math.cos(end_heading_rad), math.sin(end_heading_rad)])
+        x, y = points[-1] + beyond * direction
+    largest = config.max_curvature_1pm
+    return float(np.clip(2 * y / max(x * x + y * y, 1e-6), -largest, largest))

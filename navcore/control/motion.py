@@ -1,4 +1,4 @@
-"""What the local planner decides, and the rules that it moves by."""
+"""The decision of the local planner: a velocity and the state it belongs to."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from navcore.control.manoeuvre import Manoeuvre
-from navcore.control.primitives.library import Primitives
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 
 
 class ControllerState(StrEnum):
-    """What the local planner decided."""
+    """State of the controller, as operators read it."""
 
     FOLLOW = "following the path"
     TURN = "turning in place"
@@ -30,22 +29,20 @@ class ControllerState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
-    """What to do until the next frame."""
+    """The motion until the next frame."""
 
     twist: Twist
     """Velocity to command."""
     outcome: ControllerState
-    """Why."""
+    """State of the controller."""
     began: Pose2 | None = None
-    """Where a manoeuvre began that is carried through before the path is tried again; None for any
-    other motion."""
+    """Pose at which a manoeuvre or a retreat began that is carried through before the path is tried
+    again; None for any other motion."""
     arc: int | None = None
-    """Which of `candidates` it drives along; None for a motion that is none of them, such as
+    """Index of the motion primitive that is driven; None for a motion that is none of them, such as
     turning in place."""
-    among: Primitives | None = None
-    """What it was chosen from, where that was not the arcs."""
     manoeuvre: Manoeuvre | None = None
-    """What is left of the manoeuvre that it belongs to."""
+    """Rest of the manoeuvre that the motion belongs to."""
 
 
 ARRIVED = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)

@@ -1,114 +1,129 @@
-"""Following the path: of the motion primitives the one that gets furthest along it, as fast as what
-stands near allows."""
+"""Path following: the motion primitive that gets furthest along the path, as fast as obstacles and
+people allow."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
+from navcore.control.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.primitives.arcs import ALONG_M, along
-from navcore.control.primitives.library import Primitives
+from navcore.control.motion_primitives import Primitives, errors_to_path
 from navcore.control.social import clear_of_people, waiting_index
+from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Twist
 
-Points = npt.NDArray[np.float64]
 
+def follow(checker: CollisionChecker, path: Points, primitives: Primitives) -> Motion | None:
+    """Drive the primitive that gains most along the (N, 2) path, base frame; None if all are
+    blocked.
 
-def follow(near: CollisionChecker, path: Points, among: Primitives) -> Motion | None:
-    """Drive the primitive that gets furthest along the path while staying near it; None when every
-    one is blocked at once.
-
-    Where somebody walks they are tried at several speeds: what is blocked by him now may be free a
+    Where people walk, several speeds are tried: a primitive that a person blocks now may be free a
     moment later.
     """
-    rules, bends, poses = near.rules, among.bends_1pm, among.poses
-    if not len(poses):
-        return None
-    clear = near.clear(poses)
-    free = (clear > near.padding_m) & near.is_observed(poses)
-    progress, aside, askew = along(path, poses, rules.lookahead_m)
-    narrow = 0.6 * np.maximum(0.0, 0.25 - clear) + 2.0 * np.maximum(
-        0.0, CLOSE * rules.padding_m - clear
-    )
-    gain = progress - aside - 0.15 * askew - narrow - 0.02 * np.abs(bends)[:, None]
-    free, gain, fastest = _apart_from_people(near, among, free, gain)
-    best, step = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    config = checker.control.path_follower
+    clearance = checker.clearance(primitives.poses)
+    free = (clearance > checker.padding_m) & checker.is_observed(primitives.poses)
+    progress, gain = _scores(checker, path, primitives, clearance)
+    free, gain, fastest = _clear_of_people(checker, primitives, free, gain)
+    best, step = (int(index) for index in np.unravel_index(int(np.argmax(gain)), gain.shape))
     goal_m = float(np.hypot(*path[-1]))
-    if not np.isfinite(gain[best, step]) or progress[best, step] < min(0.05, 0.5 * goal_m):
+    least = min(config.min_progress_m, config.min_progress_share * goal_m)
+    if not np.isfinite(gain[best, step]) or progress[best, step] < least:
         return None
-    free_m = float(ALONG_M[free[best]].max())
-    if len(near.people.walking) and not free[best, -1]:
-        waiting = waiting_index(
-            near.people,
-            poses[best][free[best]],
-            ALONG_M[free[best]] / fastest,
-            near.profile,
-            near.people_config,
-        )
-        if waiting < 0:
+    if len(checker.people.walking) and not free[best, -1]:
+        waits_m = _waiting_distance(checker, primitives, best, free[best], fastest)
+        if waits_m is None:
             return None
-        fastest = min(fastest, math.sqrt(2 * rules.braking_mps2 * float(ALONG_M[waiting])))
-    # free_m ends where the padding would be touched; the padding itself is what is left after
-    # braking.
+        fastest = min(fastest, math.sqrt(2 * checker.local.braking_mps2 * waits_m))
+    curvature = float(primitives.curvatures_1pm[best])
     speed = min(
         fastest,
-        math.sqrt(2 * rules.braking_mps2 * max(free_m - 0.04, 0.02)),
-        math.sqrt(2 * 0.5 * rules.braking_mps2 * goal_m) + 0.02,
-        near.profile.max_speed_mps * (0.3 + 2.0 * float(clear[best, : step + 1].min())),
-        rules.turn_rate_radps / max(abs(float(bends[best])), 1e-6),
+        _braking_speed(checker, float(primitives.distances_m[free[best]].max()), goal_m),
+        checker.profile.max_speed_mps
+        * (
+            config.contact_speed_share
+            + config.speed_share_per_m * float(clearance[best, : step + 1].min())
+        ),
+        checker.local.turn_rate_radps / max(abs(curvature), 1e-6),
     )
-    twist = Twist(v_mps=speed, w_radps=speed * float(bends[best]))
-    held = _kept_clear(near, twist) if among.pursued else twist
-    if held is None:
-        return None
-    return Motion(
-        twist=held,
-        outcome=ControllerState.FOLLOW,
-        arc=int(best),
-        among=among if among.pursued else None,
-    )
+    twist = Twist(v_mps=speed, w_radps=speed * curvature)
+    return Motion(twist=twist, outcome=ControllerState.FOLLOW, arc=best)
 
 
-def _apart_from_people(
-    near: CollisionChecker, among: Primitives, free: npt.NDArray[np.bool_], gain: Points
-) -> tuple[npt.NDArray[np.bool_], Points, float]:
-    """Which (A, S) poses are free of people too, what they gain, and at which speed: of those tried
-    the one that gains most."""
-    fastest = near.profile.max_speed_mps
-    if not len(near.people.walking):
+def _scores(
+    checker: CollisionChecker, path: Points, primitives: Primitives, clearance: Floats
+) -> tuple[Floats, Floats]:
+    """(A, S) progress along the path in metres, and what it is worth after all penalties."""
+    config, local = checker.control.path_follower, checker.local
+    progress, lateral, heading = errors_to_path(
+        path,
+        primitives.poses,
+        horizon_m=config.horizon_factor * local.lookahead_m,
+        tangent_m=config.tangent_m,
+    )
+    narrow = config.clearance_weight * np.maximum(
+        0.0, config.clearance_m - clearance
+    ) + config.padding_weight * np.maximum(0.0, config.padding_factor * local.padding_m - clearance)
+    bends = config.curvature_weight * np.abs(primitives.curvatures_1pm)[:, None]
+    return progress, progress - lateral - config.heading_weight * heading - narrow - bends
+
+
+def _clear_of_people(
+    checker: CollisionChecker, primitives: Primitives, free: Bools, gain: Floats
+) -> tuple[Bools, Floats, float]:
+    """(A, S) poses that are free of people too and their gain, at the speed in m/s of those tried
+    at which the best one gains most."""
+    fastest = checker.profile.max_speed_mps
+    if not len(checker.people.walking):
         return free, np.where(free, gain, -np.inf), fastest
-    best = None
-    for share in SPEEDS:
-        speeds = np.minimum(
-            share * fastest, near.rules.turn_rate_radps / np.maximum(np.abs(among.bends_1pm), 1e-6)
-        )
+    config = checker.control.path_follower
+    bends = np.maximum(np.abs(primitives.curvatures_1pm), 1e-6)
+    best: tuple[Bools, Floats, float] | None = None
+    for share in config.speed_shares:
+        speeds = np.minimum(share * fastest, checker.local.turn_rate_radps / bends)
         clear = free & clear_of_people(
-            near.people, among.poses, ALONG_M / speeds[:, None], near.profile, near.people_config
+            checker.people,
+            primitives.poses,
+            primitives.distances_m / speeds[:, None],
+            checker.profile,
+            checker.people_config,
+            checker.control.social,
         )
-        gained = np.where(clear, gain - 0.3 * (1 - share), -np.inf)
+        gained = np.where(clear, gain - config.slowness_weight * (1 - share), -np.inf)
         if best is None or gained.max() > best[1].max():
             best = clear, gained, share * fastest
     assert best is not None
     return best
 
 
-def _kept_clear(near: CollisionChecker, twist: Twist) -> Twist | None:
-    """The twist, so slow that it stays clear until it expires, though it leaves a primitive whose
-    bend changes; or None."""
-    for share in (1.0, 0.75, 0.5, 0.3, 0.15):
-        slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-        soon = stopping_trajectory(slower, near.profile)
-        if (near.clear(soon) > near.padding_m).all() and near.is_observed(soon).all():
-            return slower
-    return None
+def _waiting_distance(
+    checker: CollisionChecker, primitives: Primitives, best: int, free: Bools, speed_mps: float
+) -> float | None:
+    """Distance in metres along a primitive at which the robot can wait for people; None if there is
+    none."""
+    distances_m = primitives.distances_m[free]
+    waiting = waiting_index(
+        checker.people,
+        primitives.poses[best][free],
+        distances_m / speed_mps,
+        checker.profile,
+        checker.people_config,
+        checker.control.social,
+    )
+    return None if waiting < 0 else float(primitives.distances_m[waiting])
 
 
-CLOSE = 2.4
-"""Nearer to anything than so many paddings the robot goes only where it gains by it: odometry and
-the map err by as much."""
-SPEEDS = (1.0, 0.6, 0.35)
-"""Shares of the full speed at which the way past somebody is tried."""
+def _braking_speed(checker: CollisionChecker, free_m: float, goal_m: float) -> float:
+    """Speed in m/s from which the robot stops before the free stretch ends, and at the goal.
+
+    The free stretch ends where the padding would be touched; the padding itself is what is left
+    after braking.
+    """
+    config, braking_mps2 = checker.control.path_follower, checker.local.braking_mps2
+    stopping_m = max(free_m - config.stop_margin_m, config.min_free_m)
+    return min(
+        math.sqrt(2 * braking_mps2 * stopping_m),
+        math.sqrt(2 * config.goal_braking_share * braking_mps2 * goal_m) + config.goal_speed_mps,
+    )

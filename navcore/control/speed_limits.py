@@ -9,19 +9,18 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.control.motion import Motion
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.robot.profile import RobotProfile
 
 LAG_S = 0.25
 """Between a picture and the wheels that obey what was decided on it."""
-Points = npt.NDArray[np.float64]
 
 
 def allowed_speed_mps(

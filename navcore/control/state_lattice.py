@@ -1,9 +1,9 @@
 """The cheapest manoeuvre in a tight place: a search over (x, y, heading) with the oriented
 footprint at every pose.
 
-Hybrid A* after Dolgov et al. (2010), without a heuristic: the place is small, and any pose along
-the path will do as its end. What an end still lacks is added to its cost, so the first end that the
-search settles is the best there is.
+Hybrid A* after Dolgov et al. (2010), without a heuristic: the area is small, and any pose along the
+path may be its end. The shortfall of an end is added to its cost, so the first end that the search
+settles is the best.
 """
 
 from __future__ import annotations
@@ -11,106 +11,155 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.config.control import StateLatticeConfig
+from navcore.geometry.arrays import Floats, Indices
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-
-REACH_M = 2.2
-"""Half the side of the square, about the robot, that is searched."""
-CELL_M = 0.1
-HEADINGS = 36
-TURN_RAD = 2 * math.pi / HEADINGS
-"""Poses in one cell whose headings differ by less are one to the search; turns in place are so
-wide."""
-STEP_M = 0.15
-"""Longer than a cell's diagonal, so that every step leads to another cell."""
 FORWARD, REVERSE, TURNING = 1, -1, 0
-"""What a step is."""
+"""Kinds of steps."""
 KINDS = np.array([FORWARD] * 5 + [REVERSE] * 5 + [TURNING] * 2, dtype=np.int64)
-TURNS_RAD = np.array([0.0, 1.0, -1.0, 2.0, -2.0, 0.0, 1.0, -1.0, 2.0, -2.0, 1.0, -1.0]) * TURN_RAD
-"""By step: how far the heading turns in it."""
-BUDGET = 60_000
-"""So many poses are settled at most."""
-NEAR_M = 0.15
-"""Less room than this costs extra."""
-SWITCH_COST, REVERSE_COST, TURN_COST, TIGHT_COST = 0.15, 2.5, 0.6, 1.5
-"""Of changing from one kind of step to another; of a metre in reverse; of a radian in place; of a
-metre without any room."""
-SWEEP_M = 0.12
-"""With more room than this at the end of a step there is some on its way, too: a turning corner
-bulges out by far less."""
+"""(12,) kind of each step."""
+TURNS = np.array([0.0, 1.0, -1.0, 2.0, -2.0, 0.0, 1.0, -1.0, 2.0, -2.0, 1.0, -1.0])
+"""(12,) change of heading in each step, in headings of the lattice."""
 BUCKET_M = 0.2
+"""Side in metres of the buckets that obstacles are sorted into."""
 
-Place = tuple[Floats, Floats, Ints, int, float, float, float, float]
-"""Points sorted by buckets, their radii, where each bucket begins, buckets a side, metres from the
-robot to the first's edge, half the length and half the width of the footprint, and the farthest
-that any disc matters, in metres."""
+
+class _Lattice(NamedTuple):
+    """The configuration as the compiled search takes it."""
+
+    half_side: float
+    cell: float
+    headings: int
+    turn: float
+    step: float
+    max_states: int
+    clearance: float
+    switch_cost: float
+    reverse_cost: float
+    turn_cost: float
+    clearance_cost: float
+    min_length: float
+    sweep: float
+
+
+class _Obstacles(NamedTuple):
+    """Discs, sorted by buckets, and the footprint that keeps clear of them; metres."""
+
+    points: Floats
+    """(M, 2) centres."""
+    radii: Floats
+    """(M,) radii."""
+    starts: Indices
+    """(side² + 1,) index of each bucket's first disc."""
+    side: int
+    """Number of buckets along each side of the square."""
+    reach: float
+    """Distance from the robot to the edge of the first bucket."""
+    half_length: float
+    """Half the length of the footprint."""
+    half_width: float
+    """Half the width of the footprint."""
+    widest: float
+    """Distance beyond which no disc makes a difference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ends:
-    """Which poses the manoeuvre may end at."""
+    """The poses at which a manoeuvre may end."""
 
     cost: Floats
-    """(N, N) by cell, row along y: what is still lacking where the manoeuvre ends there; infinite
+    """(N, N) by cell, row along y: shortfall in metres of a manoeuvre that ends there; infinite
     where it may not."""
     heading_rad: Floats
-    """(N, N) the heading asked for there: what it still has to turn is lacking, too …"""
-    askew_rad: float = math.pi
-    """… and it may be so much."""
+    """(N, N) heading asked for in each cell; the turn to it counts as shortfall too."""
+    tolerance_rad: float = math.pi
+    """Largest difference to the heading asked for."""
 
 
-def cells() -> tuple[Floats, Floats]:
-    """(N, N) x and y of the cells' centres, base frame."""
-    centres = (np.arange(round(2 * REACH_M / CELL_M)) + 0.5) * CELL_M - REACH_M
+def cells(config: StateLatticeConfig) -> tuple[Floats, Floats]:
+    """Return (N, N) x and y of the cells' centres, base frame."""
+    count = round(2 * config.half_side_m / config.cell_m)
+    centres = (np.arange(count) + 0.5) * config.cell_m - config.half_side_m
     x, y = np.meshgrid(centres, centres)
     return x, y
 
 
 def cheapest(
-    obstacles: Floats, radii_m: Floats, ends: Ends, *, half_length_m: float, half_width_m: float
-) -> tuple[Floats, Ints]:
-    """(K, 3) poses one step apart, base frame, to the best end from (0, 0, 0), and (K,) the kinds
-    of the steps; (0, 3) if none.
+    obstacles: Floats,
+    radii_m: Floats,
+    ends: Ends,
+    *,
+    footprint_m: tuple[float, float],
+    config: StateLatticeConfig,
+) -> tuple[Floats, Indices]:
+    """Find (K, 3) poses one step apart, base frame, from (0, 0, 0) to the best end, and the (K,)
+    kinds of the steps; (0, 3) if there are none.
 
     At every pose but the first the footprint keeps clear of all (M, 2) obstacles, base frame, each
-    a disc of one of (M,) radii.
+    a disc of one of (M,) radii. `footprint_m` is half its length and half its width.
     """
-    widest = max(float(radii_m.max(initial=0.0)), 0.0) + NEAR_M
-    reach = REACH_M + math.hypot(half_length_m, half_width_m) + widest
+    widest = max(float(radii_m.max(initial=0.0)), 0.0) + config.clearance_m
+    reach = config.half_side_m + math.hypot(*footprint_m) + widest
     side = math.ceil(2 * reach / BUCKET_M)
     bucket = np.floor((obstacles + reach) / BUCKET_M).astype(np.int64)
     within = ((bucket >= 0) & (bucket < side)).all(axis=1)
     key = bucket[within, 1] * side + bucket[within, 0]
     order = np.argsort(key, kind="stable")
-    starts = np.searchsorted(key[order], np.arange(side * side + 1))
-    points = np.ascontiguousarray(obstacles[within][order])
-    radii = np.ascontiguousarray(radii_m[within][order])
-    found = _search(
-        (points, radii, starts, side, reach, half_length_m, half_width_m, widest),
-        ends.cost,
-        ends.heading_rad,
-        ends.askew_rad,
+    discs = _Obstacles(
+        np.ascontiguousarray(obstacles[within][order]),
+        np.ascontiguousarray(radii_m[within][order]),
+        np.searchsorted(key[order], np.arange(side * side + 1)),
+        side,
+        reach,
+        *footprint_m,
+        widest,
     )
-    return found[0], found[1]
+    lattice = _lattice(config)
+    poses, kinds = _search(
+        discs, lattice, TURNS * lattice.turn, ends.cost, ends.heading_rad, ends.tolerance_rad
+    )
+    return poses, kinds
+
+
+def _lattice(config: StateLatticeConfig) -> _Lattice:
+    return _Lattice(
+        half_side=config.half_side_m,
+        cell=config.cell_m,
+        headings=config.headings,
+        turn=2 * math.pi / config.headings,
+        step=config.step_m,
+        max_states=config.max_states,
+        clearance=config.clearance_m,
+        switch_cost=config.switch_cost,
+        reverse_cost=config.reverse_cost,
+        turn_cost=config.turn_cost,
+        clearance_cost=config.clearance_cost,
+        min_length=config.min_length_m,
+        sweep=config.sweep_m,
+    )
 
 
 @compiled
 def _search(
-    place: Place, end_cost: Floats, end_heading: Floats, askew: float
-) -> tuple[Floats, Ints]:
+    discs: _Obstacles,
+    lattice: _Lattice,
+    turns: Floats,
+    end_cost: Floats,
+    end_heading: Floats,
+    tolerance: float,
+) -> tuple[Floats, Indices]:
     size = end_cost.shape[0]
-    count = size * size * HEADINGS
+    count = size * size * lattice.headings
     cost = np.full(count + 1, np.inf)
     poses = np.zeros((count, 3))
     came, step = np.full(count + 1, -1, np.int64), np.full(count, -1, np.int64)
     done = np.zeros(count + 1, np.bool_)
-    start = ((size // 2) * size + size // 2) * HEADINGS
+    start = ((size // 2) * size + size // 2) * lattice.headings
     cost[start] = 0.0
     heap, settled = [(0.0, start)], 0
     while len(heap) > 0:
@@ -119,86 +168,97 @@ def _search(
             continue
         done[at] = True
         settled += 1
-        if at == count or settled > BUDGET:
+        if at == count or settled > lattice.max_states:
             break
         x, y, heading = poses[at, 0], poses[at, 1], poses[at, 2]
-        cell = at // HEADINGS
-        lacking = end_cost[cell // size, cell % size]
-        if lacking < np.inf:
+        cell = at // lattice.headings
+        shortfall = end_cost[cell // size, cell % size]
+        if shortfall < np.inf:
             off = abs(
                 (heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi)
                 - math.pi
             )
-            if off <= askew and so_far + lacking + TURN_COST * off < cost[count]:
-                cost[count], came[count] = so_far + lacking + TURN_COST * off, at
+            total = so_far + shortfall + lattice.turn_cost * off
+            if off <= tolerance and total < cost[count]:
+                cost[count], came[count] = total, at
                 heapq.heappush(heap, (cost[count], count))
-        for way in range(len(KINDS)):
-            kind, turn = KINDS[way], TURNS_RAD[way]
+        for index in range(len(KINDS)):
+            kind, turn = KINDS[index], turns[index]
             there_x, there_y, length = x, y, 0.0
             if kind != TURNING:
                 # The chord of the arc, which leaves at half its turn.
-                length = STEP_M
-                chord = kind * (STEP_M if turn == 0.0 else STEP_M * math.sin(turn / 2) / (turn / 2))
+                length = lattice.step
+                chord = kind * (
+                    lattice.step
+                    if turn == 0.0
+                    else lattice.step * math.sin(turn / 2) / (turn / 2)
+                )
                 bearing = heading + kind * turn / 2
                 there_x, there_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
             there_heading = heading + turn * (kind if kind != TURNING else 1)
-            column, row = (
-                math.floor((there_x + REACH_M) / CELL_M),
-                math.floor((there_y + REACH_M) / CELL_M),
-            )
+            column = math.floor((there_x + lattice.half_side) / lattice.cell)
+            row = math.floor((there_y + lattice.half_side) / lattice.cell)
             if not (0 <= column < size and 0 <= row < size):
                 continue
-            into = round(there_heading / TURN_RAD) % HEADINGS
-            node = (row * size + column) * HEADINGS + into
+            into = round(there_heading / lattice.turn) % lattice.headings
+            node = (row * size + column) * lattice.headings + into
             if done[node]:
                 continue
             least = (
                 length
                 if kind == FORWARD
-                else REVERSE_COST * length
+                else lattice.reverse_cost * length
                 if kind == REVERSE
-                else TURN_COST * TURN_RAD
+                else lattice.turn_cost * lattice.turn
             )
-            least += SWITCH_COST if step[at] >= 0 and KINDS[step[at]] != kind else 0.0
+            if step[at] >= 0 and KINDS[step[at]] != kind:
+                least += lattice.switch_cost
             if so_far + least >= cost[node]:
                 continue
-            free = _room(there_x, there_y, there_heading, place)
-            if turn != 0.0 and 0.0 < free < SWEEP_M:
-                free = min(free, _room_between(x, y, heading, kind, turn, place))
+            free = _clearance(there_x, there_y, there_heading, discs, lattice)
+            if turn != 0.0 and 0.0 < free < lattice.sweep:
+                free = min(free, _clearance_between(x, y, heading, kind, turn, discs, lattice))
             if free <= 0.0:
                 continue
-            total = so_far + least + TIGHT_COST * max(length, 0.05) * (1 - free / NEAR_M)
+            total = (
+                so_far
+                + least
+                + lattice.clearance_cost
+                * max(length, lattice.min_length)
+                * (1 - free / lattice.clearance)
+            )
             if total < cost[node]:
-                cost[node], came[node], step[node] = total, at, way
+                cost[node], came[node], step[node] = total, at, index
                 poses[node, 0], poses[node, 1], poses[node, 2] = there_x, there_y, there_heading
                 heapq.heappush(heap, (total, node))
     return _traced(came, step, poses, came[count], start)
 
 
 @compiled
-def _room_between(
-    x: float, y: float, heading: float, kind: int, turn: float, place: Place
+def _clearance_between(
+    x: float,
+    y: float,
+    heading: float,
+    kind: int,
+    turn: float,
+    discs: _Obstacles,
+    lattice: _Lattice,
 ) -> float:
-    """Least room on the way of a step that turns: the corners come nearer to things than before and
-    after it."""
-    parts, least = 2 * round(abs(turn) / TURN_RAD), NEAR_M
+    """Least clearance within a step that turns: the corners come nearer to obstacles than before
+    and after it."""
+    parts, least = 2 * round(abs(turn) / lattice.turn), lattice.clearance
     for part in range(1, parts):
         turned = turn * part / parts * (kind if kind != TURNING else 1)
-        chord, bearing = kind * STEP_M * part / parts, heading + turned / 2
-        least = min(
-            least,
-            _room(
-                x + chord * math.cos(bearing),
-                y + chord * math.sin(bearing),
-                heading + turned,
-                place,
-            ),
-        )
+        chord, bearing = kind * lattice.step * part / parts, heading + turned / 2
+        between_x, between_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
+        least = min(least, _clearance(between_x, between_y, heading + turned, discs, lattice))
     return least
 
 
 @compiled
-def _traced(came: Ints, step: Ints, poses: Floats, last: int, start: int) -> tuple[Floats, Ints]:
+def _traced(
+    came: Indices, step: Indices, poses: Floats, last: int, start: int
+) -> tuple[Floats, Indices]:
     length, at = 0, last
     while at >= 0 and at != start:
         length, at = length + 1, came[at]
@@ -211,21 +271,23 @@ def _traced(came: Ints, step: Ints, poses: Floats, last: int, start: int) -> tup
 
 
 @compiled
-def _room(x: float, y: float, heading: float, place: Place) -> float:
-    """Least distance from the footprint to any disc, at most `NEAR_M`."""
-    points, radii, starts, side, reach, half_length, half_width, widest = place
+def _clearance(x: float, y: float, heading: float, discs: _Obstacles, lattice: _Lattice) -> float:
+    """Least distance from the footprint to any disc, at most `lattice.clearance`."""
     cos, sin = math.cos(heading), math.sin(heading)
-    wide = half_length * abs(cos) + half_width * abs(sin) + widest
-    high = half_length * abs(sin) + half_width * abs(cos) + widest
-    left = max(math.floor((x - wide + reach) / BUCKET_M), 0)
-    right = min(math.floor((x + wide + reach) / BUCKET_M), side - 1)
-    low = max(math.floor((y - high + reach) / BUCKET_M), 0)
-    top = min(math.floor((y + high + reach) / BUCKET_M), side - 1)
-    least = NEAR_M
+    half_length, half_width, side = discs.half_length, discs.half_width, discs.side
+    wide = half_length * abs(cos) + half_width * abs(sin) + discs.widest
+    high = half_length * abs(sin) + half_width * abs(cos) + discs.widest
+    left = max(math.floor((x - wide + discs.reach) / BUCKET_M), 0)
+    right = min(math.floor((x + wide + discs.reach) / BUCKET_M), side - 1)
+    low = max(math.floor((y - high + discs.reach) / BUCKET_M), 0)
+    top = min(math.floor((y + high + discs.reach) / BUCKET_M), side - 1)
+    least = lattice.clearance
     for row in range(low, top + 1):
-        for index in range(starts[row * side + left], starts[row * side + right + 1]):
-            dx, dy = points[index, 0] - x, points[index, 1] - y
+        for index in range(
+            discs.starts[row * side + left], discs.starts[row * side + right + 1]
+        ):
+            dx, dy = discs.points[index, 0] - x, discs.points[index, 1] - y
             out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
             out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
-            least = min(least, math.sqrt(out_x * out_x + out_y * out_y) - radii[index])
+            least = min(least, math.sqrt(out_x * out_x + out_y * out_y) - discs.radii[index])
     return least

@@ -6,8 +6,8 @@ import numpy as np
 
 from navcore.errors import BlockedGoal
 from navcore.geometry.transform import Pose2
-from navcore.grid.flood_fill import nearest_reachable
 from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
+from navcore.grid.nearest import nearest_of, nearest_reachable
 
 
 def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
@@ -32,8 +32,8 @@ def check_goal_free(
     if not spec.contains(*place) or not blocked[spec.cell(*place)]:
         return
     cell = spec.cell(*place)
-    found = nearest_reachable(blocked, spec.cell(robot.x_m, robot.y_m), cell) or _nearest(
-        ~blocked, cell
+    found = nearest_reachable(blocked, spec.cell(robot.x_m, robot.y_m), cell) or nearest_of(
+        np.argwhere(~blocked), cell
     )
     nearest = None if found is None else spec.centre(*found)
     instead = (
@@ -46,11 +46,3 @@ def check_goal_free(
         f"goal ({place[0]:.2f}, {place[1]:.2f}) lies {where}; the robot cannot stand there{instead}",
         nearest,
     )
-
-
-def _nearest(free: BoolGrid, cell: Cell) -> Cell | None:
-    rows, cols = np.nonzero(free)
-    if not len(rows):
-        return None
-    at = int(np.argmin((rows - cell[0]) ** 2 + (cols - cell[1]) ** 2))
-    return int(rows[at]), int(cols[at])

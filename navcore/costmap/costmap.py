@@ -17,7 +17,7 @@ import numpy.typing as npt
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import PAD, BitPlane
 from navcore.grid.cell_mask import CellMask
-from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid
+from navcore.grid.grid import BoolGrid, Box, GridSpec, OccupancyGrid
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.mission.zone import Zone, cells_of
@@ -158,23 +158,7 @@ def layer_grid(cloud: PointMap, beware: BewareList, zones: Iterable[Zone]) -> Oc
     )
 
 
-def nearest_free(free: CellMask, cell: Cell, within: float) -> Cell | None:
-    """The free cell nearest to `cell`, itself if free or outside; None when all within that many
-    cells are blocked."""
-    if not (0 <= cell[0] < free.rows and 0 <= cell[1] < free.cols):
-        return cell
-    reach = math.floor(within)
-    top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
-    bottom, right = min(cell[0] + reach + 1, free.rows), min(cell[1] + reach + 1, free.cols)
-    near = np.argwhere(free.window(top, left, bottom, right)) + np.array([top, left])
-    squared = ((near - cell) ** 2).sum(axis=1)
-    if len(near) == 0 or squared.min() > within**2:
-        return None
-    row, col = near[int(np.argmin(squared))]
-    return int(row), int(col)
-
-
-def box_around(spec: GridSpec, pose: Pose2, reach_m: float) -> tuple[int, int, int, int]:
+def box_around(spec: GridSpec, pose: Pose2, reach_m: float) -> Box:
     """(top, left, bottom, right) cells of the grid within a square about a pose; may be empty."""
     row, col = spec.cell(pose.x_m, pose.y_m)
     reach = math.ceil(reach_m / spec.resolution_m)

@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate, inflation_radius
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, rasterise
 from navcore.robot.profile import RobotProfile
-
-Points = npt.NDArray[np.float64]
 
 
 def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
@@ -30,7 +29,7 @@ def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDAr
         if layer.any():
             by_margin[margin_m] = by_margin[margin_m] | layer if margin_m in by_margin else layer
     for margin_m, layer in by_margin.items():
-        ruled |= _grown(layer, margin_m, grid.spec.resolution_m)
+        ruled |= inflate_by(layer, margin_m, grid.spec.resolution_m)
     return grid.geometric, ruled
 
 
@@ -71,13 +70,13 @@ def split_areas(
             continue
         margin_m = grid.margins_m.get(class_id, 0.0)
         _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
-        numbers = np.unique(things[_grown(body, margin_m, cell_m) & layer])
-        under += [_grown(things == number, margin_m, cell_m) for number in numbers]
-        others |= _grown(layer & ~np.isin(things, numbers), margin_m, cell_m)
+        numbers = np.unique(things[inflate_by(body, margin_m, cell_m) & layer])
+        under += [inflate_by(things == number, margin_m, cell_m) for number in numbers]
+        others |= inflate_by(layer & ~np.isin(things, numbers), margin_m, cell_m)
     for zone in zones:
         if not zone.closed or not _reaches(zone, spec):
             continue
-        area = _grown(rasterise(zone.polygon, spec), zone.margin_m, cell_m)
+        area = inflate_by(rasterise(zone.polygon, spec), zone.margin_m, cell_m)
         if (area & body).any():
             under.append(area)
         else:
@@ -125,15 +124,4 @@ def outside(points: Points, profile: RobotProfile, padding_m: float) -> npt.NDAr
     return np.asarray(
         (np.abs(points[:, 0]) > profile.length_m / 2 + padding_m)
         | (np.abs(points[:, 1]) > profile.width_m / 2 + padding_m)
-    )
-
-
-def _grown(
-    mask: npt.NDArray[np.bool_], margin_m: float, resolution_m: float
-) -> npt.NDArray[np.bool_]:
-    if margin_m <= 0:
-        return mask
-    return inflate(
-        mask,
-        inflation_radius(vehicle_width_m=0.0, safety_margin_m=margin_m, resolution_m=resolution_m),
     )

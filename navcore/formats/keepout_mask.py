@@ -15,24 +15,21 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon, box
 
 from navcore.errors import BadGeometry
-from navcore.grid.grid import BoolGrid, GridSpec, inflate, inflation_radius
+from navcore.geometry.polyline import Corners
+from navcore.grid.grid import BoolGrid, GridSpec, inflate_by
 from navcore.mission.zone import MAX_CORNERS, Zone, cells_of
 
 MAX_PARTS, MAX_HOLES = 200, 2000
 INSET = 0.1
 """So many cells the polygon stays inside its cells: on their border it would touch, and so take,
 the next ones."""
-Corners = tuple[tuple[float, float], ...]
 
 
 def closed_cells(zones: Iterable[Zone], spec: GridSpec) -> BoolGrid:
     """(rows, cols) the keep-outs that are switched on, each grown by its own margin."""
     plain, wide = cells_of(zones, spec)
     for margin_m, mask in wide:
-        radius = inflation_radius(
-            vehicle_width_m=0.0, safety_margin_m=margin_m, resolution_m=spec.resolution_m
-        )
-        plain = plain | inflate(mask, radius)
+        plain = plain | inflate_by(mask, margin_m, spec.resolution_m)
     return plain
 
 

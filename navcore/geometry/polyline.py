@@ -1,35 +1,40 @@
-"""Lines of corners, such as a path or a track, measured along their length."""
+"""Polylines, such as a path or a track: their length, points along them, their corners."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.transform import Pose2
 
-Floats = npt.NDArray[np.float64]
-Points = npt.NDArray[np.float64]
+Corners = tuple[tuple[float, float], ...]
+"""Corners (x, y) in metres of a polygon or a polyline, in order."""
+
+
+def length_m(line: Points) -> float:
+    """Return the length of a polyline of (N, 2) points, in metres."""
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
 def metres_along(line: Points) -> Floats:
-    """(N,) how far along the line each of its (N, 2) points is; 0 for the first."""
+    """Return the (N,) arc lengths at the (N, 2) points of a polyline; 0 for the first."""
     return _metres_along(np.ascontiguousarray(line))
 
 
 def points_at(line: Points, metres: Floats, stations: Floats) -> Points:
-    """(K, 2) the points that are so far along the line, `stations` rising; before it its first
-    point, beyond it its last.
+    """Return the (K, 2) points at (K,) rising arc lengths `stations` of a polyline.
 
-    `metres`: (N,) of `metres_along`.
+    `metres`: (N,) of `metres_along`. Stations before the line give its first point, stations beyond
+    it its last.
     """
     return _points_at(np.ascontiguousarray(line), metres, np.ascontiguousarray(stations))
 
 
 def resample(line: Points, spacing_m: float) -> Points:
-    """(K, 2) points along a line, so far apart or a little less; both its ends are among them."""
+    """Return (K, 2) points along a polyline, at most `spacing_m` apart, both ends among them."""
     metres = metres_along(line)
     return points_at(
         line, metres, np.linspace(0.0, metres[-1], max(2, math.ceil(metres[-1] / spacing_m) + 1))
@@ -62,6 +67,6 @@ def _points_at(line: Points, metres: Floats, stations: Floats) -> Points:
 
 
 def path_from(path_map: Points, pose: Pose2) -> Points:
-    """(N, 2) the path from its point nearest to the robot on, in the base frame."""
+    """Return the (N, 2) rest of a path from its point nearest to the robot on, in the base frame."""
     nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
     return pose.from_parent(path_map[nearest:])

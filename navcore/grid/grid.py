@@ -13,7 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 BoolGrid = npt.NDArray[np.bool_]
+"""(rows, cols) truth value of each cell; row 0 has the smallest y."""
 Cell = tuple[int, int]
+"""(row, col) of a cell."""
+Box = tuple[int, int, int, int]
+"""(top, left, bottom, right) rows top … bottom−1 and columns left … right−1 of a grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +131,16 @@ def inflate(mask: BoolGrid, radius_cells: int) -> BoolGrid:
     """Dilate (rows, cols) by the disc of all cells whose centre is at most `radius_cells` away
     (Algorithm 1, line 10)."""
     return cv2.dilate(mask.view(np.uint8), _disc(radius_cells)).view(np.bool_)
+
+
+def inflate_by(mask: BoolGrid, margin_m: float, resolution_m: float) -> BoolGrid:
+    """Dilate (rows, cols) by a margin in metres; a margin of 0 returns the mask itself."""
+    if margin_m <= 0:
+        return mask
+    return inflate(
+        mask,
+        inflation_radius(vehicle_width_m=0.0, safety_margin_m=margin_m, resolution_m=resolution_m),
+    )
 
 
 def inflate_layers(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
+from navcore.geometry.arrays import Indices, Words
 from navcore.grid.bitplane import (
     ALL,
     ONE,
@@ -25,10 +26,6 @@ from navcore.grid.bitplane import (
 from navcore.grid.free_space import FREE, MANY, FreeSpace, refresh, write_word
 from navcore.grid.grid import BoolGrid
 
-Ints = npt.NDArray[np.int64]
-Halves = npt.NDArray[np.int64]
-Words = npt.NDArray[np.uint64]
-
 AT_ONCE = 1024
 """So many words are inflated together: they stay in the cache next to the processor."""
 
@@ -43,7 +40,7 @@ class InflatedGrid:
         self._radii: tuple[int, ...] = ()
         self._raw: BitPlanes = np.zeros((0, *self.space.across.shape[1:]), dtype=np.uint64)
         self._fresh = self._raw.copy()
-        self._halves: Ints = np.zeros((0, 1), dtype=np.int64)
+        self._halves: Indices = np.zeros((0, 1), dtype=np.int64)
         complement(self.space.across[FREE], rows, cols)
         self.space.rebuild()
 
@@ -76,7 +73,7 @@ class InflatedGrid:
         """How far about a change is looked, in cells: the widest radius in use."""
         return int(self._halves.shape[1]) - 1
 
-    def set_cells(self, radius: int, cells: Ints, occupied: bool) -> None:
+    def set_cells(self, radius: int, cells: Indices, occupied: bool) -> None:
         """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the
         grid."""
         if radius not in self._radii:
@@ -124,7 +121,7 @@ class InflatedGrid:
                 "make a new InflatedGrid for another grid"
             )
 
-    def _follow(self, words: Ints) -> None:
+    def _follow(self, words: Indices) -> None:
         space = self.space
         if len(words) * MANY > space.sentinel.size:
             self._follow_all()
@@ -154,7 +151,7 @@ def inflated(planes: Mapping[int, BitPlane], rows: int, cols: int) -> BitPlane:
     return out
 
 
-def half_widths(radii: tuple[int, ...]) -> Ints:
+def half_widths(radii: tuple[int, ...]) -> Indices:
     """(layers, largest radius + 1) how many cells the disc reaches to the side at each distance in
     rows; -1 beyond it."""
     rows = np.full((len(radii), max(radii) + 1), -1, dtype=np.int64)
@@ -164,7 +161,7 @@ def half_widths(radii: tuple[int, ...]) -> Ints:
 
 
 @compiled
-def differing_words(old: BitPlanes, new: BitPlanes, most: int) -> Ints:
+def differing_words(old: BitPlanes, new: BitPlanes, most: int) -> Indices:
     """(N, 2) lines and words at which any layer differs, in order; no more than one beyond `most`."""
     found = np.empty((most + 1, 2), dtype=np.int64)
     count = 0
@@ -186,16 +183,16 @@ def differing_words(old: BitPlanes, new: BitPlanes, most: int) -> Ints:
 def occupy(
     raw: BitPlanes,
     layer: int,
-    halves: Ints,
-    cells: Ints,
+    halves: Indices,
+    cells: Indices,
     occupied: bool,
     rows: int,
     cols: int,
     across: BitPlanes,
     along: BitPlanes,
     sentinel: BitPlane,
-    freed: Ints,
-    notes: Ints,
+    freed: Indices,
+    notes: Indices,
 ) -> bool:
     """Set or clear (N, 2) cells of a layer and follow that; False if it is so many that all is to
     be made anew."""
@@ -208,7 +205,7 @@ def occupy(
 
 
 @compiled
-def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> Ints:
+def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> Indices:
     """Set or clear (N, 2) cells; returns the (N, 2) lines and words that changed, in order of the
     cells."""
     changed = np.empty((len(cells), 2), dtype=np.int64)
@@ -227,15 +224,15 @@ def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> I
 @compiled
 def follow(
     raw: BitPlanes,
-    halves: Ints,
-    words: Ints,
+    halves: Indices,
+    words: Indices,
     rows: int,
     cols: int,
     across: BitPlanes,
     along: BitPlanes,
     sentinel: BitPlane,
-    freed: Ints,
-    notes: Ints,
+    freed: Indices,
+    notes: Indices,
 ) -> None:
     """Make the free cells anew around the changed words, in rectangles of words that lie close
     together."""
@@ -259,13 +256,13 @@ def follow(
 @compiled
 def _renew(
     raw: BitPlanes,
-    halves: Ints,
+    halves: Indices,
     cols: int,
     across: BitPlanes,
     along: BitPlanes,
     sentinel: BitPlane,
-    freed: Ints,
-    notes: Ints,
+    freed: Indices,
+    notes: Indices,
     top: int,
     bottom: int,
     west: int,
@@ -300,7 +297,7 @@ def on_grid(word: int, cols: int) -> np.uint64:
 @compiled
 def inflate_into(
     raw: BitPlanes,
-    halves: Ints,
+    halves: Indices,
     out: BitPlane,
     line_0: int,
     word_0: int,
@@ -344,7 +341,7 @@ def inflate_into(
 @lean
 def _inflate_rows(
     raw: BitPlane,
-    halves: Halves,
+    halves: Indices,
     first: int,
     last: int,
     left: int,

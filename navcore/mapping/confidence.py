@@ -1,115 +1,117 @@
-"""How sure the map is of what a network has seen: every look at a place speaks for or against it.
+"""Confidence of beware points: every image of a position speaks for or against them.
 
-A network errs now and then, and a place that it took for a thing once must not bind the robot for
-ever; a thing that it found in many pictures must not be lost when it misses one. So each point's
-confidence is a probability that looks add to in log-odds (Thrun, Burgard, Fox: Probabilistic
-Robotics, 4.2): half of what the network claims, for pictures that follow one another err alike.
-What is certain (confidence 1: the rules of colour) is never weighed.
+A network errs now and then. One false detection must not bind the robot for ever, and an object
+found in many images must not be lost when one misses it. So a point's confidence is a probability
+that images add to in log-odds (Thrun, Burgard, Fox: Probabilistic Robotics, 4.2), with a share of
+what the network claims, because consecutive images err alike. Certain points (confidence 1: the
+colour rules) never change.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.config.mapping import ClearingRules, ConfidenceConfig
+from navcore.geometry.arrays import Bools, FloatImage, Indices
+from navcore.geometry.camera import Pinhole
+from navcore.geometry.transform import Matrix, invert
+from navcore.grid.grid import Box
 from navcore.mapping.clearing import pixel_of
-from navcore.mapping.point_table import Cells, Records
-from navcore.mapping.voxels import Box
+from navcore.mapping.point_table import Cells, PointTable, Records
 from navcore.mission.beware_list import NOTHING
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
-PRIOR = -1.0
-"""Log-odds of a thing in a place that was never seen before."""
-OVERLOOKED = -2.0
-"""Log-odds in a place that earlier pictures have shown, and in which nothing was found: one look is
-not enough there."""
-CLAIM = 0.5
-"""Share of the network's log-odds that one look is worth."""
-MISS = 0.25
-"""What a look that shows the place and finds nothing takes away."""
-LEAST, MOST = -2.5, 3.0
-"""Beyond these no look goes; a point as unsure as the least is forgotten."""
-CERTAIN = 0.95
-"""As sure as the map can be of what a network saw (the logistic of `MOST`, rounded down): more
-cannot be asked of it."""
-TRUSTED_M = 4.0
-"""Further away a network may well overlook a small thing."""
-BORDER_PX = 8
-"""Nor does it see much of a thing at the border of the picture."""
 Confidence = npt.NDArray[np.float32]
 
 
-def initial_confidence(confidence: Confidence, shown_before: npt.NDArray[np.bool_]) -> Confidence:
-    """(N,) how sure to be of points that the network is so sure of and that were never found
-    before; 1 stays 1.
+class _LogOdds(NamedTuple):
+    """Steps and limits of an update in log-odds, as compiled kernels take them."""
 
-    `shown_before`: (N,) whether earlier pictures have shown the place.
+    claim_share: float
+    miss: float
+    least: float
+    most: float
+
+
+def initial_confidence(
+    confidence: Confidence, shown_before: Bools, config: ConfidenceConfig
+) -> Confidence:
+    """Return the (N,) confidence of points detected for the first time; certain ones stay at 1.
+
+    `confidence`: (N,) of the network, 0 to 1. `shown_before`: (N,) whether earlier images have
+    shown the position.
     """
     claimed = np.clip(confidence.astype(np.float64), 0.01, 0.99)
-    odds = np.where(shown_before, OVERLOOKED, PRIOR) + CLAIM * np.log(claimed / (1 - claimed))
+    odds = np.where(shown_before, config.overlooked, config.prior) + config.claim_share * np.log(
+        claimed / (1 - claimed)
+    )
     return np.where(confidence >= 1, np.float32(1), 1 / (1 + np.exp(-odds))).astype(np.float32)
 
 
 def update_confidence(
-    records: Records,
-    first: Cells,
+    points: PointTable,
     cols: int,
     box: Box,
     frame: Frame,
-    T_camera_map: npt.NDArray[np.float64],
     labels: Labels,
-    clearing: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Let one picture speak for or against the points of beware classes it shows; changes their
-    confidence.
+    config: ConfidenceConfig,
+    clearing: ClearingRules,
+) -> tuple[Indices, Indices]:
+    """Update the confidence of the beware points in a box that an image shows.
 
-    Returns the indices of the points to forget, and the cells in which a confidence has changed.
-    `clearing` is constant and factor of the depth's tolerance, `T_camera_map` (4, 4). `labels` are
-    the network's own claims.
+    Returns the indices of the points to forget, and the cells (row · cols + col) with a changed
+    confidence. `labels` are the network's own; `clearing` gives the tolerance of depth.
     """
-    lens = frame.intrinsics
-    return _weigh(
-        records,
-        first,
+    return _update(
+        points.records,
+        points.first,
         cols,
         box,
         frame.depth_m,
-        T_camera_map,
-        np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
+        invert(frame.T_map_camera),
+        frame.intrinsics.pinhole,
         labels.class_ids,
         labels.confidence,
         clearing,
+        _LogOdds(config.claim_share, config.miss, config.least, config.most),
+        config.trusted_m,
+        config.border_px,
     )
 
 
 @compiled
-def _weighed(confidence: float, claim: float) -> float:
-    """Log-odds after one more look, in which the network is so sure of the thing; 0 when it finds
-    nothing."""
+def _updated_log_odds(confidence: float, claim: float, steps: _LogOdds) -> float:
+    """Return the log-odds after one image in which the network claims the object with a confidence;
+    a claim of 0 is a miss."""
     odds = math.log(max(confidence, 0.01) / max(1 - confidence, 0.01))
     if claim == 0.0:
-        return max(odds - MISS, LEAST)
+        return max(odds - steps.miss, steps.least)
     claim = min(max(claim, 0.01), 0.99)
-    return min(odds + CLAIM * math.log(claim / (1 - claim)), MOST)
+    return min(odds + steps.claim_share * math.log(claim / (1 - claim)), steps.most)
 
 
 @compiled
-def _weigh(
+def _update(
     records: Records,
     first: Cells,
     cols: int,
     box: Box,
-    depth_m: npt.NDArray[np.float32],
-    t: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
+    depth_m: FloatImage,
+    t: Matrix,
+    lens: Pinhole,
     class_ids: npt.NDArray[np.uint8],
     confidence: Confidence,
-    clearing: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    clearing: ClearingRules,
+    steps: _LogOdds,
+    trusted_m: float,
+    border_px: int,
+) -> tuple[Indices, Indices]:
     height, width = depth_m.shape
     forget, cells = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
     for row in range(box[0], box[2]):
@@ -120,29 +122,24 @@ def _weigh(
                 at = records[index].next
                 if records[index].class_id == NOTHING or records[index].confidence >= 1:
                     continue
-                i, j, depth = pixel_of(records[index], t, lens)
-                if depth > TRUSTED_M:
+                i, j, depth = pixel_of(records[index], t, lens, clearing.nearest_m)
+                if depth > trusted_m:
                     continue
-                if (
-                    i < BORDER_PX
-                    or i >= height - BORDER_PX
-                    or j < BORDER_PX
-                    or j >= width - BORDER_PX
-                ):
+                if i < border_px or i >= height - border_px:
                     continue
-                if (
-                    depth_m[i, j] <= 0
-                    or abs(depth_m[i, j] - depth) > clearing[0] + clearing[1] * depth * depth
-                ):
+                if j < border_px or j >= width - border_px:
+                    continue
+                tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
+                if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
                     continue
                 claim = 0.0
                 for r in range(i - 1, i + 2):
                     for c in range(j - 1, j + 2):
                         if class_ids[r, c] == records[index].class_id:
                             claim = max(claim, float(confidence[r, c]))
-                odds = _weighed(float(records[index].confidence), claim)
+                odds = _updated_log_odds(float(records[index].confidence), claim, steps)
                 records[index].confidence = 1 / (1 + math.exp(-odds))
                 cells.append(np.int64(row * cols + col))
-                if odds <= LEAST:
+                if odds <= steps.least:
                     forget.append(np.int64(index))
     return np.array(forget, dtype=np.int64), np.array(cells, dtype=np.int64)

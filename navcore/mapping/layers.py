@@ -1,8 +1,7 @@
-"""The occupied cells that the map's points make, one bit a cell and a layer for each class, and
-every change of one handed on.
+"""Occupied cells of the map, one layer of bits for each class, with a log of their changes.
 
-They always equal the layers rebuilt from the points. `take_changes` names the cells that changed,
-so that whoever follows the map pays for what changed and not for its size.
+The layers always equal those rebuilt from the points. `take_changes` names the changed cells, so
+that following the map costs what has changed and not the size of the map.
 """
 
 from __future__ import annotations
@@ -12,45 +11,44 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import BitPlane, BitPlanes, empty_plane, unpack
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mapping.confidence import CERTAIN
 from navcore.mapping.point_table import PointTable, refresh_planes
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareList
 
-Indices = npt.NDArray[np.int64]
 
-FLOOR_M = 0.05
-"""What is measured within this height shows the floor …"""
-FLOOR_BINS = np.uint64(
-    sum(
-        1 << level
-        for level in range(HEIGHT_BINS)
-        if abs(LOWEST_M + (level + 0.5) * BIN_M) < FLOOR_M
+def floor_bins(floor_m: float) -> np.uint64:
+    """Return the set of height bins, one bit each, whose middle is within `floor_m` of the floor."""
+    return np.uint64(
+        sum(
+            1 << level
+            for level in range(HEIGHT_BINS)
+            if abs(LOWEST_M + (level + 0.5) * BIN_M) < floor_m
+        )
     )
-)
-"""… that is, in one of these bins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Changes:
-    """Cells that became occupied or free in the layer of a class since the last look; a cell may be
-    named more than once."""
+    """Cells that became occupied or free in the layer of a class; a cell may occur more than once."""
 
     class_ids: npt.NDArray[np.uint8]
-    """(N,) whose layer."""
+    """(N,) class of the layer of each cell."""
     cells: Indices
-    """(N,) row · cols + col."""
+    """(N,) cells, row · cols + col."""
 
 
 class MapLayers:
-    """A layer for every class that was ever seen, `NOTHING` for what is an obstacle by its height."""
+    """One layer for every class ever detected; `NOTHING` for geometric obstacles."""
 
-    def __init__(self, spec: GridSpec) -> None:
+    def __init__(self, spec: GridSpec, rules: MappingConfig) -> None:
         self._spec = spec
+        self._certain, self._floor_bins = rules.confidence.certain, floor_bins(rules.floor_m)
         self._class_ids = np.array([NOTHING], dtype=np.uint8)
         self._planes: BitPlanes = empty_plane(spec.rows, spec.cols)[None]
         self._least = np.zeros(64, dtype=np.float32)
@@ -60,7 +58,7 @@ class MapLayers:
         self._prior_mask: CellMask | None = None
 
     def add_classes(self, class_ids: npt.NDArray[np.uint8]) -> None:
-        """Have a layer for each of these classes."""
+        """Add a layer for each of these (N,) classes that has none."""
         lacking = np.bincount(class_ids, minlength=256) > 0
         lacking[self._class_ids] = False
         new = np.flatnonzero(lacking).astype(np.uint8)
@@ -71,7 +69,7 @@ class MapLayers:
             )
 
     def refresh(self, points: PointTable, cells: Indices) -> bool:
-        """Make (N,) cells, row · cols + col, anew from the points in them; whether any layer has
+        """Recompute (N,) cells, row · cols + col, from the points in them; return whether any layer
         changed."""
         class_ids, changed = refresh_planes(
             points.records,
@@ -88,7 +86,7 @@ class MapLayers:
         return len(changed) > 0
 
     def rebuild(self, points: PointTable, prior: BoolGrid) -> None:
-        """Make all layers anew from these points and (rows, cols) cells of a prior map."""
+        """Recompute all layers from the points and the (rows, cols) cells of a prior map."""
         self._prior, self._prior_mask = prior.reshape(-1).copy(), None
         self._has_prior = bool(prior.any())
         self.add_classes(points.live["class_id"])
@@ -99,11 +97,11 @@ class MapLayers:
         self._changes = None
 
     def use(self, beware: BewareList, points: PointTable) -> None:
-        """Count, from now on and in all that was seen, only points as sure as the list wants them."""
+        """Count only points with the confidence that the list asks for, past ones included."""
         least = np.zeros(64, dtype=np.float32)
         for entry in beware.classes:
-            # More than the map can ever be sure of would switch the class off unseen.
-            least[entry.class_id] = min(entry.min_confidence, CERTAIN)
+            # A threshold above what the map can reach would disable the class silently.
+            least[entry.class_id] = min(entry.min_confidence, self._certain)
         stale = np.flatnonzero(least != self._least)
         if len(stale):
             self._least = least
@@ -115,8 +113,8 @@ class MapLayers:
             )
 
     def take_changes(self) -> Changes | None:
-        """What changed in the layers since the last call; None at the first, when everything has to
-        be looked at."""
+        """Return the changes since the last call; None at the first, when all cells count as
+        changed."""
         taken, self._changes = self._changes, []
         if taken is None:
             return None
@@ -130,44 +128,45 @@ class MapLayers:
         )
 
     def plane(self, class_id: int) -> BitPlane | None:
-        """The live layer of a class, to be read only until the map changes; None when nothing of it
-        was ever seen."""
+        """Return the live layer of a class, valid until the map changes; None for a class that was
+        never detected."""
         at = np.flatnonzero(self._class_ids == class_id)
         return self._planes[at[0]] if len(at) else None
 
     def bools(self, class_id: int) -> BoolGrid:
-        """(rows, cols) the layer of a class."""
+        """Return the (rows, cols) layer of a class."""
         plane, shape = self.plane(class_id), (self._spec.rows, self._spec.cols)
         return np.zeros(shape, dtype=np.bool_) if plane is None else unpack(plane, *shape)
 
     @property
     def prior(self) -> CellMask | None:
-        """Cells that are occupied on a map from elsewhere and were not seen free; None without such
-        a map."""
+        """Occupied cells of the prior map that were not seen free; None without a prior map."""
         if self._has_prior and self._prior_mask is None:
             self._prior_mask = CellMask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
         return self._prior_mask if self._has_prior else None
 
     def load_prior(self, occupied: BoolGrid, points: PointTable) -> bool:
-        """Take (rows, cols) cells of a map from elsewhere for occupied, until they are disproved;
-        whether that changed any."""
+        """Occupy the (rows, cols) cells of a prior map until they are disproved; return whether any
+        layer changed."""
         if occupied.shape != (self._spec.rows, self._spec.cols):
             raise BadConfiguration(
-                f"prior map: is {occupied.shape} cells, expected {(self._spec.rows, self._spec.cols)}"
+                f"prior map: expected {(self._spec.rows, self._spec.cols)} cells, "
+                f"got {occupied.shape}"
             )
         before = np.flatnonzero(self._prior)
         self._prior, self._prior_mask, self._has_prior = occupied.reshape(-1).copy(), None, True
         return self.refresh(points, np.union1d(before, np.flatnonzero(self._prior)))
 
     def clear_prior(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
-        """Give up the cells of the prior map whose floor was measured, and return them; `refresh`
-        has to follow.
+        """Remove and return the cells of the prior map whose floor was measured; `refresh` has to
+        follow.
 
-        `heights`: (N,) a bit for each height bin of the (N,) cells in which something was measured.
+        `seen`: (N,) measured cells, row · cols + col. `heights`: (N,) one bit for each height bin
+        in which a surface was measured.
         """
         if not self._has_prior:
             return np.empty(0, dtype=np.int64)
-        cells: Indices = seen[(heights & FLOOR_BINS != 0) & self._prior[seen]]
+        cells: Indices = seen[(heights & self._floor_bins != 0) & self._prior[seen]]
         self._prior[cells] = False
         if len(cells):
             self._prior_mask = None

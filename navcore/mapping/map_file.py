@@ -1,8 +1,7 @@
-"""A session's map in a file: a zip of plain arrays (NumPy's .npz, never pickled) with a head that
-says what they are.
+"""Map files: a zip of plain arrays (NumPy's .npz, never pickled) with a JSON header.
 
-Every part carries a checksum, so that a torn or damaged file is refused, and nothing is read before
-its size is known.
+Every part carries a checksum, so that a truncated or damaged file is refused, and nothing is read
+before its size is known.
 """
 
 from __future__ import annotations
@@ -34,11 +33,12 @@ log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
 VERSION = 1
 MAX_BYTES = 1 << 29
-"""The largest file that is read …"""
+"""Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
-"""… and the most that its parts may take, unpacked."""
+"""Largest total of the unpacked parts, in bytes."""
 _COLUMNS = ("points_map", "rgb", "class_ids", "confidence", "range_m", "pose_ids")
-_MASKS = ("seen", "looked", "trodden", "prior")
+_MASKS = {"seen": "measured", "looked": "visible", "trodden": "driven", "prior": "prior"}
+"""Part → field of `MapState` for each set of cells."""
 _KINDS: Mapping[str, tuple[type[np.generic], int]] = {
     "head": (np.uint8, 1),
     "points_map": (np.float32, 2),
@@ -51,23 +51,23 @@ _KINDS: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
-"""Part → its type and number of axes. Masks are packed: eight cells of a row a byte, the first in
-the highest bit."""
+"""Part → type and number of axes. Sets of cells are packed eight cells of a row to a byte, the first
+in the highest bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StoredMap:
-    """What a map file holds."""
+    """Contents of a map file."""
 
     state: MapState
-    """The map."""
+    """State of the map."""
     class_names: Mapping[int, str]
-    """Class id → name in the beware list under which the map was made."""
+    """Class id → name in the beware list with which the map was made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Spec:
-    """The grid, with the limits that a file has to keep."""
+    """Grid of a map file, with the limits of its values."""
 
     resolution_m: float = ranged(1e-3, 100.0)
     rows: int = ranged(1, MAX_SIDE)
@@ -78,7 +78,7 @@ class _Spec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Head:
-    """The part that says what the others are."""
+    """Header of a map file."""
 
     format: str
     version: int
@@ -88,8 +88,7 @@ class _Head:
 
 
 def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
-    """Write a map in one step; raises `StorageFailed`, and then the file that was there before is
-    intact."""
+    """Write a map file atomically; raises `StorageFailed`, and then an older file is intact."""
     check_state(state, path.name)
     head = _Head(
         format=FORMAT,
@@ -99,7 +98,9 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
         class_names=tuple(class_names.values()),
     )
     parts: dict[str, npt.NDArray[Any]] = {name: getattr(state.points, name) for name in _COLUMNS}
-    parts |= {name: np.packbits(getattr(state, name).bools, axis=1) for name in _MASKS}
+    parts |= {
+        name: np.packbits(getattr(state, field).bools, axis=1) for name, field in _MASKS.items()
+    }
     parts |= {"poses": state.poses, "volume": state.volume}
     parts["head"] = np.frombuffer(json.dumps(asdict(head)).encode(), dtype=np.uint8)
     file = io.BytesIO()
@@ -118,7 +119,10 @@ def load(path: Path) -> StoredMap:
         points=MapPoints(**{name: parts[name] for name in _COLUMNS}),
         poses=parts["poses"],
         volume=parts["volume"],
-        **{name: _mask(parts[name], spec, f"{path.name}: {name}") for name in _MASKS},
+        **{
+            field: _mask(parts[name], spec, f"{path.name}: {name}")
+            for name, field in _MASKS.items()
+        },
     )
     check_state(state, path.name)
     return StoredMap(
@@ -127,11 +131,9 @@ def load(path: Path) -> StoredMap:
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
-    """Raise `BadConfiguration` if points of the map would mean something else under this beware
-    list.
+    """Raise `BadConfiguration` if a class id of the map has another name in this beware list.
 
-    Of a class that was taken off the list they bind nobody, as they did not when it was taken off;
-    that is logged.
+    Points of a class that the list lacks stay free floor, as when it was removed; that is logged.
     """
     present = {entry.class_id: entry.name for entry in beware.classes}
     for class_id in sorted(
@@ -141,7 +143,7 @@ def check_classes(stored: StoredMap, beware: BewareList) -> None:
         then = stored.class_names.get(class_id, now)
         if now is None:
             log.warning(
-                "the stored map has points of %r (class %d), which the beware list lacks: free floor",
+                "the stored map has points of %r (class %d), not in the beware list: free floor",
                 then,
                 class_id,
             )

@@ -1,4 +1,4 @@
-"""Everything that a global map knows, as a value: what is kept of it when the program ends."""
+"""State of a point map as a value, as it is stored when the program ends."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ from navcore.mapping.raycast import BLOCK
 from navcore.mission.beware_list import LARGEST_CLASS_ID
 
 _ROUNDING_M = 1e-3
-"""So far off the grid a point may be stored: it is kept in single precision."""
+"""Distance in metres that a point may be outside the grid, because of its single precision."""
 _HIGHEST_M = 1000.0
-"""What is said to be higher or deeper is no measurement."""
+"""Largest height or depth in metres that can be a measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapState:
-    """A map at one moment, complete: a map that is made of it goes on as the first one would have."""
+    """Complete state of a map; a map restored from it continues as the first one would have."""
 
     spec: GridSpec
-    """Where the grid lies."""
+    """Size and position of the grid."""
     points: MapPoints
-    """All points in their order, each with the ID of the pose that it belongs to."""
+    """All points in order, each with the ID of its pose."""
     poses: npt.NDArray[np.float64]
-    """(P, 3) x, y in metres of the map frame and yaw in radians of each pose, by its ID."""
-    seen: CellMask
-    """Cells in which the camera has measured anything."""
-    looked: CellMask
+    """(P, 3) x and y in metres of the map frame and yaw in radians of each pose, by ID."""
+    measured: CellMask
+    """Cells in which a surface was measured."""
+    visible: CellMask
     """Cells over which a line of sight has passed."""
-    trodden: CellMask
-    """Cells that the robot has stood on."""
+    driven: CellMask
+    """Cells that the robot drove on."""
     prior: CellMask
-    """Cells that are occupied on a map from elsewhere, and that the camera has not seen free."""
+    """Occupied cells of the prior map that the camera has not seen free."""
     volume: npt.NDArray[np.uint64]
-    """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks, a bit for each height bin that was looked into."""
+    """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks, one bit for each height bin that was seen."""
 
 
 def check_state(state: MapState, where: str) -> None:
-    """Raise `BadConfiguration` with the part that no map can have made; `where` names the file."""
+    """Raise `BadConfiguration` for a part with values that no map has; `where` names the file."""
     for name, fits in _rules(state).items():
         if not fits:
             raise BadConfiguration(
-                f"{where}: {name}: holds values that no map has; the file was made by something else"
+                f"{where}: {name}: has values that no map has; this file is not from this program"
             )
 
 
 def _rules(state: MapState) -> dict[str, bool]:
-    """Part → whether its values are possible."""
+    """Return for each part whether its values are possible."""
     points, spec = state.points, state.spec
-    # How high a point may be is said of the ground there, and how high that is nobody knows.
+    # Heights are above the plane of the start, and the ground may be anywhere below or above it.
     low = np.array([spec.origin_x_m, spec.origin_y_m, -_HIGHEST_M])
     size = np.array([spec.cols * spec.resolution_m, spec.rows * spec.resolution_m, 2 * _HIGHEST_M])
     columns = (
@@ -65,7 +65,7 @@ def _rules(state: MapState) -> dict[str, bool]:
         points.range_m,
         points.pose_ids,
     )
-    masks = (state.seen, state.looked, state.trodden, state.prior)
+    masks = (state.measured, state.visible, state.driven, state.prior)
     return {
         "points": len({len(column) for column in columns}) == 1,
         "points_map": points.points_map.shape[1:] == (3,)
@@ -84,5 +84,5 @@ def _rules(state: MapState) -> dict[str, bool]:
 def _within(
     values: npt.NDArray[np.integer | np.floating], low: float, high: float | npt.NDArray[np.float64]
 ) -> bool:
-    # Written so that NaN is outside.
+    # Written so that NaN is outside the range.
     return bool(((values >= low) & (values <= high)).all())

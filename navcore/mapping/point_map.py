@@ -1,17 +1,15 @@
-"""The global map: points keyed by the pose they were seen from.
+"""The global point map: points keyed by the pose from which they were measured.
 
-A frame at a known pose ID replaces that pose's points, else its points are appended (the paper's
-section on global mapping). Three rules make that safe for a camera that sees only a part of the
-world at a time:
+A frame at a known pose ID replaces that pose's points, otherwise its points are appended (the
+paper's section on global mapping). Three rules make that safe for a camera that sees only a part of
+the world at a time:
 
-* a point is replaced only where the camera looks at it again; what it does not look at stays;
-* a point through which the camera now sees is removed, whichever pose it belongs to, because people
-  walk on;
-* a voxel belongs to the first pose that saw it, and to a later one that saw it from much nearer, so
-  that the map is bounded by the world's surface, not by the time driven.
+* a point is replaced only where the camera observes it again; all other points stay;
+* a point through which the camera now sees is removed, whatever its pose, because people walk on;
+* a voxel belongs to the first pose that measured it, or to a later one that measured it from much
+  nearer, so that the size of the map is bounded by the world's surface, not by the time driven.
 
-The points are the truth; the occupied cells that they make (`navcore.layers`) follow every
-insertion and removal.
+The occupied cells (`navcore.mapping.layers`) follow every insertion and removal of points.
 """
 
 from __future__ import annotations
@@ -22,12 +20,13 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.mapping import BODY_M, MappingConfig
+from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
+from navcore.geometry.arrays import Bools, Indices, Points
 from navcore.geometry.transform import Pose2, invert, wrap_angle
 from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
-from navcore.grid.grid import BoolGrid, GridSpec, inflate
+from navcore.grid.grid import BoolGrid, Box, GridSpec, inflate
 from navcore.mapping.clearing import find_outdated
 from navcore.mapping.confidence import initial_confidence, update_confidence
 from navcore.mapping.layers import MapLayers
@@ -38,81 +37,77 @@ from navcore.mapping.point_table import (
     MapPoints,
     PointTable,
     Records,
-    coarse_doubles,
     levels_of,
     points_in,
+    redundant_points,
 )
 from navcore.mapping.visibility import VisibilityMap
-from navcore.mapping.voxels import Box
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
-Indices = npt.NDArray[np.int64]
-Points = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-
 
 class PointMap:
-    """Points by pose ID, what they make of the cells, and what of the space is known."""
+    """Points by pose ID, the cells that they occupy, and the known space."""
 
     def __init__(self, spec: GridSpec, rules: MappingConfig) -> None:
         if spec.rows * spec.cols > MOST_CELLS:
             raise BadConfiguration(
                 f"the map would have {spec.rows} × {spec.cols} cells, at most {MOST_CELLS} in all; "
-                "take a coarser resolution or a smaller area"
+                "use a coarser resolution or a smaller area"
             )
         self.spec = spec
         self._rules = rules
         self._points = PointTable(spec.rows * spec.cols)
-        self.layers = MapLayers(spec)
-        """The occupied cells."""
-        self.explored = VisibilityMap(spec)
-        """What of the space is known."""
+        self.layers = MapLayers(spec, rules)
+        """Occupied cells by class."""
+        self.explored = VisibilityMap(spec, rules.raycast)
+        """Known space."""
         self._poses: list[Pose2] = []
-        self._unsure = False  # whether any point may be less than certain
+        self._has_uncertain = False  # whether any point may have a confidence below 1
         self._over_budget = False
         self.version = 0
-        """Grows whenever a cell of any layer becomes occupied or free, or the confidence of a
-        beware point may have changed."""
+        """Number that grows whenever a cell of any layer becomes occupied or free, or the confidence
+        of a beware point may have changed."""
 
     def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
-        """Replace or append the points of the frame's pose ID, and clear what the frame sees
-        through.
+        """Replace or append the points of the frame's pose ID, and remove those it sees through.
 
-        With `labels`, what a network is not certain of is weighed: see `evidence.py`. Without, its
-        word is taken once for all.
+        With `labels` the confidence of uncertain points follows every image (`confidence.py`);
+        without, the first confidence stays.
         """
         if labels is not None:
-            self._weigh(frame, labels, observation.box)
+            self._update_confidence(frame, labels, observation.box)
         pose_id = self._pose_id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         new = self._records(observation, pose_id)
         if labels is not None and (new["confidence"] < 1).any():
             new["confidence"] = initial_confidence(
-                new["confidence"], self.explored.was_measured(new["cell"])
+                new["confidence"],
+                self.explored.was_measured(new["cell"]),
+                self._rules.confidence,
             )
-        self._unsure = self._unsure or bool((new["confidence"] < 1).any())
+        self._has_uncertain = self._has_uncertain or bool((new["confidence"] < 1).any())
         self.layers.add_classes(new["class_id"])
         touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(
             np.int64
         )
-        ruled = bool(
+        beware_changed = bool(
             (self._points.live["class_id"][outdated] != NOTHING).any()
             or (new["class_id"] != NOTHING).any()
         )
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
-        self.explored.note(observation.cells_seen, observation.heights_seen)
+        self.explored.mark_measured(observation.cells_seen, observation.heights_seen)
         disproved = self.layers.clear_prior(observation.cells_seen, observation.heights_seen)
         changed = self.layers.refresh(self._points, np.concatenate([touched, disproved]))
-        self.version += changed or ruled
+        self.version += changed or beware_changed
         self._keep_to_budget()
 
     def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
-        """Give up the points of some classes in (N,) cells, each named once, e.g. where somebody
-        walked."""
-        gone = points_in(self._points.first, self._points.records, cells, _kinds(class_ids))
+        """Remove the points of some classes in (N,) distinct cells, row · cols + col, for example
+        where a person walked."""
+        gone = points_in(self._points.first, self._points.records, cells, _class_set(class_ids))
         if len(gone):
             self._points.remove(gone)
             self.version += self.layers.refresh(self._points, cells)
@@ -124,13 +119,12 @@ class PointMap:
         class_ids: Iterable[int],
         frame: Frame,
     ) -> None:
-        """Give up what is left of people who have gone: their points, `class_ids`, and the
-        obstacles within `BODY_M` of them.
+        """Remove the remains of people who have left: points of `class_ids`, and obstacles within
+        `body_m` of them.
 
-        Only within a box of the grid where `is_free_floor`, of (N, 2) places of the map frame, says
-        that the frame shows the floor and nothing above it, and where all of what is held would be
-        in the picture: behind what floats in the air depth may see nothing at all, to whatever
-        distance.
+        Only cells of `box` are cleared in which the frame shows free floor (`is_free_floor` of
+        (N, 2) positions in metres of the map frame) and whose points are all within the image:
+        depth may see nothing at all behind remains that float in the air.
         """
         class_ids = list(class_ids)
         bodies = [
@@ -138,12 +132,14 @@ class PointMap:
         ]
         if not any(body.any() for body in bodies):
             return
-        whole = inflate(np.logical_or.reduce(bodies), math.ceil(BODY_M / self.spec.resolution_m))
+        whole = inflate(
+            np.logical_or.reduce(bodies), math.ceil(self._rules.body_m / self.spec.resolution_m)
+        )
         cells = np.argwhere(whole) + box[:2]
         cells = cells[is_free_floor(self.spec.centres(cells))]
         flat = cells[:, 0] * self.spec.cols + cells[:, 1]
         indices = points_in(
-            self._points.first, self._points.records, flat, _kinds([NOTHING, *class_ids])
+            self._points.first, self._points.records, flat, _class_set([NOTHING, *class_ids])
         )
         held = self._points.records[indices]
         outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
@@ -154,12 +150,11 @@ class PointMap:
         )
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
-        """Move past poses (pose ID → T_map_base as it is known by now), and what was seen from
-        them, e.g. after a loop closure.
+        """Move past poses (pose ID → corrected T_map_base) with their points, for example after a
+        loop closure.
 
-        Raises `BadConfiguration` for a pose ID that is not on the map, and then has moved nothing.
-        What leaves the map's area is forgotten. Where two points come to lie in one voxel the surer
-        stays.
+        Raises `BadConfiguration` for an unknown pose ID, and then nothing has moved. Points that
+        leave the grid are forgotten. Of two points in one voxel the more confident one stays.
         """
         unknown = [pose_id for pose_id in poses if not 0 <= pose_id < len(self._poses)]
         if unknown:
@@ -182,7 +177,7 @@ class PointMap:
             )
             taken["x"][own], taken["y"][own] = xy[:, 0], xy[:, 1]
             self._poses[pose_id] = pose
-        kept = self._placed(taken)
+        kept = self._on_grid(taken)
         self._points.add(kept, one_per_cell=self._over_budget)
         self.version += (
             self.layers.refresh(
@@ -192,12 +187,11 @@ class PointMap:
         )
 
     def load_prior(self, occupied: BoolGrid) -> None:
-        """Take (rows, cols) cells of a map from elsewhere for occupied, until the camera sees their
-        floor free."""
+        """Occupy the (rows, cols) cells of a prior map until the camera sees their floor free."""
         self.version += self.layers.load_prior(occupied, self._points)
 
     def state(self) -> MapState:
-        """Everything the map knows, as a value."""
+        """Return the complete state of the map."""
         rows, cols, explored = self.spec.rows, self.spec.cols, self.explored
         return MapState(
             spec=self.spec,
@@ -205,16 +199,16 @@ class PointMap:
             poses=np.array(
                 [[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64
             ).reshape(-1, 3),
-            seen=CellMask.copied(explored.measured, rows, cols),
-            looked=CellMask.copied(explored.looked, rows, cols),
-            trodden=CellMask.copied(explored.driven, rows, cols),
+            measured=CellMask.copied(explored.measured, rows, cols),
+            visible=CellMask.copied(explored.visible, rows, cols),
+            driven=CellMask.copied(explored.driven, rows, cols),
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
             volume=explored.volume.copy(),
         )
 
     def restore(self, state: MapState) -> None:
-        """Know what another map knew, and forget all else; raises `BadConfiguration` if that map's
-        grid was another."""
+        """Replace the contents by a stored state; raises `BadConfiguration` for a state of another
+        grid."""
         if state.spec != self.spec:
             raise BadConfiguration(
                 f"the stored map covers {state.spec.extent()} in cells of {state.spec.resolution_m:g} m, "
@@ -223,34 +217,34 @@ class PointMap:
         records = self._records(state.points, state.points.pose_ids)
         self._points = PointTable(self.spec.rows * self.spec.cols)
         self._points.add(records)
-        self._unsure = bool((records["confidence"] < 1).any())
+        self._has_uncertain = bool((records["confidence"] < 1).any())
         self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
         explored = self.explored
-        explored.measured, explored.looked, explored.driven = (
-            mask.plane.copy() for mask in (state.seen, state.looked, state.trodden)
+        explored.measured, explored.visible, explored.driven = (
+            mask.plane.copy() for mask in (state.measured, state.visible, state.driven)
         )
         explored.volume = state.volume.copy()
         self.layers.rebuild(self._points, state.prior.bools)
         self.version += 1
 
     def use(self, beware: BewareList) -> None:
-        """Count, from now on and in all that was seen, only points as sure as the list wants them."""
+        """Count only points with the confidence that the list asks for, past ones included."""
         self.layers.use(beware, self._points)
 
     @property
     def points(self) -> MapPoints:
-        """A copy of all points."""
+        """Snapshot of all points."""
         return self._points.copied()
 
     @property
     def poses(self) -> tuple[Pose2, ...]:
-        """T_map_base of every pose ID, in their order."""
+        """T_map_base of every pose ID, in order."""
         return tuple(self._poses)
 
     @property
     def memory_mb(self) -> float:
-        """Of the points; `MappingConfig.budget_mb` bounds it unless every cell and class is down to
-        one point."""
+        """Memory of the points in megabytes; `MappingConfig.budget_mb` bounds it unless every cell
+        is down to one point of each class."""
         return self._points.bytes_used / 1e6
 
     def _pose_id_of(self, pose: Pose2) -> int:
@@ -263,19 +257,18 @@ class PointMap:
             self._poses.append(pose)
         return len(self._poses) - 1
 
-    def _weigh(self, frame: Frame, labels: Labels, box: Box) -> None:
-        """Let the picture speak for or against what was seen before in the places it shows."""
-        if not self._unsure:
+    def _update_confidence(self, frame: Frame, labels: Labels, box: Box) -> None:
+        """Update the confidence of the uncertain points in view, and forget the disproved ones."""
+        if not self._has_uncertain:
             return
         forgotten, cells = update_confidence(
-            self._points.records,
-            self._points.first,
+            self._points,
             self.spec.cols,
             box,
             frame,
-            invert(frame.T_map_camera),
             labels.all_hypotheses[0],
-            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+            self._rules.confidence,
+            self._rules.clearing,
         )
         self._points.remove(forgotten)
         if len(cells):
@@ -283,7 +276,6 @@ class PointMap:
             self.version += 1
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
-        lens = frame.intrinsics
         return find_outdated(
             self._points.records,
             self._points.count,
@@ -292,8 +284,8 @@ class PointMap:
             observation.box,
             frame.depth_m,
             invert(frame.T_map_camera),
-            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
-            np.array([self._rules.clearing_m, self._rules.clearing_per_m2]),
+            frame.intrinsics.pinhole,
+            self._rules.clearing,
             observation.max_range_m,
             pose_id,
         )
@@ -307,16 +299,15 @@ class PointMap:
         new["class_id"], new["confidence"] = seen.class_ids, seen.confidence
         new["range_m"], new["pose_id"] = seen.range_m, pose_ids
         new["level"] = levels_of(new["z"])
-        # A point measured a rounding error inside the border may be stored a rounding error
-        # outside.
+        # A point inside the border may be outside by a rounding error in single precision.
         rows, cols = self._rows_cols(new)
         new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(
             cols, 0, self.spec.cols - 1
         )
         return new
 
-    def _placed(self, records: Records) -> Records:
-        """Those that lie on the grid, with their cells."""
+    def _on_grid(self, records: Records) -> Records:
+        """Return the records on the grid, with their cells."""
         rows, cols = self._rows_cols(records)
         inside = (rows >= 0) & (rows < self.spec.rows) & (cols >= 0) & (cols < self.spec.cols)
         records["cell"][inside] = (rows * self.spec.cols + cols)[inside]
@@ -333,20 +324,21 @@ class PointMap:
         return rows, cols
 
     def _keep_to_budget(self) -> None:
-        """Thin the older half of the points, then all of them; a cell never loses its last point of
-        a class."""
+        """Thin the older half of the points, then all of them; a cell keeps one point of each class."""
         for share in (0.5, 1.0):
             if self.memory_mb <= self._rules.budget_mb or self._over_budget:
                 return
             newest = int(np.quantile(self._points.live["pose_id"], share, method="lower"))
             self._points.remove(
-                coarse_doubles(self._points.records, self._points.count, self._points.first, newest)
+                redundant_points(
+                    self._points.records, self._points.count, self._points.first, newest
+                )
             )
-        self._over_budget = self.memory_mb > 0.9 * self._rules.budget_mb
+        self._over_budget = self.memory_mb > self._rules.budget_slack * self._rules.budget_mb
 
 
-def _kinds(class_ids: Iterable[int]) -> npt.NDArray[np.bool_]:
-    """(256,) which classes are meant."""
+def _class_set(class_ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+    """Return the set of classes as (256,) truth values by class id."""
     kinds = np.zeros(256, dtype=np.bool_)
     kinds[list(class_ids)] = True
     return kinds

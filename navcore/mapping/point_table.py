@@ -1,8 +1,7 @@
-"""The points of the global map, as a value and as a live table in which the points of a cell are
-chained together.
+"""Points of the global map, as a value and as a live table in which the points of a cell are linked.
 
-With the chain of a cell at hand, whatever happens to the map costs as much as the cells it happens
-to, however large the map.
+Because of these links, a change of the map costs as much as the cells that it concerns, whatever
+the size of the map.
 """
 
 from __future__ import annotations
@@ -36,70 +35,68 @@ POINT = np.dtype(
     ],
     align=True,
 )
-"""A point of the map, 40 bytes: where, how far from the camera, how sure, seen from which pose; its
-cell (row · cols + col), the next point of the cell plus one (0: none), colour, class and height
-bin."""
+"""Record of a point, 40 bytes: position in metres of the map frame, depth at which it was measured,
+confidence, pose ID, cell (row · cols + col), index of the cell's next point plus one (0: none),
+colour, class and height bin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapPoints:
-    """The points of the map at one moment."""
+    """Snapshot of the points of a map."""
 
     points_map: npt.NDArray[np.float32]
-    """(N, 3) metres of the map frame."""
+    """(N, 3) positions in metres of the map frame."""
     rgb: npt.NDArray[np.uint8]
-    """(N, 3) colour."""
+    """(N, 3) colours."""
     class_ids: npt.NDArray[np.uint8]
-    """(N,) class of the beware list; `NOTHING` for geometric points."""
+    """(N,) classes of the beware list; `NOTHING` for geometric points."""
     confidence: npt.NDArray[np.float32]
-    """(N,) of the segmenter."""
+    """(N,) confidence of the segmenter, 0 to 1."""
     range_m: npt.NDArray[np.float32]
-    """(N,) depth at which each was measured."""
+    """(N,) depth in metres at which each point was measured."""
     pose_ids: npt.NDArray[np.int32]
-    """(N,) pose that each belongs to."""
+    """(N,) pose ID of each point."""
 
 
 class PointTable:
-    """The live points. Only the first `count` records count; a voxel holds at most one point of a
-    class."""
+    """Live points: the first `count` records, at most one of each class in a voxel."""
 
     def __init__(self, cells: int) -> None:
-        """For a grid of so many cells."""
+        """Make an empty table for a grid with this number of cells."""
         self.count = 0
         self.records: Records = np.zeros(0, dtype=POINT)
-        # Pages that nothing was ever written to cost no memory: a large map is paid for where there
-        # is something on it.
+        # Pages that were never written to cost no memory: only the used part of a large map counts.
         self.first: Cells = np.zeros(cells, dtype=np.int32)
-        """(cells,) the first point of each cell plus one, 0 where there is none."""
+        """(cells,) index of the first point of each cell plus one; 0 for none."""
 
     def add(self, new: Records, *, one_per_cell: bool = False) -> bool:
-        """Put in points whose voxel holds none of their class; else the surer of the two counts.
-        Whether any became surer.
+        """Add the points whose voxel has none of their class; return whether a confidence has risen.
 
-        With `one_per_cell` a cell that holds a point of the class takes no other.
+        Otherwise the point in the voxel stays, with the higher confidence of the two. With
+        `one_per_cell` that holds for the whole cell instead of the voxel.
         """
-        self._make_room(len(new))
+        self._reserve(len(new))
         self.count, raised = _add(self.records, self.count, self.first, new, one_per_cell)
         return bool(raised)
 
     def remove(self, indices: npt.NDArray[np.int64]) -> None:
-        """Take points out; the last ones take their places."""
+        """Remove points by index; the last points fill the gaps."""
         self.count = _remove(
             self.records, self.count, self.first, np.sort(indices)[::-1].astype(np.int64)
         )
 
     @property
     def live(self) -> Records:
-        """(count,) view of the points."""
+        """(count,) view of the live points."""
         return self.records[: self.count]
 
     @property
     def bytes_used(self) -> int:
-        """Memory of the points, without room to grow."""
+        """Memory of the points in bytes, without spare capacity."""
         return self.count * POINT.itemsize
 
     def copied(self) -> MapPoints:
-        """All points, as a value."""
+        """Return a snapshot of all points."""
         live = self.live
         return MapPoints(
             points_map=np.column_stack([live["x"], live["y"], live["z"]]),
@@ -110,7 +107,7 @@ class PointTable:
             pose_ids=live["pose_id"].copy(),
         )
 
-    def _make_room(self, more: int) -> None:
+    def _reserve(self, more: int) -> None:
         if self.count + more > len(self.records):
             grown = np.zeros(max(2 * (self.count + more), 4096), dtype=POINT)
             grown[: self.count] = self.live
@@ -118,7 +115,7 @@ class PointTable:
 
 
 def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-    """(N,) height bin of each height."""
+    """Return the (N,) height bins of (N,) heights in metres."""
     levels = np.floor((z_m.astype(np.float64) - LOWEST_M) / BIN_M)
     return np.clip(levels, 0, HEIGHT_BINS - 1).astype(np.uint8)
 
@@ -150,7 +147,7 @@ def _add(
 
 @compiled
 def _remove(records: Records, count: int, first: Cells, indices: npt.NDArray[np.int64]) -> int:
-    """Indices in falling order: what moves into a gap is never one that has still to go."""
+    """Remove indices in falling order, so that no point that fills a gap is still to be removed."""
     for index in indices:
         _relink(records, first, records[index].cell, index + 1, records[index].next)
         count -= 1
@@ -162,7 +159,7 @@ def _remove(records: Records, count: int, first: Cells, indices: npt.NDArray[np.
 
 @compiled
 def _relink(records: Records, first: Cells, cell: int, old: int, new: int) -> None:
-    """Have the link of a cell's chain that leads to `old` lead to `new`."""
+    """Redirect the link to `old` in a cell's chain to `new`."""
     if first[cell] == old:
         first[cell] = new
         return
@@ -183,11 +180,11 @@ def refresh_planes(
     class_ids: npt.NDArray[np.uint8],
     planes: BitPlanes,
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-    """Make the bits of (N,) cells anew in the plane of each class; returns class and cell of every
-    bit that changed.
+    """Recompute the bits of (N,) cells in the plane of each class; return class and cell of every
+    changed bit.
 
-    A cell is occupied in a class when it holds a point of it that is at least as sure as `least`
-    (64,) says, and in class 0 also where the `prior` map has something.
+    A cell is occupied in a class if it has a point of the class with at least the confidence
+    `least` (64,), and in class 0 also if the `prior` map occupies it.
     """
     changed_class = np.empty(len(cells) * len(class_ids), dtype=np.uint8)
     changed_cell = np.empty(len(cells) * len(class_ids), dtype=np.int64)
@@ -215,7 +212,7 @@ def refresh_planes(
 def points_in(
     first: Cells, records: Records, cells: npt.NDArray[np.int64], kinds: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.int64]:
-    """Indices of the points in (N,) cells, each named once, whose class is among `kinds`, (256,) by
+    """Return the indices of the points in (N,) distinct cells whose class is in `kinds`, (256,) by
     class id."""
     total = 0
     for cell in cells:
@@ -235,11 +232,11 @@ def points_in(
 
 
 @compiled
-def coarse_doubles(
+def redundant_points(
     records: Records, count: int, first: Cells, newest_pose_id: int
 ) -> npt.NDArray[np.int64]:
-    """Indices of points up to a pose ID that share cell and class with another: all but one of each
-    cell, the surest."""
+    """Return the indices of the points up to a pose ID that share cell and class with another point,
+    all but the one with the highest confidence."""
     found = np.empty(count, dtype=np.int64)
     found_count = 0
     for index in range(count):

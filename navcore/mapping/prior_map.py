@@ -1,27 +1,24 @@
-"""A map that was known before: laid on the navigator's grid, as a layer that no camera frame
-changes."""
+"""Prior map: the occupied cells of a stored map on the navigator's grid."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.errors import BadGeometry
 from navcore.formats.nav2_map import Nav2Map, State
+from navcore.geometry.arrays import Indices
 from navcore.grid.grid import BoolGrid, GridSpec
 
 SLIVER = 1e-6
-"""Overlaps narrower than this share of a cell are rounding: two equal grids that meet exactly must
-not grow each other."""
+"""Share of a cell below which an overlap is rounding: two equal grids that meet exactly must not
+overlap."""
 
 
 def prior_layer(prior: Nav2Map, spec: GridSpec) -> BoolGrid:
-    """(rows, cols) of `spec`, read-only: a cell is occupied if an occupied pixel of the map covers
-    any part of it.
+    """Return the read-only (rows, cols) cells of `spec` that an occupied pixel of the map touches.
 
-    The map may have another resolution and lie elsewhere; what it shows beyond the grid is left
-    out, and cells beyond the map are not occupied. Raises `BadGeometry` if the two have nothing in
-    common.
+    The map may have another resolution and origin. Pixels beyond the grid are left out, and cells
+    beyond the map are not occupied. Raises `BadGeometry` if map and grid do not overlap.
     """
     source = prior.spec
     rows = _overlaps(
@@ -42,7 +39,8 @@ def prior_layer(prior: Nav2Map, spec: GridSpec) -> BoolGrid:
     )
     if not ((rows[0] < rows[1]).any() and (cols[0] < cols[1]).any()):
         raise BadGeometry(
-            f"the prior map covers {source.extent()}, the grid {spec.extent()}: they do not meet; check the map's origin"
+            f"the prior map covers {source.extent()}, the grid {spec.extent()}: "
+            "they do not overlap; check the map's origin"
         )
     layer = _any_of(_any_of(prior.cells(State.OCCUPIED), *rows).T, *cols).T
     layer = np.ascontiguousarray(layer)
@@ -50,14 +48,11 @@ def prior_layer(prior: Nav2Map, spec: GridSpec) -> BoolGrid:
     return layer
 
 
-Indices = npt.NDArray[np.int64]
-
-
 def _overlaps(
     origin_m: float, count: int, side_m: float, source_m: float, sources: int, source_side_m: float
 ) -> tuple[Indices, Indices]:
-    """For each of `count` cells along one axis the first source cell that it overlaps, and the one
-    after the last."""
+    """Return for each of `count` cells along one axis the first source cell that it overlaps, and
+    the one after the last."""
     edges = (origin_m - source_m + np.arange(count + 1) * side_m) / source_side_m
     sliver = SLIVER * max(1.0, side_m / source_side_m)
     first, last = np.floor(edges[:-1] + sliver), np.ceil(edges[1:] - sliver)
@@ -65,12 +60,11 @@ def _overlaps(
 
 
 def _any_of(mask: BoolGrid, first: Indices, last: Indices) -> BoolGrid:
-    """(len(first), cols): line k is True where any of the lines first[k] … last[k]-1 of the mask
-    is."""
+    """Return (len(first), cols): line k is the union of lines first[k] … last[k]−1 of the mask."""
     lines = np.zeros((len(first), mask.shape[1]), dtype=np.bool_)
     some = first < last
     if some.any():
-        # `reduceat` takes ends below the number of lines only, so there is one more.
+        # `reduceat` only takes ends below the number of lines, so one line is added.
         padded = np.vstack([mask, np.zeros((1, mask.shape[1]), dtype=np.bool_)])
         lines[some] = np.logical_or.reduceat(
             padded, np.column_stack([first[some], last[some]]).ravel(), axis=0

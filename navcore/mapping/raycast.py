@@ -1,130 +1,139 @@
-"""Which space the camera has looked into: along every line of sight up to what it ended at, and
-nothing behind it."""
+"""Ray casting: the space along every line of sight up to the measured surface, and nothing behind
+it."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.config.mapping import RaycastConfig
+from navcore.config.perception import ObservationConfig
+from navcore.geometry.arrays import FloatImage
+from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
+from navcore.geometry.transform import Matrix
 from navcore.grid.bitplane import ONE, PAD, BitPlane
 from navcore.grid.grid import GridSpec
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.robot.frame import Frame
 
 BLOCK = 4
-"""The volume is counted in blocks of so many cells a side, and 5 cm of height."""
-STRIDE_PX = 4
-"""One ray for so many columns of the picture …"""
-SPARSE = 3
-"""… and for the volume, whose blocks are larger, one of so many of these in columns and rows."""
+"""Cells on each side of a block, in which the explored volume is counted; its height is one bin of
+5 cm."""
 
 
-def look(
+class _Limits(NamedTuple):
+    """Grid and limits of the rays, as compiled kernels take them."""
+
+    origin_x_m: float
+    origin_y_m: float
+    resolution_m: float
+    max_range_m: float
+    ceiling_m: float
+    stride_px: int
+    volume_stride: int
+
+
+def cast_rays(
     frame: Frame,
     spec: GridSpec,
+    rules: ObservationConfig,
+    density: RaycastConfig,
     *,
-    max_range_m: float,
-    ceiling_m: float,
-    looked: BitPlane,
+    visible: BitPlane,
     volume: BitPlane,
 ) -> None:
-    """Note what lies between the camera and what it measured.
+    """Mark what lies between the camera and the surfaces that it measured.
 
-    `looked`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling.
-    `volume`: uint64 of (⌈rows / 4⌉, ⌈cols / 4⌉) blocks, a bit for each height bin that a line of
+    `visible`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling.
+    `volume`: uint64 of (⌈rows / 4⌉, ⌈cols / 4⌉) blocks, one bit for each height bin that a line of
     sight passed through.
     """
-    lens = frame.intrinsics
-    place = np.array([spec.origin_x_m, spec.origin_y_m, spec.resolution_m, max_range_m, ceiling_m])
-    _look(
-        frame.depth_m,
-        frame.T_map_camera,
-        np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
-        place,
-        spec.rows,
-        spec.cols,
-        looked,
-        volume,
+    limits = _Limits(
+        origin_x_m=spec.origin_x_m,
+        origin_y_m=spec.origin_y_m,
+        resolution_m=spec.resolution_m,
+        max_range_m=rules.max_range_m,
+        ceiling_m=rules.ceiling_m,
+        stride_px=density.stride_px,
+        volume_stride=density.volume_stride,
     )
+    t, lens = frame.T_map_camera, frame.intrinsics.pinhole
+    _cast_rays(frame.depth_m, t, lens, limits, spec.rows, spec.cols, visible, volume)
 
 
 @compiled
-def _look(
-    depth_m: npt.NDArray[np.float32],
-    t: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
-    place: npt.NDArray[np.float64],
+def _cast_rays(
+    depth_m: FloatImage,
+    t: Matrix,
+    lens: Pinhole,
+    limits: _Limits,
     rows: int,
     cols: int,
-    looked: BitPlane,
+    visible: BitPlane,
     volume: BitPlane,
 ) -> None:
     height, width = depth_m.shape
-    for j in range(STRIDE_PX // 2, width, STRIDE_PX):
-        a = (j - lens[2]) / lens[0]
+    stride, sparse, ceiling_m = limits.stride_px, limits.volume_stride, limits.ceiling_m
+    for j in range(stride // 2, width, stride):
+        a = column_slope(j, lens)
         furthest, furthest_row = 0.0, 0
-        for i in range(STRIDE_PX // 2, height, STRIDE_PX):
-            depth = min(float(depth_m[i, j]), place[3])
+        for i in range(stride // 2, height, stride):
+            depth = min(float(depth_m[i, j]), limits.max_range_m)
             if depth <= 0.0:
                 continue
-            b = (i - lens[3]) / lens[1]
+            b = row_slope(i, lens)
             rise = t[2, 0] * a + t[2, 1] * b + t[2, 2]
-            if rise * depth + t[2, 3] > place[4]:
-                if t[2, 3] > place[4]:
-                    continue  # from a camera above the ceiling cut to something above it
-                depth = (place[4] - t[2, 3]) / rise
+            if rise * depth + t[2, 3] > ceiling_m:
+                if t[2, 3] > ceiling_m:
+                    continue  # from a camera above the ceiling to a surface above it
+                depth = (ceiling_m - t[2, 3]) / rise
             if depth > furthest:
                 furthest, furthest_row = depth, i
-            if i // STRIDE_PX % SPARSE == 0 and j // STRIDE_PX % SPARSE == 0:
-                _pass_through(t, a, b, depth, place, volume)
+            if i // stride % sparse == 0 and j // stride % sparse == 0:
+                _mark_volume(t, a, b, depth, limits, volume)
         if furthest > 0.0:
-            _sweep(t, a, (furthest_row - lens[3]) / lens[1], furthest, place, rows, cols, looked)
+            b = row_slope(furthest_row, lens)
+            _mark_cells(t, a, b, furthest, limits, rows, cols, visible)
 
 
 @compiled
-def _pass_through(
-    t: npt.NDArray[np.float64],
-    a: float,
-    b: float,
-    depth: float,
-    place: npt.NDArray[np.float64],
-    volume: BitPlane,
+def _mark_volume(
+    t: Matrix, a: float, b: float, depth: float, limits: _Limits, volume: BitPlane
 ) -> None:
     """Set the blocks along one ray, in steps of a block."""
-    dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]
-    dz = t[2, 0] * a + t[2, 1] * b + t[2, 2]
-    step = BLOCK * place[2] / math.sqrt(dx * dx + dy * dy + dz * dz)
-    side = 1.0 / (BLOCK * place[2])
+    dx, dy, dz = ray_direction(t, a, b)
+    step = BLOCK * limits.resolution_m / math.sqrt(dx * dx + dy * dy + dz * dz)
+    side = 1.0 / (BLOCK * limits.resolution_m)
     for k in range(int(depth / step) + 1):
         along = min(k * step, depth)
-        row = math.floor((t[1, 3] + along * dy - place[1]) * side)
-        col = math.floor((t[0, 3] + along * dx - place[0]) * side)
+        row = math.floor((t[1, 3] + along * dy - limits.origin_y_m) * side)
+        col = math.floor((t[0, 3] + along * dx - limits.origin_x_m) * side)
         level = math.floor((t[2, 3] + along * dz - LOWEST_M) * (1.0 / BIN_M))
         if 0 <= row < volume.shape[0] and 0 <= col < volume.shape[1] and 0 <= level < HEIGHT_BINS:
             volume[row, col] |= ONE << np.uint64(level)
 
 
 @compiled
-def _sweep(
-    t: npt.NDArray[np.float64],
+def _mark_cells(
+    t: Matrix,
     a: float,
     b: float,
     depth: float,
-    place: npt.NDArray[np.float64],
+    limits: _Limits,
     rows: int,
     cols: int,
-    looked: BitPlane,
+    visible: BitPlane,
 ) -> None:
     """Set the cells under one ray, in steps of half a cell."""
-    dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]
-    step = 0.5 * place[2] / max(math.sqrt(dx * dx + dy * dy), 1e-9)
-    per_metre = 1.0 / place[2]
+    dx, dy, _ = ray_direction(t, a, b)
+    step = 0.5 * limits.resolution_m / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    per_metre = 1.0 / limits.resolution_m
     for k in range(int(depth / step) + 1):
         along = k * step
-        row = math.floor((t[1, 3] + along * dy - place[1]) * per_metre)
-        col = math.floor((t[0, 3] + along * dx - place[0]) * per_metre)
+        row = math.floor((t[1, 3] + along * dy - limits.origin_y_m) * per_metre)
+        col = math.floor((t[0, 3] + along * dx - limits.origin_x_m) * per_metre)
         if 0 <= row < rows and 0 <= col < cols:
-            looked[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
+            visible[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)

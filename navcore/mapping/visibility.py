@@ -1,5 +1,4 @@
-"""What is known of the space, besides what stands in it: measured, looked over, stood on. All else
-is unknown."""
+"""Visibility map: the cells that were measured, seen across or driven on; all others are unknown."""
 
 from __future__ import annotations
 
@@ -8,66 +7,70 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.config.mapping import RaycastConfig
 from navcore.config.perception import ObservationConfig
+from navcore.geometry.arrays import Indices, Words
 from navcore.grid.bitplane import ONE, PAD, BitPlane, empty_plane
 from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mapping.raycast import BLOCK, look
+from navcore.mapping.raycast import BLOCK, cast_rays
 from navcore.mapping.voxels import BIN_M
 from navcore.robot.frame import Frame
 
-Bits = npt.NDArray[np.uint64]
-Indices = npt.NDArray[np.int64]
-
 
 class VisibilityMap:
-    """Only grows. One bit for each cell, and for each block of 4 × 4 cells one for each 5 cm of
-    height."""
+    """Known cells, one bit each, and known volume, one bit for each block of 4 × 4 cells × 5 cm.
 
-    def __init__(self, spec: GridSpec) -> None:
+    Known space never becomes unknown again.
+    """
+
+    def __init__(self, spec: GridSpec, density: RaycastConfig) -> None:
         self.spec = spec
-        self.measured, self.looked, self.driven = (
-            empty_plane(spec.rows, spec.cols) for _ in range(3)
-        )
-        """Planes of the cells in which anything was measured, over which a line of sight passed, on
-        which the robot stood."""
-        self.volume: Bits = np.zeros(
+        self._density = density
+        self.measured: BitPlane = empty_plane(spec.rows, spec.cols)
+        """Plane of the cells in which a surface was measured."""
+        self.visible: BitPlane = empty_plane(spec.rows, spec.cols)
+        """Plane of the cells over which a line of sight passed."""
+        self.driven: BitPlane = empty_plane(spec.rows, spec.cols)
+        """Plane of the cells that the robot drove on."""
+        self.volume: Words = np.zeros(
             (-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64
         )
-        """(⌈rows / 4⌉, ⌈cols / 4⌉) a bit for each height bin in which anything was measured or
-        through which one looked."""
+        """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks, one bit for each height bin in which a surface was
+        measured or through which a line of sight passed."""
 
-    def note(self, cells: Indices, heights: Bits) -> None:
-        """Note in which (N,) cells, row · cols + col, anything was measured, and (N,) the height
-        bins, a bit for each."""
-        _note(cells, heights, self.spec.cols, self.measured, self.volume)
+    def mark_measured(self, cells: Indices, heights: Words) -> None:
+        """Mark the (N,) cells, row · cols + col, in which a surface was measured.
+
+        `heights`: (N,) one bit for each measured height bin.
+        """
+        _mark_measured(cells, heights, self.spec.cols, self.measured, self.volume)
 
     def was_measured(self, cells: Indices) -> npt.NDArray[np.bool_]:
-        """(N,) whether anything was ever measured in cells, row · cols + col."""
+        """Return (N,) whether a surface was ever measured in cells, row · cols + col."""
         rows, cols = np.divmod(cells.astype(np.int64), self.spec.cols)
         words = self.measured[rows + PAD, (cols + PAD) >> 6]
         return np.asarray(words >> (cols & 63).astype(np.uint64) & ONE).astype(np.bool_)
 
-    def look(self, frame: Frame, rules: ObservationConfig) -> None:
-        """Note which space lies open between the camera and what it measured; for pictures and the
-        explored area."""
-        look(
+    def integrate_rays(self, frame: Frame, rules: ObservationConfig) -> None:
+        """Mark the space between the camera and the surfaces it measured; used for images of the
+        map and the explored area."""
+        cast_rays(
             frame,
             self.spec,
-            max_range_m=rules.max_range_m,
-            ceiling_m=rules.ceiling_m,
-            looked=self.looked,
+            rules,
+            self._density,
+            visible=self.visible,
             volume=self.volume,
         )
 
     @property
     def seen(self) -> CellMask:
-        """Snapshot of the cells into which the camera has looked: measured there, or over them at
-        something beyond."""
-        return CellMask(self.measured | self.looked, self.spec.rows, self.spec.cols)
+        """Snapshot of the cells that were measured or seen across."""
+        return CellMask(self.measured | self.visible, self.spec.rows, self.spec.cols)
 
     def known(self, part: GridSpec) -> BoolGrid:
-        """(rows, cols) of a part of the grid that the camera measured or the robot stood on:
+        """Return the (rows, cols) cells of a part of the grid that were measured or driven on:
         nothing unseen hides there."""
         top, left = self.spec.cell(
             part.origin_x_m + part.resolution_m / 2, part.origin_y_m + part.resolution_m / 2
@@ -78,14 +81,14 @@ class VisibilityMap:
         if part.rows == 0 or part.cols == 0:
             return np.zeros((part.rows, part.cols), dtype=np.bool_)
         known = (window(self.measured, *around) | window(self.driven, *around)).view(np.uint8)
-        # A pixel that measured nothing, or a gap between two rows of pixels, is no unseen place:
+        # A pixel without a measurement, or a gap between two rows of pixels, is no unknown space:
         # single cells are closed.
         closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
         return closed[top - over :, left - beside :][: part.rows, : part.cols].view(np.bool_)
 
     def mark_driven(self, outline: npt.NDArray[np.float64]) -> None:
-        """Note that the robot stands on, or is known to stand clear within, a convex outline (N, 2)
-        of the map frame."""
+        """Mark the cells of a convex outline, (N, 2) metres of the map frame, that the robot stands
+        on or has as free space around it."""
         spec = self.spec
         cells = (outline - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
         (left, top), (right, bottom) = (
@@ -103,20 +106,22 @@ class VisibilityMap:
 
     @property
     def area_m2(self) -> float:
-        """Area of the cells looked into."""
-        return int(np.bitwise_count(self.measured | self.looked).sum()) * self.spec.resolution_m**2
+        """Area in square metres of the cells that were measured or seen across."""
+        return int(np.bitwise_count(self.measured | self.visible).sum()) * self.spec.resolution_m**2
 
     @property
     def volume_m3(self) -> float:
-        """Volume of the blocks of 4 cells × 4 cells × 5 cm that a line of sight passed through or
-        ended in."""
+        """Volume in cubic metres of the blocks of 4 × 4 cells × 5 cm that a line of sight passed
+        through or ended in."""
         return (
             int(np.bitwise_count(self.volume).sum()) * (BLOCK * self.spec.resolution_m) ** 2 * BIN_M
         )
 
 
 @compiled
-def _note(cells: Indices, heights: Bits, cols: int, measured: BitPlane, volume: Bits) -> None:
+def _mark_measured(
+    cells: Indices, heights: Words, cols: int, measured: BitPlane, volume: Words
+) -> None:
     for index in range(len(cells)):
         row, col = cells[index] // cols, cells[index] % cols
         measured[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)

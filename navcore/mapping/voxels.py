@@ -1,8 +1,8 @@
-"""Which voxels a depth picture measures: a grid cell × 5 cm of height above the ground.
+"""Voxels that a depth image measures: a grid cell × 5 cm of height above the ground.
 
-The picture is gone through row by row. A row's voxels are worked out in vectors; then only those
-pixels are looked at that show another voxel than the pixel before them, about every sixth. So most
-of the time goes into arithmetic on what lies in the cache.
+The image is processed row by row. The voxels of a row are computed in vectors; then only pixels
+with another voxel than the pixel before them are visited, about every sixth. So most of the time
+goes into arithmetic on data in the cache.
 """
 
 from __future__ import annotations
@@ -14,54 +14,53 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined
+from navcore.geometry.arrays import FloatImage
 from navcore.grid.bitplane import ONE, lowest
-from navcore.grid.grid import GridSpec
-from navcore.perception.ground import Image
+from navcore.grid.grid import Box, GridSpec
 from navcore.robot.frame import Frame
 
 HEIGHT_BINS = 64
+"""Number of height bins, the bits of a word."""
 BIN_M = 0.05
+"""Height of a bin in metres."""
 LOWEST_M = -0.425
-"""Heights are binned from here up, 64 bins of 5 cm, to 2.775 m. The floor is the middle of a bin,
-not the border of two."""
+"""Lower end of the bins in metres; the upper one is 2.775 m. The floor is in the middle of a bin,
+not on the border of two."""
 
-Box = tuple[int, int, int, int]
-"""First row and column of some cells of the grid, and those after the last."""
 Pixels = npt.NDArray[np.int32]
-"""(N,) row · width + column."""
+"""(N,) pixels, row · width + column."""
 _GATHER = np.uint64(0x0102040810204080)
-"""Times this, eight bytes of 0 or 1 become the eight bits of the product's highest byte."""
+"""Factor that moves eight bytes of 0 or 1 into the eight bits of the product's highest byte."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DepthView:
-    """A depth picture over the part of the grid that it can measure."""
+    """Depth image with the part of the grid that it can measure."""
 
-    depth_m: Image
-    """(H, W) as the camera measured it."""
-    ground_m: Image
-    """(H, W) height of the ground below each pixel, or (1, W) for all rows alike, above the plane
-    on which the robot stands."""
+    depth_m: FloatImage
+    """(H, W) measured depth in metres; 0 for none."""
+    ground_m: FloatImage
+    """(H, W), or (1, W) for all rows alike: height in metres of the ground below each pixel above
+    the plane on which the robot stands."""
     affine: npt.NDArray[np.float32]
-    """(3, 4) from optical coordinates to columns and rows of the box, and metres of height."""
+    """(3, 4) transform from the optical frame to columns and rows of the box and height in metres."""
     across: npt.NDArray[np.float32]
-    """(W,) x/z of each column of the picture …"""
+    """(W,) slope x/z of each column of the image."""
     down: npt.NDArray[np.float32]
-    """… and (H,) y/z of each row."""
+    """(H,) slope y/z of each row of the image."""
     box: Box
-    """The part of the grid."""
+    """Part of the grid that the camera can measure."""
     max_range_m: float
-    """Depth beyond this does not count."""
+    """Largest depth in metres that counts."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of the box; one that is empty has none."""
+        """Number of rows and columns of the box; 0 for an empty one."""
         return max(self.box[2] - self.box[0], 0), max(self.box[3] - self.box[1], 0)
 
 
 def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
-    """(top, left, bottom, right) cells of the grid within which everything lies that the camera can
-    measure; may be empty."""
+    """Return the part of the grid that the camera can measure; it may be empty."""
     lens = frame.intrinsics
     a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
     b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
@@ -75,10 +74,10 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
 
 
 def depth_view(
-    frame: Frame, spec: GridSpec, max_range_m: float, ground_m: Image | None = None
+    frame: Frame, spec: GridSpec, max_range_m: float, ground_m: FloatImage | None = None
 ) -> DepthView:
-    """The frame's picture over the grid; without `ground_m` the ground is the plane on which the
-    robot stands."""
+    """Return the frame's depth with its part of the grid; without `ground_m` the ground is the plane
+    on which the robot stands."""
     lens, t, box = frame.intrinsics, frame.T_map_camera, frustum_box(frame, spec, max_range_m)
     cells = 1.0 / spec.resolution_m
     affine = t[:3].copy()
@@ -99,13 +98,13 @@ def depth_view(
 
 
 class _Scratch(threading.local):
-    """A counter for every voxel of a box, all 0 between two uses: clearing what was touched beats
-    asking for new memory."""
+    """Counters for the voxels of a box, all 0 between two uses: clearing the used ones is faster
+    than allocating new memory."""
 
     def __init__(self) -> None:
         self.counts: npt.NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
 
-    def room(self, size: int) -> npt.NDArray[np.uint8]:
+    def counters(self, size: int) -> npt.NDArray[np.uint8]:
         if len(self.counts) < size:
             self.counts = np.zeros(size, dtype=np.uint8)
         return self.counts[:size]
@@ -115,39 +114,38 @@ _scratch = _Scratch()
 
 
 def measured_voxels(
-    looked: DepthView, limits_m: tuple[float, float, float], min_support: int
+    view: DepthView, limits_m: tuple[float, float, float], min_support: int
 ) -> tuple[Pixels, npt.NDArray[np.uint64]]:
-    """One pixel of each voxel where something stands or the ground drops, and what of the box was
-    measured at all.
+    """Return one pixel of each voxel of an obstacle or a drop, and the measured height bins.
 
-    Something stands where enough pixels lie between the first two limits, the ground drops where
-    they lie below the third. The second array is (rows · columns of the box,) with a bit for each
-    height bin.
+    A voxel is an obstacle with at least `min_support` pixels between the first two of `limits_m`,
+    in metres above the ground, and a drop with as many below the third. The second array is (rows ·
+    columns of the box,) with one bit for each height bin.
     """
-    rows, cols = looked.shape
-    seen = np.zeros(rows * cols + 1, dtype=np.uint64)  # one more, for what was not measured
+    rows, cols = view.shape
+    seen = np.zeros(rows * cols + 1, dtype=np.uint64)  # the last one for unmeasured pixels
     if len(seen) == 1:
         return np.empty(0, dtype=np.int32), seen[:0]
-    limits = np.array([*limits_m, looked.max_range_m], dtype=np.float32)
-    rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
+    limits = np.array([*limits_m, view.max_range_m], dtype=np.float32)
+    rays = (view.depth_m, view.ground_m, view.across, view.down, view.affine)
     pixels = _measured(
-        *rays, rows, cols, limits, seen, _scratch.room(rows * cols * HEIGHT_BINS), min_support
+        *rays, rows, cols, limits, seen, _scratch.counters(rows * cols * HEIGHT_BINS), min_support
     )
     return pixels, seen[:-1]
 
 
 def voxels_of(
-    looked: DepthView, pixels: npt.NDArray[np.int64], high_m: float, min_support: int
+    view: DepthView, pixels: npt.NDArray[np.int64], high_m: float, min_support: int
 ) -> Pixels:
-    """One pixel of each voxel in which enough of the (N,) ascending `pixels` lie, below `high_m`
-    above the ground."""
-    rows, cols = looked.shape
+    """Return one pixel of each voxel with at least `min_support` of (N,) ascending pixels, below
+    `high_m` metres above the ground."""
+    rows, cols = view.shape
     if not rows * cols:
         return np.empty(0, dtype=np.int32)
-    limits = np.array([-np.inf, high_m, -np.inf, looked.max_range_m], dtype=np.float32)
-    rays = (looked.depth_m, looked.ground_m, looked.across, looked.down, looked.affine)
+    limits = np.array([-np.inf, high_m, -np.inf, view.max_range_m], dtype=np.float32)
+    rays = (view.depth_m, view.ground_m, view.across, view.down, view.affine)
     return _supported(
-        *rays, rows, cols, limits, pixels, _scratch.room(rows * cols * HEIGHT_BINS), min_support
+        *rays, rows, cols, limits, pixels, _scratch.counters(rows * cols * HEIGHT_BINS), min_support
     )
 
 
@@ -163,11 +161,11 @@ def _row(
     limits: npt.NDArray[np.float32],
     codes: npt.NDArray[np.int32],
 ) -> None:
-    """Of each pixel of a row twice its voxel, cell · 64 + height bin, plus one if it is as high as
-    asked for; −1 for none.
+    """Write for each pixel of a row twice its voxel, cell · 64 + height bin, plus one if its height
+    is within the limits; −1 for none.
 
-    Without a branch and without doubles, so that the compiler makes vectors of it. The first code
-    is left for a sentinel.
+    Free of branches and doubles, so that the compiler vectorises it. The first code is left for a
+    sentinel.
     """
     zero, bins, lowest_m, levels = (
         np.float32(0),
@@ -185,10 +183,10 @@ def _row(
         x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
         z -= ground_m[j]
         level = (z - lowest_m) * bins
-        # The deeper a drop, the worse: what lies below the lowest bin is in that one.
+        # A drop below the lowest bin counts in that bin.
         level = zero if (z < deep) & (level < zero) else level
-        # Truncation is the floor of what is not negative; what is, is outside. No `and`: it would
-        # be a branch.
+        # Truncation is the floor of non-negative values; negative ones are outside. No `and`: it
+        # would be a branch.
         inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (level >= zero)
         inside &= (x < wide) & (y < long) & (level < levels)
         counts = ((low < z) & (z < high)) | (z < deep)
@@ -205,8 +203,8 @@ def _starts(
     starts: npt.NDArray[np.int32],
     width: int,
 ) -> int:
-    """How many runs of one code a row has; writes where each begins, and after the last where the
-    row ends."""
+    """Return the number of runs of one code in a row; write where each begins, and where the row
+    ends."""
     for j in range(width):
         changed[j] = codes[j + 1] != codes[j]
     bytes_, count = changed.view(np.uint64), 0
@@ -224,8 +222,8 @@ def _starts(
 
 @compiled
 def _measured(
-    depth_m: Image,
-    ground_m: Image,
+    depth_m: FloatImage,
+    ground_m: FloatImage,
     across: npt.NDArray[np.float32],
     down: npt.NDArray[np.float32],
     t: npt.NDArray[np.float32],
@@ -263,13 +261,13 @@ def _measured(
             touched[count], pixels[count] = voxel, i * width + first
             count += counts[voxel] == 0
             counts[voxel] = min(counts[voxel] + starts[run + 1] - first, 255)
-    return _enough(touched[:count], pixels[:count], counts, min_support)
+    return _with_support(touched[:count], pixels[:count], counts, min_support)
 
 
 @compiled
 def _supported(
-    depth_m: Image,
-    ground_m: Image,
+    depth_m: FloatImage,
+    ground_m: FloatImage,
     across: npt.NDArray[np.float32],
     down: npt.NDArray[np.float32],
     t: npt.NDArray[np.float32],
@@ -300,14 +298,14 @@ def _supported(
             touched[count], pixels[count] = voxel, pixel
             count += 1
         counts[voxel] += np.uint8(counts[voxel] < 255)
-    return _enough(touched[:count], pixels[:count], counts, min_support)
+    return _with_support(touched[:count], pixels[:count], counts, min_support)
 
 
 @compiled
-def _enough(
+def _with_support(
     touched: Pixels, pixels: Pixels, counts: npt.NDArray[np.uint8], min_support: int
 ) -> Pixels:
-    """The pixels of those voxels that were counted often enough; the counters are 0 again."""
+    """Return the pixels of the voxels with enough support, and reset the counters to 0."""
     found = 0
     for index in range(len(touched)):
         if counts[touched[index]] >= min_support:

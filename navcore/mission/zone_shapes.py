@@ -14,8 +14,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from navcore.errors import BadGeometry
-
-Corners = tuple[tuple[float, float], ...]
+from navcore.geometry.polyline import Corners
 
 CIRCLE_CORNERS = 48
 MIN_RADIUS_M, MAX_RADIUS_M = 0.02, 500.0

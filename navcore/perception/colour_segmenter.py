@@ -1,5 +1,4 @@
-"""Label pixels: which of them show something on the beware list (the paper's equation for the mask
-M_c)."""
+"""Labels by the colour rules of the beware list."""
 
 from __future__ import annotations
 
@@ -10,62 +9,53 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourRule
-from navcore.perception.depth_filter import Heights, heights_above_floor, remove_small_regions
+from navcore.perception.depth_filter import heights_above_floor, remove_small_regions
 from navcore.perception.ground import ground_heights
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
 from navcore.perception.overhang_filter import base_regions
 from navcore.robot.frame import Frame
 
-STEEPEST = 0.2
-"""What rises or falls by no more than this per metre may be ground with something painted on it."""
-TALL_M = 0.1
-"""What rises by so much more than a marking can is an obstacle, however depth errs."""
-PERSON_SURE = 0.5
-"""So sure a network must be of a person for him to be followed, and for the colour of his shoes to
-be no floor's."""
-UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
-"""Confidence of what speaks neither for a thing nor against it: its log-odds are 0, and it binds
-nobody who asks for a half."""
-
-
-ColourMask = tuple[BewareClass, npt.NDArray[np.bool_]]
-"""An entry of the list, and (H, W) the pixels that fit its colour rule."""
+ColourMask = tuple[BewareClass, Bools]
+"""An entry of the list, and the (H, W) pixels that fit its colour rule."""
 
 
 class ColourSegmenter:
-    """Labels by the colour rules of the beware list; where rules overlap, the first that is enabled
-    shows."""
+    """Segmenter by colour rules; where rules overlap, the label is that of the first enabled one.
+    """
+
+    def __init__(self, config: PerceptionConfig = DEFAULT_PERCEPTION) -> None:
+        self._config = config
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Exact: a pixel fits a rule or it does not, so its confidence is 1."""
-        coats = colour_masks(frame, heights_above_floor(frame), beware.classes)
-        shown, hypotheses = (
-            topmost_label(coats, frame.depth_m.shape),
-            by_colour(coats, frame.depth_m.shape),
-        )
+        """Return the labels of a frame, with confidence 1: a pixel fits a rule or it does not."""
+        masks = colour_masks(frame, heights_above_floor(frame), beware.classes, self._config)
+        shape = frame.depth_m.shape
+        labels, hypotheses = topmost_label(masks, shape), disjoint_layers(masks, shape)
         return dataclasses.replace(
-            with_full_confidence(shown), hypotheses=hypotheses if len(hypotheses) > 1 else ()
+            with_full_confidence(labels), hypotheses=hypotheses if len(hypotheses) > 1 else ()
         )
 
     def finds(self, entry: BewareClass) -> LabelSource:
-        """A rule, where the entry has one."""
+        """Return whether an entry has a colour rule."""
         return LabelSource.NOTHING if entry.colour is None else LabelSource.COLOUR
 
 
-def topmost_label(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
-    """(H, W) the class id of the first coat that is enabled, else of the first."""
+def topmost_label(masks: Sequence[ColourMask], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    """Return the (H, W) class id of the first enabled mask, else of the first."""
     class_ids = np.full(shape, NOTHING, dtype=np.uint8)
-    first_shows = sorted(coats, key=lambda coat: not coat[0].enabled)
-    for entry, fits in first_shows[::-1]:
+    enabled_first = sorted(masks, key=lambda mask: not mask[0].enabled)
+    for entry, fits in enabled_first[::-1]:
         class_ids[fits] = entry.class_id
     return class_ids
 
 
-def by_colour(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> tuple[Labels, ...]:
-    """The coats as claims, as few as hold them all: those share one that lie beside each other."""
+def disjoint_layers(masks: Sequence[ColourMask], shape: tuple[int, ...]) -> tuple[Labels, ...]:
+    """Return the masks as labels: masks that do not overlap share a layer."""
     layers: list[npt.NDArray[np.uint8]] = []
-    for entry, fits in coats:
+    for entry, fits in masks:
         layer = next((layer for layer in layers if not layer[fits].any()), None)
         if layer is None:
             layers.append(layer := np.full(shape, NOTHING, dtype=np.uint8))
@@ -74,39 +64,44 @@ def by_colour(coats: Sequence[ColourMask], shape: tuple[int, ...]) -> tuple[Labe
 
 
 def colour_masks(
-    frame: Frame, heights_m: Heights, entries: Iterable[BewareClass]
+    frame: Frame,
+    heights_m: FloatImage,
+    entries: Iterable[BewareClass],
+    config: PerceptionConfig = DEFAULT_PERCEPTION,
 ) -> list[ColourMask]:
-    """Each entry whose colour rule some pixel fits, in their order, and (H, W) which pixels; none
+    """Return the entries whose colour rule some pixel fits, in their order, with these pixels; none
     higher than the rule allows.
 
-    Higher than the ground there, that is, which may rise or fall before the robot; nor the foot of
-    something of that colour.
+    Heights are those above the ground below the pixel, which may rise or fall before the robot; the
+    base of an obstacle of the same colour does not count. `heights_m` is that of
+    `heights_above_floor`.
     """
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
-    coats = []
+    masks = []
     for entry in entries:
         if entry.colour is None:
             continue
-        fits = _matches(hsv, entry.colour)
+        fits, max_height_m = _matches(hsv, entry.colour), entry.colour.max_height_m
         low, above = fits, heights_m
-        if (fits & (above > entry.colour.max_height_m)).any():
-            above = heights_m - ground_heights(frame, STEEPEST)
-            low = fits & ~(above > entry.colour.max_height_m)
+        if (fits & (above > max_height_m)).any():
+            above = heights_m - ground_heights(frame, config.colour.max_slope, config.ground)
+            low = fits & ~(above > max_height_m)
         if entry.min_size_m is not None and low.any():
             low = remove_small_regions(low, frame, entry.min_size_m)
-        tall = fits & (above > entry.colour.max_height_m + TALL_M)
+        tall = fits & (above > max_height_m + config.colour.obstacle_above_m)
         if tall.any():
-            low &= ~base_regions(low, tall, frame)
+            low &= ~base_regions(low, tall, frame, config.overhang)
         if low.any():
-            coats.append((entry, low))
-    return coats
+            masks.append((entry, low))
+    return masks
 
 
-def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> npt.NDArray[np.bool_]:
-    """(H, W) pixels that fit; OpenCV keeps hue in steps of 2°, saturation and value in 0…255."""
+def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
+    """Return the (H, W) pixels that fit; OpenCV has hue in steps of 2°, saturation and value in
+    0…255."""
     first, last = (round(hue / 2) for hue in rule.hue_deg)
     floor = (round(rule.min_saturation * 255), round(rule.min_value * 255))
-    # Whether the range wraps is told by the rule, not by its rounding: 0.5° to 0° goes once around.
+    # The rule tells whether the range wraps, not its rounding: 0.5° to 0° goes once around.
     wraps = rule.hue_deg[0] > rule.hue_deg[1]
     spans = [(first, 180), (0, last)] if wraps else [(first, last)]
     if last == 180:

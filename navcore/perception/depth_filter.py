@@ -1,85 +1,87 @@
-"""Depth and colour decide together what is real: a print of a cup on the floor is no cup.
+"""Labels that depth refutes: a print of a cup on the floor is no cup.
 
-The network may take a picture for the thing it shows. Where a class has a least height, a region of
-it that lies flat in the floor around it is dismissed, but only where depth is there and sharp
-enough to tell; everything undecided stays. What a label spills over a thing's edge onto what lies
-far behind it is not the thing either.
+A network may take an image of an object for the object. Where a class has a least height, a region
+of it that lies flat in the floor around it is rejected, but only where depth is measured and
+accurate enough to decide; undecided regions stay. Nor is it the object what a label covers beyond
+its outline, far behind it.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.config.perception import DEFAULT_PERCEPTION, DepthFilterConfig
+from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.robot.frame import Frame
+from navcore.robot.profile import DepthSensor
 
-Heights = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
-
-RELIEF_SHARE = 0.5
-"""A region with less relief than this share of its class's least height is a picture …"""
-MAX_FLAT_M = 0.025
-"""… but nothing that rises higher than this is, however tall its class: a sign that has fallen over
-is still a sign."""
-SURE_ERRORS = 3.0
-"""So many standard errors of the height must fit below the threshold, or the region is too far away
-to decide."""
-DISPARITY_ERROR_PX = 0.1
-BASELINE_M = 0.095
-"""Of the D455: depth at z errs by z² · disparity error / (focal length · baseline)."""
-MIN_PIXELS = 12
-MIN_MEASURED = 0.5
-"""A region, and the floor around it, are decided on with at least so many pixels, so large a share
-of them measured."""
-RING_PX = 5
-"""Width of the rim around a region in which the floor is looked for."""
-TALL_M = 0.3
-GROUND_M = 0.05
-"""Of a class at least so tall, pixels lower than this are not the thing but the floor at its feet.
-"""
-SPILL_RAD = 0.018
-"""So far over the edge of a thing a label may spill onto what is behind; six pixels of the D455's
-at 640 × 480."""
-JUMP_M, STEEPER = 0.1, 3.0
-"""Behind it is what lies so much farther, and so many times as far as the floor recedes within that
-angle: the tops of things, which are nearer to the eye's height, recede faster."""
-FAR_M = 1000.0
-"""Farther than any depth."""
+_DEFAULT = DEFAULT_PERCEPTION.depth
+_D455 = DepthSensor()
+_FAR_M = 1000.0
+"""Marker farther than any depth, in metres."""
+_MIN_CAMERA_HEIGHT_M = 0.1
+"""Least camera height in metres that a recession of the floor is divided by."""
 
 
-def heights_above_floor(frame: Frame) -> Heights:
-    """(H, W) z in the map frame, metres; NaN where no depth was measured."""
+def heights_above_floor(frame: Frame) -> FloatImage:
+    """Return the (H, W) z in metres of the map frame; NaN where no depth was measured."""
     lens, up = frame.intrinsics, frame.T_map_camera[2]
     across = ((up[0] / lens.fx) * (np.arange(lens.width) - lens.cx)).astype(np.float32)
     down = ((up[1] / lens.fy) * (np.arange(lens.height) - lens.cy) + up[2]).astype(np.float32)
-    return np.asarray(_along(frame.depth_m, across, down, np.float32(up[3])))
+    return np.asarray(_heights_on_rays(frame.depth_m, across, down, np.float32(up[3])))
 
 
 @compiled
-def _along(depth_m: Heights, across: Heights, down: Heights, eye_m: np.float32) -> Heights:
-    """How high every ray is at its depth; `across` and `down` are what a column and a row add to
-    its slope."""
+def _heights_on_rays(
+    depth_m: FloatImage, across: FloatImage, down: FloatImage, camera_m: np.float32
+) -> FloatImage:
+    """Return the height of each pixel; `across` and `down` are what a column and a row add to the
+    rise of its line of sight, `camera_m` is the height of the camera."""
     heights = np.empty_like(depth_m)
     for i in range(depth_m.shape[0]):
         for j in range(depth_m.shape[1]):
             depth = depth_m[i, j]
             heights[i, j] = (
-                depth * (down[i] + across[j]) + eye_m if depth > 0 else np.float32(np.nan)
+                depth * (down[i] + across[j]) + camera_m if depth > 0 else np.float32(np.nan)
             )
     return heights
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Region:
+    """A connected region of one class, in a window of the image that is wider than its box."""
+
+    box: tuple[int, int, int, int]
+    """Column, row, width and height of its bounding box in pixels of the image."""
+    inside: Bools
+    """(h, w) pixels of the region."""
+    unlabelled: Bools
+    """(h, w) pixels without a class."""
+    depth_m: FloatImage
+    """(h, w) depth in metres."""
+    heights_m: FloatImage
+    """(h, w) height above the floor in metres."""
+
+
 def reject_flat_regions(
-    class_ids: npt.NDArray[np.uint8], frame: Frame, heights_m: Heights, beware: BewareList
-) -> Mask:
-    """(H, W) which pixels keep their class: all but flat pictures, specks, and the floor at the
-    feet of tall things.
+    class_ids: npt.NDArray[np.uint8],
+    frame: Frame,
+    heights_m: FloatImage,
+    beware: BewareList,
+    config: DepthFilterConfig = _DEFAULT,
+    sensor: DepthSensor = _D455,
+) -> Bools:
+    """Return the (H, W) pixels that keep their class: all but flat prints, small regions, and the
+    floor at the foot of tall objects.
 
     Regions are connected pixels of one class that has a `min_height_m` or a `min_size_m`;
-    `heights_m` is of `heights_above_floor`.
+    `heights_m` is that of `heights_above_floor`.
     """
     keep = np.ones(class_ids.shape, dtype=np.bool_)
     for entry in beware.classes:
@@ -88,118 +90,73 @@ def reject_flat_regions(
         mask = class_ids == entry.class_id
         if not mask.any():
             continue
-        count, regions, boxes, _ = cv2.connectedComponentsWithStats(
+        count, names, boxes, _ = cv2.connectedComponentsWithStats(
             mask.view(np.uint8), connectivity=8
         )
-        for region in range(1, count):
-            window = _window(boxes[region], class_ids.shape)
-            inside = regions[window] == region
-            if entry.min_size_m is not None and is_speck(
-                boxes[region], inside, frame, window, entry.min_size_m
-            ):
-                keep[window] &= ~inside
+        for name in range(1, count):
+            left, top, width, height, area = (int(value) for value in boxes[name])
+            window = _window((left, top, width, height), class_ids.shape, config.ring_px)
+            region = _Region(
+                box=(left, top, width, height),
+                inside=names[window] == name,
+                unlabelled=class_ids[window] == NOTHING,
+                depth_m=frame.depth_m[window],
+                heights_m=heights_m[window],
+            )
+            if entry.min_size_m is not None and _is_small(region, frame, entry.min_size_m):
+                keep[window] &= ~region.inside
                 continue
-            if entry.min_height_m is None or boxes[region, cv2.CC_STAT_AREA] < MIN_PIXELS:
+            if entry.min_height_m is None or area < config.min_pixels:
                 continue
-            threshold_m = min(RELIEF_SHARE * entry.min_height_m, MAX_FLAT_M)
-            if is_flat(
-                inside,
-                class_ids[window] == NOTHING,
-                frame.depth_m[window],
-                heights_m[window],
-                frame,
-                threshold_m,
-            ):
-                keep[window] &= ~inside
-            elif entry.min_height_m >= TALL_M:
-                keep[window] &= ~at_its_feet(inside, heights_m[window])
+            threshold_m = min(config.relief_share * entry.min_height_m, config.max_flat_m)
+            if _is_flat(region, frame, threshold_m, config, sensor):
+                keep[window] &= ~region.inside
+            elif entry.min_height_m >= config.tall_m:
+                keep[window] &= ~_floor_at_foot(region, config)
     return keep
 
 
-def trim_label_bleed(class_ids: npt.NDArray[np.uint8], frame: Frame) -> Mask:
-    """(H, W) which pixels keep their class: all but those near a label's rim that lie far behind
-    what it labels beside them.
+def trim_label_bleed(
+    class_ids: npt.NDArray[np.uint8], frame: Frame, config: DepthFilterConfig = _DEFAULT
+) -> Bools:
+    """Return the (H, W) pixels that keep their class: all but those near the rim of a label that
+    lie far behind its object.
 
-    A network rounds the outline of a thing; the floor that looks out behind it would be on the map
-    a thing of its own.
+    A network rounds the outline of an object; the floor behind it would be an object of its own on
+    the map.
     """
     keep = np.ones(class_ids.shape, dtype=np.bool_)
-    reach = max(1, round(SPILL_RAD * frame.intrinsics.fx))
-    around = np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
-    # Along the floor depth z grows by z² / (focal length · eye height) from one row of pixels to
+    reach = max(1, round(config.bleed_rad * frame.intrinsics.fx))
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
+    # Along the floor depth z grows by z² / (focal length · camera height) from one row of pixels to
     # the next.
-    recedes = STEEPER * reach / (frame.intrinsics.fy * max(float(frame.T_map_camera[2, 3]), 0.1))
+    camera_m = max(float(frame.T_map_camera[2, 3]), _MIN_CAMERA_HEIGHT_M)
+    recession = config.bleed_factor * reach / (frame.intrinsics.fy * camera_m)
     for class_id in np.unique(class_ids[class_ids != NOTHING]):
         whole = class_ids == class_id
         left, top, width, height = cv2.boundingRect(whole.view(np.uint8))
-        part = (
-            slice(max(top - reach, 0), min(top + height + reach, whole.shape[0])),
-            slice(max(left - reach, 0), min(left + width + reach, whole.shape[1])),
-        )
-        inside, depth_m = whole[part], frame.depth_m[part]
-        measured = np.where(inside & (depth_m > 0), depth_m, np.float32(FAR_M))
-        nearest = cv2.erode(measured, around, borderType=cv2.BORDER_CONSTANT, borderValue=FAR_M)
-        rim = (
-            cv2.erode(np.ascontiguousarray(inside).view(np.uint8), around) == 0
-        )  # the picture's border is none
-        keep[part] &= ~(
-            inside & rim & (depth_m > nearest + np.maximum(JUMP_M, recedes * nearest**2))
-        )
+        window = _window((left, top, width, height), whole.shape, reach)
+        inside, depth_m = whole[window], frame.depth_m[window]
+        measured = np.where(inside & (depth_m > 0), depth_m, np.float32(_FAR_M))
+        nearest = cv2.erode(measured, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=_FAR_M)
+        # The border of the image is no rim.
+        rim = cv2.erode(np.ascontiguousarray(inside).view(np.uint8), kernel) == 0
+        behind = depth_m > nearest + np.maximum(config.bleed_jump_m, recession * nearest**2)
+        keep[window] &= ~(inside & rim & behind)
     return keep
 
 
-def at_its_feet(inside: Mask, heights_m: Heights) -> Mask:
-    """Pixels of a region on the ground, where most of it stands well above: the floor that a label
-    spills over onto.
-
-    On the map a flat point of the list stays for good; a person who walks by must not leave a trail
-    of them.
-    """
-    measured = heights_m[inside & np.isfinite(heights_m)]
-    if len(measured) < MIN_PIXELS or np.median(measured) < 2 * GROUND_M:
-        return np.zeros_like(inside)
-    return inside & (heights_m < GROUND_M)
-
-
-def is_speck(
-    box: npt.NDArray[np.int32],
-    inside: Mask,
-    frame: Frame,
-    window: tuple[slice, slice],
-    least_m: float,
-) -> bool:
-    """Whether a region, of which the picture's border hides nothing, is shorter than the least size
-    of a thing of its class.
-
-    Its length is that across the line of sight or, of what lies on the floor and leads away from
-    the camera, that along it.
-    """
-    left, top, width, height = (int(value) for value in box[:4])
-    if (
-        left == 0
-        or top == 0
-        or left + width == frame.intrinsics.width
-        or top + height == frame.intrinsics.height
-    ):
-        return False
-    depths = frame.depth_m[window][inside]
-    depths = depths[depths > 0]
-    if len(depths) == 0:
-        return False
-    near, middle, far = np.percentile(depths, (10, 50, 90))
-    return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < least_m)
-
-
-def remove_small_regions(mask: Mask, frame: Frame, least_m: float) -> Mask:
-    """The mask without the regions that `is_speck` says are some: all at once, for a floor may be
-    full of them.
+def remove_small_regions(mask: Bools, frame: Frame, min_size_m: float) -> Bools:
+    """Return the (H, W) mask without its regions that are shorter than the least size in metres:
+    all at once, for a floor may have many of them.
 
     Pixels that touch one another, at a corner too, or have one pixel between them, are a region.
+    Regions at the border of the image and without a measured pixel stay.
     """
     close = cv2.dilate(mask.view(np.uint8), np.ones((3, 3), dtype=np.uint8))
-    count, regions, boxes, _ = cv2.connectedComponentsWithStats(close, connectivity=8)
+    count, names, boxes, _ = cv2.connectedComponentsWithStats(close, connectivity=8)
     left, top, width, height = boxes[:, :4].T
-    # Each region is a pixel wider on every side than what it holds.
+    # Each region was dilated by a pixel on every side.
     at_border = (
         (left <= 1)
         | (top <= 1)
@@ -207,64 +164,94 @@ def remove_small_regions(mask: Mask, frame: Frame, least_m: float) -> Mask:
         | (top + height >= mask.shape[0] - 1)
     )
     measured = mask & (frame.depth_m > 0)
-    number, depths = regions[measured], frame.depth_m[measured]
-    order = np.lexsort((depths, number))
-    number, depths = number[order], depths[order]
-    held = np.bincount(number, minlength=count)
-    first = np.cumsum(held) - held
-    some = np.flatnonzero(held)
+    name, depths = names[measured], frame.depth_m[measured]
+    order = np.lexsort((depths, name))
+    name, depths = name[order], depths[order]
+    sizes = np.bincount(name, minlength=count)
+    first = np.cumsum(sizes) - sizes
+    some = np.flatnonzero(sizes)
     near, middle, far = (
-        depths[first[some] + (held[some] * share).astype(np.int64)] for share in (0.1, 0.5, 0.9)
+        depths[first[some] + (sizes[some] * share).astype(np.int64)] for share in (0.1, 0.5, 0.9)
     )
     long_px = np.maximum(width, height)[some] - 2
-    speck = np.zeros(count, dtype=np.bool_)
-    speck[some] = ~at_border[some] & (
-        np.maximum(long_px * middle / frame.intrinsics.fx, far - near) < least_m
+    is_small = np.zeros(count, dtype=np.bool_)
+    is_small[some] = ~at_border[some] & (
+        np.maximum(long_px * middle / frame.intrinsics.fx, far - near) < min_size_m
     )
-    return np.asarray(mask & ~speck[regions])
+    return np.asarray(mask & ~is_small[names])
 
 
-def is_flat(
-    inside: Mask,
-    unlabelled: Mask,
-    depth_m: Heights,
-    heights_m: Heights,
+def _is_small(region: _Region, frame: Frame, min_size_m: float) -> bool:
+    """Return whether a region that the border of the image does not cut is shorter than the least
+    size of its class.
+
+    Its length is that across the line of sight or, of an object that lies on the floor and leads
+    away from the camera, that along it.
+    """
+    left, top, width, height = region.box
+    if (
+        left == 0
+        or top == 0
+        or left + width == frame.intrinsics.width
+        or top + height == frame.intrinsics.height
+    ):
+        return False
+    depths = region.depth_m[region.inside]
+    depths = depths[depths > 0]
+    if len(depths) == 0:
+        return False
+    near, middle, far = np.percentile(depths, (10, 50, 90))
+    return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < min_size_m)
+
+
+def _is_flat(
+    region: _Region,
     frame: Frame,
     threshold_m: float,
+    config: DepthFilterConfig,
+    sensor: DepthSensor,
 ) -> bool:
-    """Whether a region (a mask of a window of the picture) certainly rises less than the threshold
-    above its surroundings."""
-    measured = inside & (depth_m > 0)
+    """Return whether a region certainly rises less than the threshold above its surroundings."""
+    measured = region.inside & (region.depth_m > 0)
     size = int(measured.sum())
-    if size < MIN_PIXELS or size < MIN_MEASURED * int(inside.sum()):
+    if size < config.min_pixels or size < config.min_measured * int(region.inside.sum()):
         return False
-    if SURE_ERRORS * height_error_m(float(np.median(depth_m[measured])), frame) > threshold_m:
+    error_m = _height_error_m(float(np.median(region.depth_m[measured])), frame, sensor)
+    if config.min_standard_errors * error_m > threshold_m:
         return False
-    wide = (
-        cv2.dilate(
-            inside.view(np.uint8), np.ones((2 * RING_PX + 1, 2 * RING_PX + 1), dtype=np.uint8)
-        )
-        > 0
-    )
-    ring = wide & ~inside & unlabelled & (depth_m > 0)
-    if int(ring.sum()) < MIN_PIXELS:
+    side = 2 * config.ring_px + 1
+    wide = cv2.dilate(region.inside.view(np.uint8), np.ones((side, side), dtype=np.uint8)) > 0
+    ring = wide & ~region.inside & region.unlabelled & (region.depth_m > 0)
+    if int(ring.sum()) < config.min_pixels:
         return False
+    heights_m = region.heights_m
     relief_m = np.percentile(heights_m[measured], 90) - np.percentile(heights_m[ring], 25)
     return bool(relief_m < threshold_m)
 
 
-def depth_error_m(depth_m: float, frame: Frame) -> float:
-    """Standard error of a depth."""
-    return depth_m * depth_m * DISPARITY_ERROR_PX / (frame.intrinsics.fx * BASELINE_M)
+def _floor_at_foot(region: _Region, config: DepthFilterConfig) -> Bools:
+    """Return the (h, w) pixels of a region on the ground, where most of it is well above: the floor
+    that its label covers.
+
+    On the map a flat point of the list stays; a person who walks by must not leave a trail of them.
+    """
+    measured = region.heights_m[region.inside & np.isfinite(region.heights_m)]
+    if len(measured) < config.min_pixels or np.median(measured) < 2 * config.ground_m:
+        return np.zeros_like(region.inside)
+    return region.inside & (region.heights_m < config.ground_m)
 
 
-def height_error_m(depth_m: float, frame: Frame) -> float:
-    """Standard error of the height of a point on the floor: of the depth's error, the part along
-    the vertical."""
-    return depth_error_m(depth_m, frame) * abs(float(frame.T_map_camera[2, 3])) / depth_m
+def _height_error_m(depth_m: float, frame: Frame, sensor: DepthSensor) -> float:
+    """Return the standard error in metres of the height of a point on the floor: the vertical part
+    of the depth error."""
+    depth_error_m = sensor.depth_error_m(depth_m, frame.intrinsics.fx)
+    return depth_error_m * abs(float(frame.T_map_camera[2, 3])) / depth_m
 
 
-def _window(box: npt.NDArray[np.int32], shape: tuple[int, ...]) -> tuple[slice, slice]:
-    left, top, width, height = (int(value) for value in box[:4])
-    rows = slice(max(top - RING_PX, 0), min(top + height + RING_PX, shape[0]))
-    return rows, slice(max(left - RING_PX, 0), min(left + width + RING_PX, shape[1]))
+def _window(
+    box: tuple[int, int, int, int], shape: tuple[int, ...], margin_px: int
+) -> tuple[slice, slice]:
+    """Return the rows and columns of a bounding box with a margin, clipped to the image."""
+    left, top, width, height = box
+    rows = slice(max(top - margin_px, 0), min(top + height + margin_px, shape[0]))
+    return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, shape[1]))

@@ -7,88 +7,111 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
-from navcore.perception.colour_segmenter import (
-    PERSON_SURE,
-    TALL_M,
-    UNDECIDED,
-    by_colour,
-    colour_masks,
-    topmost_label,
-)
+from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, topmost_label
 from navcore.perception.depth_filter import (
     heights_above_floor,
     reject_flat_regions,
     trim_label_bleed,
 )
 from navcore.perception.labels import Labels, LabelSource, Segmenter
-from navcore.perception.overhang_filter import base_regions, overhung
+from navcore.perception.overhang_filter import base_regions, overhung_regions
 from navcore.robot.frame import Frame
+from navcore.robot.profile import DepthSensor
+
+UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
+"""Confidence that speaks neither for a label nor against it: its log-odds are 0, and it is below
+every threshold of at least one half."""
+_D455 = DepthSensor()
 
 
 class FusedSegmenter:
-    """A network and the colour rules together: what one of them claims stays claimed, except for
-    pictures of things.
+    """A network and the colour rules together: a label of either counts, unless depth refutes it.
 
-    A pixel shows as the network's where it is sure enough of an enabled class; else as the colour
-    rule's; else as the network's, however unsure. Onto the map go the claims of both, but for the
-    colour of somebody's shoes. A network's region that depth shows to be a flat picture of
-    something with height is dismissed before, and so are what spills over the edge of a thing onto
-    the floor behind it (`relief.py`) and the foot of something higher (`overhung.py`); what is too
-    far away to tell whether it is such a foot counts neither for nor against. Rules marked
-    `fallback` are for classes that the network does not know.
+    The label of a pixel is the network's where it is confident enough of an enabled class; else
+    that of the colour rule; else the network's, whatever its confidence. The map is made of the
+    labels of both, except for the colour of a person's shoes. Before that, regions of the network
+    are rejected that are flat prints, bleed over the outline of an object (`depth_filter`), or are
+    the base of a taller object (`overhang_filter`); where the latter is undecided, the region
+    counts neither for nor against. Rules marked `fallback` are for classes that the network does
+    not know.
     """
 
-    def __init__(self, network: Segmenter) -> None:
+    def __init__(
+        self,
+        network: Segmenter,
+        config: PerceptionConfig = DEFAULT_PERCEPTION,
+        sensor: DepthSensor = _D455,
+    ) -> None:
+        """Fuse a network with the colour rules; `sensor` is the depth camera whose errors decide
+        what depth can refute."""
         self._network = network
+        self._config = config
+        self._sensor = sensor
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Labels of both."""
+        """Return the fused labels of a frame."""
         heights_m = heights_above_floor(frame)
         seen = self._network.segment(frame, beware)
-        keep = reject_flat_regions(seen.class_ids, frame, heights_m, beware)
-        keep &= trim_label_bleed(seen.class_ids, frame)
-        dismissed, doubtful = overhung(seen.class_ids, frame, heights_m, beware)
-        real = Labels(
-            class_ids=np.where(keep & ~dismissed, seen.class_ids, np.uint8(NOTHING)),
-            confidence=np.where(doubtful, np.minimum(seen.confidence, UNDECIDED), seen.confidence),
-        )
-        coats = colour_masks(frame, heights_m, filter(self._by_colour, beware.classes))
-        if not coats:
-            return real
-        shape = real.class_ids.shape
+        filtered = self._without_refuted(seen, frame, heights_m, beware)
+        entries = filter(self._has_rule, beware.classes)
+        masks = colour_masks(frame, heights_m, entries, self._config)
+        if not masks:
+            return filtered
         people = (
             np.isin(seen.class_ids, beware.people_ids)
-            & (seen.confidence >= PERSON_SURE)
-            & (heights_m > TALL_M)
+            & (seen.confidence >= self._config.min_person_confidence)
+            & (heights_m > self._config.colour.obstacle_above_m)
         )
         if people.any():
-            coats = [(entry, fits & ~base_regions(fits, people, frame)) for entry, fits in coats]
-        hypotheses = (real, *by_colour(coats, shape))
+            overhang = self._config.overhang
+            masks = [
+                (entry, fits & ~base_regions(fits, people, frame, overhang))
+                for entry, fits in masks
+            ]
+        shape = filtered.class_ids.shape
         return dataclasses.replace(
-            fuse(real, topmost_label(coats, shape), beware), hypotheses=hypotheses
+            fuse(filtered, topmost_label(masks, shape), beware),
+            hypotheses=(filtered, *disjoint_layers(masks, shape)),
         )
 
     def finds(self, entry: BewareClass) -> LabelSource:
-        """Network, rule, both or nothing."""
-        known = self._knows(entry)
-        if self._by_colour(entry):
-            return LabelSource.BOTH if known else LabelSource.COLOUR
-        return LabelSource.NETWORK if known else LabelSource.NOTHING
+        """Return whether network, rule, both or nothing finds an entry."""
+        is_known = self._is_known(entry)
+        if self._has_rule(entry):
+            return LabelSource.BOTH if is_known else LabelSource.COLOUR
+        return LabelSource.NETWORK if is_known else LabelSource.NOTHING
 
-    def _knows(self, entry: BewareClass) -> bool:
+    def _without_refuted(
+        self, seen: Labels, frame: Frame, heights_m: npt.NDArray[np.float32], beware: BewareList
+    ) -> Labels:
+        """Return the network's labels without those that depth refutes."""
+        config, sensor = self._config, self._sensor
+        keep = reject_flat_regions(
+            seen.class_ids, frame, heights_m, beware, config.depth, sensor
+        ) & trim_label_bleed(seen.class_ids, frame, config.depth)
+        base, undecided = overhung_regions(
+            seen.class_ids, frame, heights_m, beware, config.overhang, sensor
+        )
+        return Labels(
+            class_ids=np.where(keep & ~base, seen.class_ids, np.uint8(NOTHING)),
+            confidence=np.where(undecided, np.minimum(seen.confidence, UNDECIDED), seen.confidence),
+        )
+
+    def _is_known(self, entry: BewareClass) -> bool:
         return self._network.finds(entry) is LabelSource.NETWORK
 
-    def _by_colour(self, entry: BewareClass) -> bool:
-        return entry.colour is not None and not (entry.colour.fallback and self._knows(entry))
+    def _has_rule(self, entry: BewareClass) -> bool:
+        return entry.colour is not None and not (entry.colour.fallback and self._is_known(entry))
 
 
 def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> Labels:
-    """The network's labels and the class ids (H, W) of the colour rules, by the rule that
-    `FusedSegmenter` states."""
-    sure = seen.mask(beware) & (seen.class_ids != coloured)
-    taken = (coloured != NOTHING) & ~sure
+    """Return the network's labels fused with the (H, W) class ids of the colour rules, as
+    `FusedSegmenter` states it."""
+    network_wins = seen.mask(beware) & (seen.class_ids != coloured)
+    colour_wins = (coloured != NOTHING) & ~network_wins
     return Labels(
-        class_ids=np.where(taken, coloured, seen.class_ids),
-        confidence=np.where(taken, np.float32(1), seen.confidence),
+        class_ids=np.where(colour_wins, coloured, seen.class_ids),
+        confidence=np.where(colour_wins, np.float32(1), seen.confidence),
     )

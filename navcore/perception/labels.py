@@ -1,4 +1,4 @@
-"""Labels per pixel, and the port of whatever makes them."""
+"""Labels per pixel, and the interface of the segmenters that make them."""
 
 from __future__ import annotations
 
@@ -9,36 +9,37 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.robot.frame import Frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels:
-    """What each pixel of a frame shows."""
+    """Class and confidence of each pixel of a frame."""
 
     class_ids: npt.NDArray[np.uint8]
     """(H, W) class id of the beware list, `NOTHING` for everything else."""
-    confidence: npt.NDArray[np.float32]
-    """(H, W) how sure the segmenter is, 0 to 1."""
+    confidence: FloatImage
+    """(H, W) confidence of the segmenter, 0 to 1."""
     hypotheses: tuple[Labels, ...] = ()
-    """Where several may claim a pixel, what each of them claims, whatever the list thinks of it: a
-    network first, then the rules of colour. Of these the map is made, or an edit of the list would
-    not bring back what another claim lay upon. Empty: nobody else claims anything."""
+    """Labels per source where several sources may label a pixel, whether their classes are enabled
+    or not: a network first, then the colour rules. The map is made of these, or an edit of the list
+    could not restore a label that another one covered. Empty when there is a single source."""
 
     @property
     def all_hypotheses(self) -> tuple[Labels, ...]:
-        """Its claims; itself, where it has none."""
+        """Labels per source; the labels themselves when there is a single source."""
         return self.hypotheses or (self,)
 
-    def mask(self, beware: BewareList) -> npt.NDArray[np.bool_]:
-        """(H, W) the paper's mask M_c: pixels that bind the robot under this list, the union of its
-        enabled classes."""
-        return np.greater_equal(self.confidence, _least(beware)[self.class_ids])
+    def mask(self, beware: BewareList) -> Bools:
+        """Return the (H, W) mask M_c of the paper: pixels that bind the robot under this list, the
+        union of its enabled classes."""
+        return np.greater_equal(self.confidence, _min_confidences(beware)[self.class_ids])
 
 
 class LabelSource(StrEnum):
-    """What finds a class of the beware list in a picture."""
+    """What can find a class of the beware list in an image."""
 
     NETWORK = "network"
     COLOUR = "colour rule"
@@ -47,23 +48,23 @@ class LabelSource(StrEnum):
 
 
 class Segmenter(Protocol):
-    """Anything that labels the pixels of a frame. Enabled or not: every class of the list is
-    labelled."""
+    """Interface of everything that labels the pixels of a frame, with all classes of the list,
+    enabled or not."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Labels of the same height and width as the frame."""
+        """Return labels of the same height and width as the frame."""
 
     def finds(self, entry: BewareClass) -> LabelSource:
-        """What of this segmenter finds an entry; `NOTHING` when it will never be seen."""
+        """Return the part of this segmenter that finds an entry; `NOTHING` when none does."""
 
 
 def with_full_confidence(class_ids: npt.NDArray[np.uint8]) -> Labels:
-    """Labels of which nothing is in doubt."""
+    """Return labels with a confidence of 1 everywhere."""
     return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 
 
-def _least(beware: BewareList) -> npt.NDArray[np.float32]:
-    """(256,) the least confidence that binds the robot, by class id; more than 1 where none does."""
+def _min_confidences(beware: BewareList) -> FloatImage:
+    """Return the (256,) least confidence that binds the robot, by class id; 2 where none does."""
     least = np.full(256, 2.0, dtype=np.float32)
     for entry in beware.enabled:
         least[entry.class_id] = entry.min_confidence

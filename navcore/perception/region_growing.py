@@ -12,6 +12,7 @@ import shapely
 
 from navcore.errors import BadGeometry
 from navcore.geometry.camera import Intrinsics
+from navcore.geometry.polyline import Corners
 from navcore.geometry.transform import Matrix, transform_points
 from navcore.grid.grid import BoolGrid
 
@@ -24,7 +25,6 @@ STEP_M = 0.06
 CELL_M = 0.025
 FARTHEST_M = 8.0
 LEAST_PIXELS = 12
-Corners = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

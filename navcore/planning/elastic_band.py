@@ -15,16 +15,13 @@ import math
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.polyline import metres_along
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import window
 from navcore.grid.grid import GridSpec
-
-Points = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 ROUNDS = 60
 """So often each point gives way."""
@@ -56,14 +53,14 @@ def relax(
         np.ceil(cells.max(axis=0)).astype(int) + reach, (spec.cols, spec.rows)
     ).tolist()
     near = window(free, top, left, bottom, right).view(np.uint8)
-    room: Image = cv2.distanceTransform(near, cv2.DIST_L2, 5).astype(np.float32, copy=False)
+    room: FloatImage = cv2.distanceTransform(near, cv2.DIST_L2, 5).astype(np.float32, copy=False)
     corner = np.array([left, top])
     moved = _eased(cells - corner, room, wanted) + corner
     return np.vstack([moved * spec.resolution_m + origin, track[count + 1 :]])
 
 
 @compiled
-def _eased(points: Points, room: Image, wanted: float) -> Points:
+def _eased(points: Points, room: FloatImage, wanted: float) -> Points:
     """In cells. Point by point, so that each already hangs on where the one before it is by now."""
     rows, cols = room.shape
     points = points.copy()

@@ -8,22 +8,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
 from navcore.config.navigator import NavigatorConfig
-from navcore.costmap.costmap import Costmap, box_around, nearest_free
+from navcore.costmap.costmap import Costmap, box_around
 from navcore.costmap.local_costmap import obstacle_masks, split_areas
+from navcore.geometry.arrays import Indices
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, inflate
+from navcore.grid.nearest import nearest_free
 from navcore.mission.zone import Zone
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import SQRT2
 from navcore.robot.profile import RobotProfile
 
-Ints = npt.NDArray[np.int64]
 NEAR_M = 4.0
 """So far about the robot it is looked for first; then twice as far, and so on."""
 
@@ -160,7 +160,7 @@ def way_out(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath
 
 
 @compiled
-def _search(closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int) -> tuple[Ints, int]:
+def _search(closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int) -> tuple[Indices, int]:
     rows, cols = closed.shape
     came_from = np.full(rows * cols, -1, dtype=np.int64)
     best = np.full(rows * cols, np.inf)
@@ -197,7 +197,7 @@ def _search(closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int) 
 
 
 @compiled
-def _trace(came_from: Ints, node: int, cols: int) -> tuple[Ints, int]:
+def _trace(came_from: Indices, node: int, cols: int) -> tuple[Indices, int]:
     count, at = 1, node
     while came_from[at] >= 0:
         at = came_from[at]

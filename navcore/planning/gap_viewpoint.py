@@ -16,12 +16,12 @@ from collections.abc import Collection
 
 import numpy as np
 
-from navcore.config.mapping import BODY_M
 from navcore.costmap.costmap import Costmap
 from navcore.grid.bitplane import BitPlane, cells_of, complement, contains, plane_of
 from navcore.grid.flood_fill import crossings, flood
 from navcore.grid.grid import Cell, inflation_radius
 from navcore.grid.inflation import inflated
+from navcore.grid.nearest import cells_around, nearest_of
 from navcore.mission.beware_list import NOTHING
 
 Area = tuple[Cell, BitPlane]
@@ -36,6 +36,7 @@ def viewpoint_before_gap(
     people: Collection[int] = (),
     vehicle_width_m: float,
     relief_cells: float,
+    body_m: float,
 ) -> tuple[Cell, Cell] | None:
     """From which cell to which one to go to look closer; None where there is nothing to be gained
     by going.
@@ -52,10 +53,10 @@ def viewpoint_before_gap(
     if not areas:
         return None
     within: BitPlane = np.bitwise_or.reduce([area for _, area in areas])
-    entries = cells_of(_entries(occupancy, within, goal, people, vehicle_width_m))
-    if not len(entries):
+    nearest = nearest_of(cells_of(_entries(occupancy, within, goal, people, vehicle_width_m, body_m)), goal)
+    if nearest is None:
         return None
-    row, col = entries[int(np.argmin(((entries - goal) ** 2).sum(axis=1)))].tolist()
+    row, col = nearest
     first = next(first for first, area in areas if contains(area, (row, col)))
     return None if first == (row, col) else (first, (row, col))
 
@@ -63,10 +64,8 @@ def viewpoint_before_gap(
 def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
     """The areas that the robot is beside, each with its free cell nearest to the robot, and that
     with the nearest first."""
-    free, reach = occupancy.free, int(relief_cells)
-    top, left = max(start[0] - reach, 0), max(start[1] - reach, 0)
-    bottom, right = min(start[0] + reach + 1, free.rows), min(start[1] + reach + 1, free.cols)
-    cells = np.argwhere(free.window(top, left, bottom, right)) + np.array([top, left])
+    free = occupancy.free
+    cells = cells_around(free, start, int(relief_cells))
     away = np.hypot(*(cells - start).T)
     areas: list[Area] = []
     for row, col in cells[
@@ -85,10 +84,11 @@ def _entries(
     goal: Cell,
     people: Collection[int],
     vehicle_width_m: float,
+    body_m: float,
 ) -> BitPlane:
     """The cells of `within` beside those by which it is left on the ways to the goal with the
     fewest closed cells."""
-    free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m)
+    free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m, body_m)
     closed = free | solid
     complement(closed, occupancy.spec.rows, occupancy.spec.cols)
     end = plane_of(goal, like=free)
@@ -98,7 +98,9 @@ def _entries(
     return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
 
 
-def _solid(occupancy: Costmap, people: Collection[int], vehicle_width_m: float) -> BitPlane:
+def _solid(
+    occupancy: Costmap, people: Collection[int], vehicle_width_m: float, body_m: float
+) -> BitPlane:
     """Where the body does not fit in even without a safety margin and without the people who are
     known to be some."""
     spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
@@ -112,7 +114,7 @@ def _solid(occupancy: Costmap, people: Collection[int], vehicle_width_m: float) 
         cells = mask.plane
         if class_id == NOTHING and bodies:
             cells = cells & ~inflated(
-                {math.ceil(BODY_M / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols
+                {math.ceil(body_m / spec.resolution_m): np.bitwise_or.reduce(bodies)}, rows, cols
             )
         if class_id == NOTHING or (class_id not in people and cells.any()):
             radius = inflation_radius(

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled, lean
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import Cell
@@ -18,10 +18,8 @@ from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNRE
 from navcore.planning.search.open_list import FAR, ROOT, UNIT, Memory, SearchWorkspace, octile
 from navcore.planning.search.path_reconstruction import expand_leg, is_clear
 
-Ints = npt.NDArray[np.int64]
-
-NOWHERE: Ints = np.empty((0, 2), dtype=np.int64)
-NO_LENGTHS: Ints = np.empty(0, dtype=np.int64)
+NOWHERE: Indices = np.empty((0, 2), dtype=np.int64)
+NO_LENGTHS: Indices = np.empty(0, dtype=np.int64)
 DETOUR = 12 * UNIT
 """A change mostly makes the path no longer than this; a search that may assume so does not look far
 aside."""
@@ -36,9 +34,9 @@ class Standing:
 
     path: Path
     """As it was given out last, from the robot's cell on."""
-    cells: Ints
+    cells: Indices
     """(N, 2) all of it."""
-    left: Ints
+    left: Indices
     """(N,) length from each cell to the goal, in units of `navcore.search.memory`."""
     at: int
     """Where on it the robot was last."""
@@ -135,7 +133,7 @@ class Replanner:
         return path
 
 
-def _path(cells: Ints, left: int) -> Path:
+def _path(cells: Indices, left: int) -> Path:
     steps = len(cells) - 1
     diagonal = (left - steps * UNIT) // (ROOT - UNIT)
     return Path(cells=cells, length=steps - diagonal + diagonal * SQRT2)
@@ -143,7 +141,7 @@ def _path(cells: Ints, left: int) -> Path:
 
 @compiled
 def still_shortest(
-    cells: Ints, left: Ints, at: int, start_row: int, start_col: int, freed: Ints, notes: Ints
+    cells: Indices, left: Indices, at: int, start_row: int, start_col: int, freed: Indices, notes: Indices
 ) -> tuple[int, int]:
     """Where on the path the robot is, not before `at`, and the length left from there; the notes
     are then cleared.
@@ -184,10 +182,10 @@ def searched(
     along: BitPlanes,
     sloping: BitPlanes,
     sentinel: BitPlane,
-    notes: Ints,
+    notes: Indices,
     memory: Memory,
-    cells: Ints,
-    left: Ints,
+    cells: Indices,
+    left: Indices,
     at: int,
     start_row: int,
     start_col: int,
@@ -195,7 +193,7 @@ def searched(
     goal_col: int,
     budget: int,
     floor: int,
-) -> tuple[int, Ints, Ints]:
+) -> tuple[int, Indices, Indices]:
     """A path in place of the one at hand, none of which is shorter than `floor`: how the search for
     it ended, its (N, 2) cells, and (N,) how much is left from each. The wire is moved to it and the
     notes are cleared, if the search came to an end.
@@ -224,7 +222,7 @@ def searched(
 
 
 @compiled
-def measure(cells: Ints, left: Ints, first: int) -> None:
+def measure(cells: Indices, left: Indices, first: int) -> None:
     """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is
     known."""
     for index in range(first - 1, -1, -1):
@@ -236,7 +234,7 @@ def measure(cells: Ints, left: Ints, first: int) -> None:
 
 
 @compiled
-def alike(old: Ints, new: Ints) -> int:
+def alike(old: Indices, new: Indices) -> int:
     """How many cells two paths have in common at their ends."""
     before, after = len(old), len(new)
     while (
@@ -250,7 +248,7 @@ def alike(old: Ints, new: Ints) -> int:
 
 
 @compiled
-def restring(sentinel: BitPlane, old: Ints, new: Ints, common: int) -> None:
+def restring(sentinel: BitPlane, old: Indices, new: Indices, common: int) -> None:
     """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
     # The first cell of what is alike is come to in another way. No two other steps of a shortest
     # path share a cell beside them.
@@ -259,7 +257,7 @@ def restring(sentinel: BitPlane, old: Ints, new: Ints, common: int) -> None:
 
 
 @lean
-def string(sentinel: BitPlane, cells: Ints, until: int, on: bool) -> None:
+def string(sentinel: BitPlane, cells: Indices, until: int, on: bool) -> None:
     """Set or clear the wire at all that has to stay free for the first cells: these and what is
     beside their diagonal steps."""
     for index in range(min(until, len(cells))):
@@ -277,7 +275,7 @@ def string(sentinel: BitPlane, cells: Ints, until: int, on: bool) -> None:
 
 
 @compiled
-def joined(across: BitPlanes, fresh: Ints, length: int, cells: Ints, left: Ints) -> Ints:
+def joined(across: BitPlanes, fresh: Indices, length: int, cells: Indices, left: Indices) -> Indices:
     """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and
     follows them; else (0, 2)."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD

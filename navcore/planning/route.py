@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.local_planner import Points
-from navcore.geometry.polyline import resample
+from navcore.geometry.arrays import Points
+from navcore.geometry.polyline import length_m, resample
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.grid import GridSpec
 from navcore.planning.elastic_band import relax
@@ -50,7 +50,7 @@ class Route:
         return (
             None
             if isinstance(self.outcome, NoPath)
-            else float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+            else length_m(self.points)
         )
 
 

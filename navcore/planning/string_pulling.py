@@ -9,15 +9,13 @@ may use.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane
 
-Ints = npt.NDArray[np.int64]
 
-
-def shortcut(cells: Ints, free: BitPlane, *, stretch: int) -> Ints:
+def shortcut(cells: Indices, free: BitPlane, *, stretch: int) -> Indices:
     """(M, 2) corners (row, col) of the taut path; from the first corner more than `stretch` cells
     along it is the path itself.
 
@@ -29,7 +27,7 @@ def shortcut(cells: Ints, free: BitPlane, *, stretch: int) -> Ints:
 
 
 @compiled
-def _corners(cells: Ints, free: BitPlane, stretch: int) -> Ints:
+def _corners(cells: Indices, free: BitPlane, stretch: int) -> Indices:
     """Indices of the cells that remain: from each the furthest that is seen without a break."""
     kept = np.empty(len(cells), dtype=np.int64)
     kept[0], count, at = 0, 1, 0
@@ -49,7 +47,7 @@ def _corners(cells: Ints, free: BitPlane, stretch: int) -> Ints:
 
 
 @compiled
-def line_of_sight(free: BitPlane, here: Ints, there: Ints) -> bool:
+def line_of_sight(free: BitPlane, here: Indices, there: Indices) -> bool:
     """Whether the straight line between the centres of two free cells crosses free cells only,
     beside corners too."""
     rows, cols = abs(there[0] - here[0]), abs(there[1] - here[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,21 @@ class CameraMount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DepthSensor:
+    """Accuracy of the stereo depth camera; the defaults are those of an Intel RealSense D455."""
+
+    baseline_m: float = ranged(0.005, 1.0, default=0.095)
+    """Distance between the two imagers in metres."""
+    disparity_error_px: float = ranged(0.001, 5.0, default=0.1)
+    """Standard error of the disparity in pixels."""
+
+    def depth_error_m(self, depth_m: float, fx: float) -> float:
+        """Return the standard error in metres of a depth, for a focal length of `fx` pixels:
+        z² · disparity error / (focal length · baseline)."""
+        return depth_m * depth_m * self.disparity_error_px / (fx * self.baseline_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotProfile:
     """Body and limits of a platform; the origin of the base is the middle of the footprint, on the
     floor."""
@@ -58,6 +73,8 @@ class RobotProfile:
     """Largest change of yaw rate."""
     camera: CameraMount
     """Its one camera."""
+    depth_sensor: DepthSensor = field(default_factory=DepthSensor)
+    """Accuracy of the camera's depth."""
 
     @property
     def circumscribed_radius_m(self) -> float:
@@ -70,7 +87,7 @@ class RobotProfile:
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
 
-ROBOTS = Path(__file__).parent / "robots"
+ROBOTS = Path(__file__).parent / "profiles"
 """Where the profiles of known platforms lie."""
 
 

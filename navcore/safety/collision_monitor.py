@@ -16,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.geometry.arrays import FloatImage
+from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Pose2, Twist, invert
-from navcore.perception.ground import FARTHEST_M, Image, ground_heights
+from navcore.perception.ground import FARTHEST_M, ground_heights
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 
@@ -165,7 +167,7 @@ def allowed_share(
 @compiled
 def _near(
     depth_m: npt.NDArray[np.float32],
-    ground_m: Image,
+    ground_m: FloatImage,
     t: npt.NDArray[np.float32],
     fx: float,
     fy: float,
@@ -232,10 +234,7 @@ def _meeting(
         t = min(step * step_s, HORIZON_S)
         turn = w_radps * t
         sin, cos = math.sin(turn), math.cos(turn)
-        if abs(w_radps) < 1e-6:
-            at_x, at_y = v_mps * t, 0.0
-        else:
-            at_x, at_y = v_mps * sin / w_radps, v_mps * (1 - cos) / w_radps
+        at_x, at_y = arc_position(v_mps, w_radps, t)
         hit = 0
         for n in range(count):
             dx, dy = near[n, 0] - at_x, near[n, 1] - at_y

@@ -1,10 +1,8 @@
-"""Labelled pictures of random worlds, to train and to measure the segmentation of what a robot must
-beware of.
+"""Labelled images of random worlds, to train and to evaluate the segmentation of beware objects.
 
-The seed of world `i` of `render_pictures(seed=s)` is `1000 · s + i`, and from it alone come the
-world, its poses and the camera's errors; floor patterns and prints come from `s`. `shard_seed`
-gives every shard of every split of a data set an `s` of its own, so no world of one split can be in
-another.
+The seed of world `i` of `render_images(seed=s)` is `1000 · s + i`, and from it alone come the
+world, its poses and the camera errors; floor patterns and prints come from `s`. `shard_seed` gives
+every shard of every split of a data set its own `s`, so no world of one split can be in another.
 """
 
 from __future__ import annotations
@@ -29,69 +27,74 @@ from sim.sensors.stereo_noise import Rgb
 Split = Literal["train", "valid", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)
 WORLDS_PER_SHARD = 1000
-"""More would run into the next shard's worlds."""
+"""Largest number of worlds of a shard; more would overlap with those of the next shard."""
 SHARDS_PER_SPLIT = 1000
+"""Largest number of shards of a split."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
-    """One labelled RGB-D picture."""
+class LabelledImage:
+    """One labelled RGB-D image."""
 
     world_seed: int
-    """Of the world that it shows."""
+    """Seed of the world that it shows."""
     name: str
-    """Unique over all worlds and poses."""
+    """Name, unique over all worlds and poses."""
     rgb: Rgb
-    """(H, W, 3)"""
+    """(H, W, 3) colours."""
     depth_mm: npt.NDArray[np.uint16]
-    """(H, W) millimetres along the optical axis, 0 where nothing was measured."""
+    """(H, W) depth in millimetres along the optical axis, 0 where nothing is measured."""
     labels: Labels
-    """(H, W) number of the class in `BEWARE_CLASSES` + 1."""
+    """(H, W) index of the class in `BEWARE_CLASSES`, plus 1."""
 
 
 def shard_seed(seed: int, split: Split, shard: int) -> int:
-    """The seed of one shard of a data set's split, different for all (seed, split, shard)."""
+    """Return the seed of one shard of a split of a data set, different for all (seed, split,
+    shard); raises `BadConfiguration`."""
     if not 0 <= shard < SHARDS_PER_SPLIT:
         raise BadConfiguration(f"shard is {shard}, allowed 0 to {SHARDS_PER_SPLIT - 1}")
     return (seed * len(SPLITS) + SPLITS.index(split)) * SHARDS_PER_SPLIT + shard
 
 
-def render_pictures(
+def render_images(
     *,
     seed: int,
     worlds: int,
     poses_per_world: int,
     size: tuple[int, int] = (424, 240),
     renderer: Literal["auto", "tiny", "egl"] = "auto",
-) -> Iterator[Picture]:
-    """Pictures of so many random worlds from so many poses each; the same seed and renderer give
-    the same bits.
+) -> Iterator[LabelledImage]:
+    """Yield images of random worlds, from `poses_per_world` poses each; the same seed and renderer
+    give the same bits.
 
     "auto" takes EGL for two seeds of three where it works, else TINY. Raises `BadConfiguration`.
     """
     if seed < 0 or not 0 <= worlds <= WORLDS_PER_SHARD or poses_per_world < 1:
         raise BadConfiguration(
-            f"seed {seed}, {worlds} worlds, {poses_per_world} poses: expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
+            f"seed {seed}, {worlds} worlds, {poses_per_world} poses: "
+            f"expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
         )
     chosen = (
         renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
     )
-    with SceneRenderer(seed=seed, size=size, renderer=chosen) as studio:
+    with SceneRenderer(seed=seed, size=size, renderer=chosen) as scene_renderer:
         for i in range(worlds):
-            yield from _of_world(studio, WORLDS_PER_SHARD * seed + i, poses_per_world)
+            yield from _render_world(scene_renderer, WORLDS_PER_SHARD * seed + i, poses_per_world)
 
 
-def _of_world(studio: SceneRenderer, world_seed: int, poses: int) -> Iterator[Picture]:
+def _render_world(
+    scene_renderer: SceneRenderer, world_seed: int, poses: int
+) -> Iterator[LabelledImage]:
     rng = np.random.default_rng((world_seed, 2))
-    scene = random_scene(rng, patterns=PATTERNS, prints=studio.prints)
-    studio.build(scene)
+    scene = random_scene(rng, patterns=PATTERNS, prints=scene_renderer.prints)
+    scene_renderer.build(scene)
     for k in range(poses):
-        rgb, depth_m, labels = studio.render(_viewpoint(scene, rng, k), scene)
+        rgb, depth_m, labels = scene_renderer.render(_viewpoint(scene, rng, k), scene)
         rgb, depth_m = apply_camera_effects(
-            rgb, depth_m, studio.intrinsics.fx, rng, usual=scene.like_simulator
+            rgb, depth_m, scene_renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
         )
         depth_mm = np.round(depth_m * 1000).astype(np.uint16)
-        yield Picture(
+        yield LabelledImage(
             world_seed=world_seed,
             name=f"{world_seed:09d}_{k:02d}",
             rgb=rgb,
@@ -101,7 +104,8 @@ def _of_world(studio: SceneRenderer, world_seed: int, poses: int) -> Iterator[Pi
 
 
 def _viewpoint(scene: Scene, rng: np.random.Generator, k: int) -> Matrix:
-    """T_map_camera of a robot that looks at the k-th target, or about there, from near or from far."""
+    """Return T_map_camera of a robot that observes the k-th target or its surroundings, from near
+    or from far."""
     target = scene.targets[k % len(scene.targets)] if scene.targets else None
     x_to, y_to = (target.x_m, target.y_m) if target else (0.0, 0.0)
     best = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)

@@ -1,24 +1,21 @@
-"""Puts onto a random world's floor what a robot must beware of, and what only looks like it."""
+"""Random placement of beware objects, and of objects that only resemble them, on the floor of a
+random world."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from navcore.geometry.transform import Pose2
 from sim.dataset import palette
 from sim.dataset.outlines import Corners, as_tuples, blob, zone
-from sim.dataset.scene import BACKGROUND, Decal, Poster, SolidObject, Spot
+from sim.dataset.scene import BACKGROUND, Decal, Poster, ScenePlan, SolidObject, Spot
 from sim.models.item_shapes import cable_solids
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
-from sim.models.person import USUAL, Appearance, person_solids
-from sim.models.solids import Solid, cylinder, facing, quaternion
-
-if TYPE_CHECKING:
-    from sim.dataset.scene import Plan
+from sim.models.person import DEFAULT_APPEARANCE, Appearance, person_solids
+from sim.models.solids import Solid, cylinder, facing_quaternion, quaternion
 
 SHARES = {
     "book": 0.6,
@@ -30,29 +27,29 @@ SHARES = {
     "landmine": 0.6,
     "wet-floor sign": 0.5,
 }
-"""How often a world holds each kind."""
+"""Share of worlds that hold each kind of item."""
 RED_SHARE, SPILL_SHARE, PERSON_SHARE = 0.55, 0.6, 0.6
-STRETCH = {
+SIZE_RANGES = {
     "cup": (0.85, 1.25),
     "book": (0.6, 1.25),
     "bottle": (0.8, 1.3),
     "box": (0.5, 1.4),
     "landmine": (0.75, 1.2),
 }
-"""How sizes vary by kind; others by a tenth."""
+"""Range of the size factor by kind; others vary by a tenth."""
 
 
 class ItemPlacer:
-    """Fills a plan around one focus."""
+    """Places objects in a scene plan around one focus."""
 
     def __init__(
-        self, plan: Plan, *, focus: tuple[float, float], patterns: tuple[int, int], prints: int
+        self, plan: ScenePlan, *, focus: tuple[float, float], patterns: tuple[int, int], prints: int
     ) -> None:
         self._plan, self._rng, self._focus = plan, plan.rng, focus
         self._patterns, self._prints = patterns, prints
 
-    def put_all(self) -> None:
-        """In the order from the floor upwards."""
+    def place_all(self) -> None:
+        """Place all objects, from the floor upwards."""
         self._put_other_markings()
         self._put_red_floor()
         self._put_spills()
@@ -87,7 +84,7 @@ class ItemPlacer:
         aim: bool,
     ) -> None:
         yaw = float(self._rng.uniform(-math.pi, math.pi))
-        self._plan.pieces.append(
+        self._plan.objects.append(
             SolidObject(label=label, solids=solids, pose=Pose2(x_m=at[0], y_m=at[1], yaw_rad=yaw))
         )
         spot = Spot(x_m=at[0], y_m=at[1], radius_m=radius_m)
@@ -97,7 +94,7 @@ class ItemPlacer:
 
     def _put_item(self, kind: str) -> None:
         rng = self._rng
-        low, high = STRETCH.get(kind, (0.9, 1.1))
+        low, high = SIZE_RANGES.get(kind, (0.9, 1.1))
         by, own = rng.uniform(low, high), rng.uniform(0.92, 1.08, 3)
         x, y, z = (
             float(side * by * scale) for side, scale in zip(ITEM_SIZES[kind], own, strict=True)
@@ -124,7 +121,7 @@ class ItemPlacer:
         self._put(kind, solids, at, radius, aim=True)
 
     def _cable(self, colour: tuple[int, int, int]) -> tuple[Solid, ...]:
-        """One to two metres that wind as they like."""
+        """Return a cable of one to two metres with random bends."""
         rng = self._rng
         count, length = 28, rng.uniform(1.0, 2.0)
         bend = np.interp(
@@ -136,7 +133,7 @@ class ItemPlacer:
         return cable_solids(points - points.mean(axis=0), float(rng.uniform(0.006, 0.015)), colour)
 
     def _put_clutter(self) -> None:
-        """Small things that mean nothing, of any colour."""
+        """Place small background objects of any colour."""
         rng = self._rng
         for _ in range(int(rng.integers(0, 4))):
             colour, size = palette.any_colour(rng), float(rng.uniform(0.08, 0.35))
@@ -164,12 +161,16 @@ class ItemPlacer:
             return
         for _ in range(1 + (rng.random() < 0.35)):
             stride = float(rng.choice([0.0, rng.uniform(0.05, 0.28)]))
-            look = USUAL if self._plan.plain and rng.random() < 0.6 else self._look()
+            appearance = (
+                DEFAULT_APPEARANCE
+                if self._plan.plain and rng.random() < 0.6
+                else self._random_appearance()
+            )
             at = self._spot(0.35, high_m=3.2)
             if at is not None:
-                self._put("person", person_solids(stride, look), at, 0.6, aim=True)
+                self._put("person", person_solids(stride, appearance), at, 0.6, aim=True)
 
-    def _look(self) -> Appearance:
+    def _random_appearance(self) -> Appearance:
         rng = self._rng
         return Appearance(
             height_m=float(rng.uniform(1.5, 1.98)),
@@ -192,7 +193,7 @@ class ItemPlacer:
         if rng.random() < 0.3:
             self._tape("red floor", corners, colour)
         else:
-            self._plan.patches.append(
+            self._plan.decals.append(
                 Decal(label="red floor", polygon=as_tuples(corners), colour=colour)
             )
         self._plan.targets.append(Spot(x_m=x, y_m=y, radius_m=0.2))
@@ -206,7 +207,7 @@ class ItemPlacer:
             x, y = self._near_focus(0.1, 2.4)
             outline = blob(rng, float(rng.uniform(0.2, 0.75))) + np.array([x, y])
             texture = int(rng.integers(4)) + 4 * ("water", "mud", "chemical").index(surface)
-            ground = self._plan.patches[0].colour
+            ground = self._plan.decals[0].colour
             share = {"water": rng.uniform(0.4, 0.8), "mud": 0.1, "chemical": rng.uniform(0.0, 0.4)}[
                 surface
             ]
@@ -214,7 +215,7 @@ class ItemPlacer:
             mixed = tuple(
                 round((1 - share) * a + share * b) for a, b in zip(own, ground, strict=True)
             )
-            self._plan.patches.append(
+            self._plan.decals.append(
                 Decal(
                     label="spill",
                     polygon=as_tuples(outline),
@@ -226,7 +227,7 @@ class ItemPlacer:
             self._plan.targets.append(Spot(x_m=x, y_m=y, radius_m=0.15))
 
     def _put_other_markings(self) -> None:
-        """Tape, paint and rugs of other colours."""
+        """Place tape, paint and rugs of other colours."""
         rng = self._rng
         for _ in range(int(rng.integers(0, 4))):
             at, kind = self._near_focus(0.0, 3.5), rng.random()
@@ -237,12 +238,12 @@ class ItemPlacer:
                 rug = kind > 0.75 and not self._plan.plain
                 texture = int(rng.integers(self._patterns[0])) if rug else None
                 polygon, colour = as_tuples(corners), palette.other_marking(rng)
-                self._plan.patches.append(
+                self._plan.decals.append(
                     Decal(label=BACKGROUND, polygon=polygon, colour=colour, texture=texture)
                 )
 
     def _tape(self, label: str, corners: Corners, colour: tuple[int, int, int]) -> None:
-        """Strips along the edges of a polygon, or along some of them."""
+        """Add strips along the edges of a polygon, or along some of them."""
         width = float(self._rng.uniform(0.04, 0.12))
         keep = (
             len(corners)
@@ -255,7 +256,7 @@ class ItemPlacer:
             strip = np.array(
                 [a - ahead - side, b + ahead - side, b + ahead + side, a - ahead + side]
             )
-            self._plan.patches.append(Decal(label=label, polygon=as_tuples(strip), colour=colour))
+            self._plan.decals.append(Decal(label=label, polygon=as_tuples(strip), colour=colour))
 
     def _put_prints(self) -> None:
         rng, (half_x, half_y) = self._rng, self._plan.half_m
@@ -276,7 +277,7 @@ class ItemPlacer:
                 )
                 inwards = 1 - 0.03 / max(abs(wall[side][0]), abs(wall[side][1]))
                 at_m = (wall[side][0] * inwards, wall[side][1] * inwards, height)
-                turn = tuple(facing(side * math.pi / 2 + math.pi))
-            self._plan.sheets.append(Poster(texture=texture, at_m=at_m, turn=turn, size_m=size))
+                turn = tuple(facing_quaternion(side * math.pi / 2 + math.pi))
+            self._plan.posters.append(Poster(texture=texture, at_m=at_m, turn=turn, size_m=size))
             if rng.random() < 0.5:
                 self._plan.targets.append(Spot(x_m=at_m[0], y_m=at_m[1], radius_m=0.1))

@@ -1,4 +1,4 @@
-"""Random outlines of what lies on a floor."""
+"""Random outlines of markings and spills on a floor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ Corners = npt.NDArray[np.float64]
 
 
 def zone(rng: np.random.Generator, reach_m: float) -> Corners:
-    """(N, 2) of a rectangle, or of a polygon of three to seven corners about the origin."""
+    """Return the (N, 2) corners of a rectangle, or of a polygon of three to seven corners, about
+    the origin."""
     turn = rng.uniform(0, math.pi)
     if rng.random() < 0.55:
         x, y = reach_m * rng.uniform(0.5, 1.0, 2)
@@ -30,7 +31,7 @@ def zone(rng: np.random.Generator, reach_m: float) -> Corners:
 
 
 def blob(rng: np.random.Generator, reach_m: float) -> Corners:
-    """(40, 2) of a rounded, irregular puddle about the origin."""
+    """Return the (40, 2) corners of a rounded, irregular puddle about the origin."""
     angles = np.linspace(0, 2 * math.pi, 40, endpoint=False)
     radius = np.ones(40)
     for wave in range(1, 6):
@@ -43,5 +44,5 @@ def blob(rng: np.random.Generator, reach_m: float) -> Corners:
 
 
 def as_tuples(corners: Corners) -> tuple[tuple[float, float], ...]:
-    """The same as a scene keeps it."""
+    """Return the corners as a scene stores them."""
     return tuple((float(x), float(y)) for x, y in corners)

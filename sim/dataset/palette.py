@@ -1,4 +1,4 @@
-"""Random colours: of floors, walls, furniture, clothes and each kind of item."""
+"""Random colours of floors, walls, furniture, clothes and each kind of item."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _HAIR: tuple[Colour, ...] = (
 
 
 def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
-    """A colour by its hue; saturation and value from 0 to 1."""
+    """Return a colour by its hue; saturation and value from 0 to 1."""
     red, green, blue = (
         round(255 * level) for level in colorsys.hsv_to_rgb(hue_deg % 360 / 360, saturation, value)
     )
@@ -73,7 +73,7 @@ def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
 
 
 def pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
-    """One of them, a little lighter or darker."""
+    """Return one of the colours, a little lighter or darker."""
     by = rng.uniform(0.85, 1.12)
     red, green, blue = (
         int(np.clip(level * by + rng.uniform(-8, 8), 0, 255))
@@ -83,12 +83,12 @@ def pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
 
 
 def vivid(rng: np.random.Generator) -> Colour:
-    """Any hue, strong."""
+    """Return a saturated colour of any hue."""
     return hsv(rng.uniform(0, 360), rng.uniform(0.5, 1.0), rng.uniform(0.35, 1.0))
 
 
 def any_colour(rng: np.random.Generator) -> Colour:
-    """Strong, pale or grey."""
+    """Return a saturated, pale or grey colour."""
     kind = rng.random()
     if kind < 0.45:
         return vivid(rng)
@@ -98,19 +98,19 @@ def any_colour(rng: np.random.Generator) -> Colour:
 
 
 def red(rng: np.random.Generator) -> Colour:
-    """Of a floor to stay off: from crimson to vermilion, from dark to bright."""
+    """Return the colour of a red floor: from crimson to vermilion, from dark to bright."""
     return hsv(rng.uniform(-14, 13), rng.uniform(0.66, 1.0), rng.uniform(0.45, 0.95))
 
 
 def other_marking(rng: np.random.Generator) -> Colour:
-    """Of markings that mean nothing: anything but red, or pale."""
+    """Return the colour of a meaningless marking: anything but red, or pale."""
     if rng.random() < 0.25:
         return pick(rng, _GREYS)
     return hsv(rng.uniform(35, 300), rng.uniform(0.4, 1.0), rng.uniform(0.4, 1.0))
 
 
 def floor(rng: np.random.Generator) -> Colour:
-    """Of an indoor floor: grey, brown, or a dull hue; no red."""
+    """Return the colour of an indoor floor: grey, brown, or a dull hue; no red."""
     kind = rng.random()
     if kind < 0.4:
         level = rng.uniform(0.3, 0.95)
@@ -121,14 +121,14 @@ def floor(rng: np.random.Generator) -> Colour:
 
 
 def wall(rng: np.random.Generator) -> Colour:
-    """Mostly pale."""
+    """Return the colour of a wall, mostly pale."""
     if rng.random() < 0.15:
         return any_colour(rng)
     return hsv(rng.uniform(0, 360), rng.uniform(0.0, 0.18), rng.uniform(0.7, 1.0))
 
 
 def item(rng: np.random.Generator, kind: str) -> Colour:
-    """Of one kind of item: its usual one, one typical of it, or any."""
+    """Return the colour of one kind of item: its default, a typical one, or any."""
     if rng.random() < 0.2:
         return ITEM_COLOURS[kind]
     typical = _OF_ITEMS.get(kind)
@@ -138,7 +138,7 @@ def item(rng: np.random.Generator, kind: str) -> Colour:
 
 
 def spilt(rng: np.random.Generator, surface: str) -> Colour:
-    """Of water, mud or a chemical."""
+    """Return the colour of water, mud or a chemical."""
     if surface == "water":
         return hsv(rng.uniform(195, 230), rng.uniform(0.05, 0.35), rng.uniform(0.45, 0.9))
     if surface == "mud":
@@ -147,10 +147,10 @@ def spilt(rng: np.random.Generator, surface: str) -> Colour:
 
 
 def skin(rng: np.random.Generator) -> Colour:
-    """Of somebody."""
+    """Return the colour of skin."""
     return pick(rng, _SKINS)
 
 
 def hair(rng: np.random.Generator) -> Colour:
-    """Of somebody."""
+    """Return the colour of hair."""
     return pick(rng, _HAIR)

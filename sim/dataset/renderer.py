@@ -1,4 +1,4 @@
-"""Builds random worlds one after the other in one physics client, and photographs them."""
+"""Renders random worlds, one after the other, each in one physics client."""
 
 from __future__ import annotations
 
@@ -19,33 +19,36 @@ from sim.dataset.scene import Decal, Scene
 from sim.models.items import ITEM_SIZES, item_shapes, item_solids
 from sim.models.person import Appearance, person_solids
 from sim.models.solids import quaternion
-from sim.models.textures import PRINT_PX, Texture, print_texture, spill_texture
+from sim.models.textures import GLOSS, PRINT_PX, Texture, print_texture, spill_texture
 from sim.physics.bodies import (
     NO_SHAPE,
+    apply_texture,
     load_texture,
-    put_texture,
-    show_patch,
-    show_solids,
-    show_square,
+    polygon_visual,
+    solids_visual,
+    square_visual,
 )
 from sim.physics.quiet import quiet_stdout
 from sim.sensors.camera import DAYLIGHT, FAR_M, Camera, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, Depth, Rgb
 
 PATTERNS = (24, 8)
-"""So many of indoor floors and of the ground outside."""
-GLOSSES = (0.5, 0.12, 0.4)
-"""Of water, mud and chemicals; four textures each."""
+"""Number of patterns of indoor floors and of the ground outside."""
+GLOSSES = tuple(GLOSS.values())
+"""Gloss of water, mud and chemicals; each has four textures."""
 PRINTS_OF_EACH = 5
-STEP_M = 0.0004
-"""Each patch lies so much higher than the one before, the first of them on the ground at 3 mm."""
+"""Number of rendered prints of each kind of item."""
+FIRST_DECAL_M = 0.003
+"""Height of the first decal above the ground."""
+DECAL_STEP_M = 0.0004
+"""Height by which each decal lies above the one before."""
 Labels = npt.NDArray[np.uint8]
-"""(H, W) class + 1."""
+"""(H, W) class index + 1."""
 LABELS = {name: i + 1 for i, name in enumerate(BEWARE_CLASSES)}
 
 
 class SceneRenderer:
-    """Floor patterns and prints, all made from `seed`, and one world at a time; use it in a `with`."""
+    """Floor patterns and prints, made from `seed`, and one world at a time; use it in a `with`."""
 
     def __init__(
         self, *, seed: int, size: tuple[int, int], renderer: Literal["auto", "tiny", "egl"]
@@ -61,7 +64,7 @@ class SceneRenderer:
             _gloss(GLOSSES[i // 4], int(rng.integers(1 << 30))) for i in range(4 * len(GLOSSES))
         ]
         self._prints = [
-            self._photograph_item(rng, kind)
+            self._render_print(rng, kind)
             for kind in (*ITEM_SIZES, "person")
             for _ in range(PRINTS_OF_EACH)
         ]
@@ -69,34 +72,38 @@ class SceneRenderer:
 
     @property
     def prints(self) -> int:
-        """How many prints there are."""
+        """Number of prints."""
         return len(self._prints)
 
     def build(self, scene: Scene) -> None:
-        """Take away the world before and put up this one."""
-        self._start(self._renderer)
+        """Replace the present world by this one."""
+        self._restart(self._renderer)
         labels: dict[int, str] = {}
-        for i, patch in enumerate(scene.patches):
-            labels[self._put_patch(patch, 0.0 if i == 0 else 0.003 + i * STEP_M)] = patch.label
-        for i, sheet in enumerate(scene.sheets):
-            x, y, z = sheet.at_m
-            lifted = 0.003 + (len(scene.patches) + i) * STEP_M if z == 0.0 else z
-            body = self._put(
-                show_square(self._client, sheet.size_m), (x, y, lifted), list(sheet.turn)
+        for i, decal in enumerate(scene.decals):
+            labels[self._put_decal(decal, 0.0 if i == 0 else FIRST_DECAL_M + i * DECAL_STEP_M)] = (
+                decal.label
             )
-            put_texture(self._client, body, load_texture(self._client, self._prints[sheet.texture]))
+        for i, poster in enumerate(scene.posters):
+            x, y, z = poster.at_m
+            height_m = FIRST_DECAL_M + (len(scene.decals) + i) * DECAL_STEP_M if z == 0.0 else z
+            body = self._put(
+                square_visual(self._client, poster.size_m), (x, y, height_m), list(poster.turn)
+            )
+            apply_texture(
+                self._client, body, load_texture(self._client, self._prints[poster.texture])
+            )
             labels[body] = "background"
-        for piece in scene.pieces:
-            shape, pose = show_solids(self._client, piece.solids), piece.pose
+        for solid_object in scene.objects:
+            shape, pose = solids_visual(self._client, solid_object.solids), solid_object.pose
             labels[self._put(shape, (pose.x_m, pose.y_m, 0.0), quaternion(pose.yaw_rad))] = (
-                piece.label
+                solid_object.label
             )
         self._labels = np.full(max(labels) + 2, LABELS["background"], dtype=np.uint8)
         for body, name in labels.items():
             self._labels[body + 1] = LABELS[name]
 
     def render(self, T_map_camera: Matrix, scene: Scene) -> tuple[Rgb, Depth, Labels]:
-        """Colours, depth in metres and labels, all without errors."""
+        """Return colours, depth in metres and labels, all without errors."""
         if self._camera is None:
             raise RuntimeError("no world was built, expected `build` before `render`")
         rgb, depth, bodies = self._camera.render(T_map_camera, scene.light)
@@ -106,7 +113,7 @@ class SceneRenderer:
         return rgb, depth, self._labels[bodies + 1]
 
     def close(self) -> None:
-        """Take the world down."""
+        """Release the physics client."""
         if self._client >= 0:
             with quiet_stdout():
                 if self._camera is not None:
@@ -125,15 +132,15 @@ class SceneRenderer:
     ) -> None:
         self.close()
 
-    def _start(self, renderer: Literal["auto", "tiny", "egl"]) -> Camera:
-        """An empty client: EGL mixes up textures when a textured body is removed, or the world
-        reset."""
+    def _restart(self, renderer: Literal["auto", "tiny", "egl"]) -> Camera:
+        """Start an empty client: EGL mixes up textures when a textured body is removed, or the
+        world reset."""
         self.close()
         with quiet_stdout():
             self._client = pybullet.connect(
                 pybullet.DIRECT, options="--width={} --height={}".format(*self._size)
             )
-            rng = np.random.default_rng(0)  # without errors it is not asked
+            rng = np.random.default_rng(0)  # unused without errors
             self._camera = Camera(
                 self._client, size=self._size, renderer=renderer, errors=PERFECT, rng=rng
             )
@@ -144,18 +151,20 @@ class SceneRenderer:
             pybullet.createMultiBody(0, NO_SHAPE, shape, at, turn, physicsClientId=self._client)
         )
 
-    def _put_patch(self, patch: Decal, height_m: float) -> int:
-        shape = show_patch(self._client, patch.polygon, patch.colour, side_m=patch.texture_side_m)
+    def _put_decal(self, decal: Decal, height_m: float) -> int:
+        shape = polygon_visual(
+            self._client, decal.polygon, decal.colour, side_m=decal.texture_side_m
+        )
         body = self._put(shape, (0.0, 0.0, height_m), [0.0, 0.0, 0.0, 1.0])
-        if patch.texture is not None:
-            put_texture(
-                self._client, body, load_texture(self._client, self._patterns[patch.texture])
+        if decal.texture is not None:
+            apply_texture(
+                self._client, body, load_texture(self._client, self._patterns[decal.texture])
             )
         return body
 
-    def _photograph_item(self, rng: np.random.Generator, kind: str) -> Texture:
-        """A square picture of one item on a floor of any colour, as a print shows it."""
-        taken = self._start("tiny")
+    def _render_print(self, rng: np.random.Generator, kind: str) -> Texture:
+        """Return a square image of one item on a floor of any colour, as a print shows it."""
+        camera_ = self._restart("tiny")
         if kind == "person":
             solids = person_solids(
                 0.1,
@@ -172,11 +181,11 @@ class SceneRenderer:
             )
             reach = 1.3 * max(ITEM_SIZES[kind])
         ground = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
-        self._put_patch(
+        self._put_decal(
             Decal(label="background", polygon=ground, colour=palette.any_colour(rng)), 0.0
         )
         body = self._put(
-            show_solids(self._client, solids),
+            solids_visual(self._client, solids),
             (0.0, 0.0, 0.0),
             quaternion(float(rng.uniform(-3, 3))),
         )
@@ -184,7 +193,7 @@ class SceneRenderer:
         away = 1.6 * reach
         camera = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
         height = away * math.sin(down) + (0.9 if kind == "person" else 0.09 * reach)
-        rgb, _, bodies = taken.render(
+        rgb, _, bodies = camera_.render(
             camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT
         )
         rows, columns = np.nonzero(bodies == body)
@@ -192,7 +201,7 @@ class SceneRenderer:
 
 
 def _crop(rgb: Rgb, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Texture:
-    """The square around these pixels, with a margin and a white frame."""
+    """Return the square around these pixels, with a margin and a white frame."""
     if len(rows) == 0:
         return np.full((PRINT_PX, PRINT_PX, 3), 240, dtype=np.uint8)
     half = round(0.62 * max(np.ptp(rows), np.ptp(columns)) + 3)
@@ -202,14 +211,15 @@ def _crop(rgb: Rgb, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -
     )
     padded = np.pad(rgb, ((half, half), (half, half), (0, 0)), mode="edge")
     square = padded[row : row + 2 * half, column : column + 2 * half]
-    picture = cv2.resize(square, (PRINT_PX, PRINT_PX), interpolation=cv2.INTER_LINEAR)
+    image = cv2.resize(square, (PRINT_PX, PRINT_PX), interpolation=cv2.INTER_LINEAR)
     return np.asarray(
-        cv2.rectangle(picture, (0, 0), (PRINT_PX - 1, PRINT_PX - 1), (245, 245, 240), 5),
+        cv2.rectangle(image, (0, 0), (PRINT_PX - 1, PRINT_PX - 1), (245, 245, 240), 5),
         dtype=np.uint8,
     )
 
 
 def _gloss(gloss: float, seed: int) -> Texture:
-    """A spill's texture to be multiplied by its colour: its lights are white, all else greyer."""
+    """Return the texture of a spill, to be multiplied by its colour: white highlights, and grey
+    elsewhere."""
     dull = round(255 * (1.0 - 0.45 * gloss))
     return spill_texture((dull, dull, dull), gloss, seed)

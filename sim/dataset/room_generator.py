@@ -1,4 +1,4 @@
-"""Random worlds: a room, a corridor, a hall or open ground, what stands in it, and what lies on its
+"""Random worlds: a room, a corridor, a hall or open ground, its furniture, and the objects on its
 floor."""
 
 from __future__ import annotations
@@ -8,35 +8,33 @@ import math
 from navcore.geometry.transform import Pose2
 from sim.dataset import palette
 from sim.dataset.item_placement import ItemPlacer
-from sim.dataset.scene import BACKGROUND, Decal, Plan, Rng, Scene, SolidObject, Spot
+from sim.dataset.scene import BACKGROUND, Decal, Rng, Scene, ScenePlan, SolidObject, Spot
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.solids import Colour, Solid, box
+from sim.scenario.schema import FLOOR_COLOUR, WALL_COLOUR, WALL_HEIGHT_M
 from sim.sensors.camera import DAYLIGHT, Light
 
-FLOOR: Colour = (196, 196, 194)
-WALL: Colour = (226, 223, 214)
-"""Those of a scenario that does not say."""
 LIKE_SIMULATOR = 0.3
-"""Share of worlds that are coloured, lit and taken exactly as scenarios are."""
-WALLS_M = 2.6
-FARTHEST_M = 30.0
+"""Share of worlds that are coloured, lit and rendered exactly like scenarios."""
+GROUND_HALF_M = 30.0
+"""Half the side of the ground outdoors."""
 
 
 def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:
-    """One world; it may use so many indoor and outdoor patterns, and prints, of the studio by
-    number."""
-    plan = _site(rng)
-    _lay_ground(plan, patterns)
+    """Return one world. `patterns`: number of indoor and outdoor patterns of the renderer;
+    `prints`: number of its prints."""
+    plan = _random_plan(rng)
+    _add_ground(plan, patterns)
     if plan.walled:
         _build_walls(plan)
     focus = tuple(float(rng.uniform(-1, 1) * max(0.3, half - 1.6)) for half in plan.half_m)
-    ItemPlacer(plan, focus=(focus[0], focus[1]), patterns=patterns, prints=prints).put_all()
+    ItemPlacer(plan, focus=(focus[0], focus[1]), patterns=patterns, prints=prints).place_all()
     _furnish(plan)
     reach = (min(plan.half_m[0] - 0.35, 8.0), min(plan.half_m[1] - 0.35, 8.0))
     return Scene(
-        pieces=tuple(plan.pieces),
-        patches=tuple(plan.patches),
-        sheets=tuple(plan.sheets),
+        objects=tuple(plan.objects),
+        decals=tuple(plan.decals),
+        posters=tuple(plan.posters),
         targets=tuple(plan.targets),
         blocked=tuple(plan.blocked),
         reach_m=reach,
@@ -46,7 +44,7 @@ def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:
     )
 
 
-def _site(rng: Rng) -> Plan:
+def _random_plan(rng: Rng) -> ScenePlan:
     kind = rng.choice(["room", "room", "room", "corridor", "hall", "outdoor"])
     plain = rng.random() < LIKE_SIMULATOR
     if kind == "room":
@@ -56,20 +54,20 @@ def _site(rng: Rng) -> Plan:
     else:
         half = (float(rng.uniform(6.0, 10.0)), float(rng.uniform(6.0, 10.0)))
     outdoor = kind == "outdoor" and not plain
-    return Plan(rng=rng, half_m=half, walled=kind != "outdoor", outdoor=outdoor, plain=plain)
+    return ScenePlan(rng=rng, half_m=half, walled=kind != "outdoor", outdoor=outdoor, plain=plain)
 
 
-def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
+def _add_ground(plan: ScenePlan, patterns: tuple[int, int]) -> None:
     rng = plan.rng
     x, y = (
-        (FARTHEST_M, FARTHEST_M)
+        (GROUND_HALF_M, GROUND_HALF_M)
         if not plan.walled
         else (plan.half_m[0] + 0.2, plan.half_m[1] + 0.2)
     )
     corners = ((-x, -y), (x, -y), (x, y), (-x, y))
     if plan.plain:
-        colour = FLOOR if rng.random() < 0.6 else palette.floor(rng)
-        plan.patches.append(Decal(label=BACKGROUND, polygon=corners, colour=colour))
+        colour = FLOOR_COLOUR if rng.random() < 0.6 else palette.floor(rng)
+        plan.decals.append(Decal(label=BACKGROUND, polygon=corners, colour=colour))
         return
     if plan.outdoor:
         colour = palette.hsv(rng.uniform(60, 120), rng.uniform(0.2, 0.6), rng.uniform(0.3, 0.8))
@@ -78,17 +76,17 @@ def _lay_ground(plan: Plan, patterns: tuple[int, int]) -> None:
     else:
         colour, texture = palette.floor(rng), int(rng.integers(patterns[0]))
     side_m = float(rng.uniform(1.2, 3.2))
-    plan.patches.append(
+    plan.decals.append(
         Decal(
             label=BACKGROUND, polygon=corners, colour=colour, texture=texture, texture_side_m=side_m
         )
     )
 
 
-def _build_walls(plan: Plan) -> None:
+def _build_walls(plan: ScenePlan) -> None:
     rng, (x, y) = plan.rng, plan.half_m
-    colour = WALL if plan.plain else palette.wall(rng)
-    height = WALLS_M if plan.plain else float(rng.uniform(2.2, 3.2))
+    colour = WALL_COLOUR if plan.plain else palette.wall(rng)
+    height = WALL_HEIGHT_M if plan.plain else float(rng.uniform(2.2, 3.2))
     skirting = None if rng.random() < 0.5 else (0.08, palette.any_colour(rng))
     two_tone = (
         None
@@ -109,11 +107,11 @@ def _build_walls(plan: Plan) -> None:
         ]
         if not plan.plain:
             solids += _openings(rng, along, across, height)
-        plan.pieces.append(_piece(tuple(solids), 0.0, 0.0, turn))
+        plan.objects.append(_background(tuple(solids), 0.0, 0.0, turn))
 
 
 def _openings(rng: Rng, along: float, across: float, height: float) -> list[Solid]:
-    """Doors and windows, painted on."""
+    """Return doors and windows as flat solids on a wall."""
     solids = []
     if rng.random() < 0.5:
         x = float(rng.uniform(-1, 1) * max(0.0, along - 0.6))
@@ -127,8 +125,8 @@ def _openings(rng: Rng, along: float, across: float, height: float) -> list[Soli
     return solids
 
 
-def _furnish(plan: Plan) -> None:
-    """Along the walls, and some in the open; never upon what lies there already."""
+def _furnish(plan: ScenePlan) -> None:
+    """Place furniture along the walls and some in the open, never on other objects."""
     rng = plan.rng
     density = rng.uniform(0.3, 1.2)
     for _ in range(round(density * (10 if plan.walled else 4))):
@@ -139,12 +137,12 @@ def _furnish(plan: Plan) -> None:
         radius = math.hypot(size[0], size[1]) / 2
         for _ in range(6):
             x, y, yaw = (
-                _against_wall(plan, size)
+                _pose_at_wall(plan, size)
                 if plan.walled and rng.random() < 0.75
-                else _in_the_open(plan)
+                else _random_pose(plan)
             )
             if _clear(plan, x, y, radius):
-                plan.pieces.append(_piece(furniture_solids(kind, size, colour), x, y, yaw))
+                plan.objects.append(_background(furniture_solids(kind, size, colour), x, y, yaw))
                 plan.blocked.append(Spot(x_m=x, y_m=y, radius_m=radius))
                 break
 
@@ -161,8 +159,8 @@ def _size(rng: Rng, kind: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _against_wall(plan: Plan, size: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Its back to a wall."""
+def _pose_at_wall(plan: ScenePlan, size: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the x, y and yaw of a random pose with the back to a wall."""
     rng, (x, y) = plan.rng, plan.half_m
     side = int(rng.integers(4))
     turn = side * math.pi / 2
@@ -175,18 +173,18 @@ def _against_wall(plan: Plan, size: tuple[float, float, float]) -> tuple[float, 
     return cos * back - sin * shift, sin * back + cos * shift, turn + math.pi
 
 
-def _in_the_open(plan: Plan) -> tuple[float, float, float]:
+def _random_pose(plan: ScenePlan) -> tuple[float, float, float]:
     rng = plan.rng
     x, y = (float(rng.uniform(-1, 1) * min(half - 0.3, 7.0)) for half in plan.half_m)
     return x, y, float(rng.uniform(-math.pi, math.pi))
 
 
-def _clear(plan: Plan, x: float, y: float, radius: float) -> bool:
+def _clear(plan: ScenePlan, x: float, y: float, radius: float) -> bool:
     others = (*plan.blocked, *plan.targets)
     return all(math.hypot(x - s.x_m, y - s.y_m) > 0.9 * radius + s.radius_m for s in others)
 
 
-def _piece(solids: tuple[Solid, ...], x: float, y: float, yaw: float) -> SolidObject:
+def _background(solids: tuple[Solid, ...], x: float, y: float, yaw: float) -> SolidObject:
     return SolidObject(label=BACKGROUND, solids=solids, pose=Pose2(x_m=x, y_m=y, yaw_rad=yaw))
 
 

@@ -1,4 +1,4 @@
-"""What a random world holds: pieces, patches and prints, each with the class that its pixels get."""
+"""Contents of a random world: solid objects, decals and posters, each with its class."""
 
 from __future__ import annotations
 
@@ -11,105 +11,118 @@ from navcore.geometry.transform import Pose2
 from sim.models.solids import Colour, Solid
 from sim.sensors.camera import DAYLIGHT, Light
 
+Rng = np.random.Generator
 BACKGROUND = "background"
+"""Class of everything that is no beware object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolidObject:
-    """Something of solids that stands or lies on the floor."""
+    """An object made of solids on the floor."""
 
     label: str
-    """Its class."""
+    """Class of its pixels."""
     solids: tuple[Solid, ...]
-    """In its own frame."""
+    """Solids in the frame of the object."""
     pose: Pose2
-    """T_map_piece."""
+    """T_map_object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decal:
-    """Something flat on the floor."""
+    """A flat polygon on the floor."""
 
     label: str
-    """Its class."""
+    """Class of its pixels."""
     polygon: tuple[tuple[float, float], ...]
     """Corners in metres of the map frame."""
     colour: Colour
-    """Its paint, or what its texture is multiplied with."""
+    """Colour of the paint, or factor of the texture."""
     texture: int | None = None
-    """Number of a pattern of the studio."""
+    """Number of a pattern of the renderer; None for plain paint."""
     texture_side_m: float = 1.0
-    """A texture repeats after so many metres."""
+    """Length after which the texture repeats."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poster:
-    """A picture on the floor or on a wall, which is background whatever it shows."""
+    """A print on the floor or on a wall, which is background whatever it shows."""
 
     texture: int
-    """Number of a print of the studio."""
+    """Number of a print of the renderer."""
     at_m: tuple[float, float, float]
-    """Its middle."""
+    """Position of the middle, x, y and z in metres."""
     turn: tuple[float, ...]
-    """Quaternion x, y, z, w of its own x to the right, y upwards, z towards who looks."""
+    """Quaternion x, y, z, w of the poster: its x to the right, y upwards, z towards the observer.
+    """
     size_m: tuple[float, float]
     """Width and height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
-    """A round place on the floor that something takes up."""
+    """An occupied disc on the floor."""
 
     x_m: float
+    """Centre along x of the map."""
     y_m: float
+    """Centre along y of the map."""
     radius_m: float
+    """Radius of the disc."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """One random world."""
 
-    pieces: tuple[SolidObject, ...]
-    """Walls, furniture, items, people."""
-    patches: tuple[Decal, ...]
-    """The ground first, then all that lies on it; the later lies higher."""
-    sheets: tuple[Poster, ...]
-    """Prints."""
+    objects: tuple[SolidObject, ...]
+    """Walls, furniture, items and people."""
+    decals: tuple[Decal, ...]
+    """Decals in order of height, the ground first."""
+    posters: tuple[Poster, ...]
+    """Posters."""
     targets: tuple[Spot, ...]
-    """What is worth looking at."""
+    """Targets for the camera."""
     blocked: tuple[Spot, ...]
-    """Where no robot stands."""
+    """Discs in which no robot stands."""
     reach_m: tuple[float, float]
-    """A robot stands within ± this, along x and y."""
+    """Bound of the positions of a robot: ± this along x and y."""
     light: Light = DAYLIGHT
-    """What lights it."""
+    """Light of the world."""
     sky: Colour | None = None
-    """What is seen where nothing is; None for the renderer's own."""
+    """Colour of the sky; None for that of the renderer."""
     like_simulator: bool = False
-    """Whether it is coloured, lit and taken exactly as scenarios are."""
+    """Whether it is coloured, lit and rendered exactly like scenarios."""
 
 
 @dataclass(slots=True, kw_only=True)
-class Plan:
-    """What is put together, step by step."""
+class ScenePlan:
+    """A scene under construction."""
 
     rng: Rng
+    """Random generator of the world."""
     half_m: tuple[float, float]
+    """Half the sides of the floor along x and y."""
     walled: bool
+    """Whether walls enclose the floor."""
     outdoor: bool
+    """Whether the ground has an outdoor pattern."""
     plain: bool
-    pieces: list[SolidObject] = field(default_factory=list)
-    patches: list[Decal] = field(default_factory=list)
-    sheets: list[Poster] = field(default_factory=list)
+    """Whether the world is coloured, lit and rendered exactly like scenarios."""
+    objects: list[SolidObject] = field(default_factory=list)
+    """Walls, furniture, items and people."""
+    decals: list[Decal] = field(default_factory=list)
+    """Decals in order of height, the ground first."""
+    posters: list[Poster] = field(default_factory=list)
+    """Posters on floor and walls."""
     targets: list[Spot] = field(default_factory=list)
+    """Targets for the camera."""
     blocked: list[Spot] = field(default_factory=list)
+    """Occupied discs."""
 
     def free(self, x_m: float, y_m: float, radius_m: float) -> bool:
-        """Whether a round thing fits in there, inside the room and off all others."""
+        """Return whether a disc lies inside the room and clear of all others."""
         inside = abs(x_m) + radius_m < self.half_m[0] and abs(y_m) + radius_m < self.half_m[1]
         return inside and all(
             math.hypot(x_m - s.x_m, y_m - s.y_m) > radius_m + s.radius_m for s in self.blocked
         )
-
-
-Rng = np.random.Generator

@@ -1,6 +1,6 @@
-"""What furniture looks like: each kind is a few solids in its own frame, front towards +x.
+"""Shapes of furniture: each kind is a few solids in its own frame, front towards +x.
 
-Nothing here leaves a space that looks drivable and is not: the room below a desk or a table is
+Nothing here leaves a space that looks drivable and is not: the space below a desk or a table is
 closed by panels.
 """
 
@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from sim.models.outdoors import OUTDOORS
-from sim.models.solids import Colour, Solid, box, cylinder
-
-Size = tuple[float, float, float]
-"""Depth along x, width along y, height, in metres."""
+from sim.models.solids import Colour, Size, Solid, box, cylinder
 
 FURNITURE_SIZES: Mapping[str, Size] = {
     "desk": (0.75, 1.5, 0.74),
@@ -32,7 +29,7 @@ FURNITURE_SIZES: Mapping[str, Size] = {
     "bush": (0.9, 0.9, 0.9),
     "rock": (0.8, 0.7, 0.5),
 }
-"""Every kind of furniture and its usual size."""
+"""Default size of each kind of furniture."""
 
 FURNITURE_COLOURS: Mapping[str, Colour] = {
     "desk": (176, 142, 100),
@@ -52,18 +49,18 @@ FURNITURE_COLOURS: Mapping[str, Colour] = {
     "bush": (92, 106, 70),
     "rock": (134, 132, 128),
 }
-"""Of each kind; dull, so that only what the robot must beware of is saturated."""
+"""Default colour of each kind; dull, so that only beware objects are saturated."""
 
 _DARK: Colour = (60, 60, 64)
 
 
 def furniture_solids(kind: str, size_m: Size, colour: Colour) -> tuple[Solid, ...]:
-    """The solids of a piece of furniture of `FURNITURE_SIZES`."""
+    """Return the solids of a kind in `FURNITURE_SIZES`."""
     return _FURNITURE[kind](size_m, colour)
 
 
 def _board(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """A table or desk: a top on two closed sides and a closed front."""
+    """Return a table or desk: a top on two closed sides and a closed front."""
     depth, width, height = size
     panel, top = 0.04, 0.04
     side = (depth - 0.06, panel, height - top)

@@ -1,9 +1,9 @@
 """The ground: flat, or rolling in long gentle waves. Its shape is a sum of plane waves, so height
 and slope are known anywhere.
 
-Navigation takes the ground around the robot for a plane (the paper's 10 cm above ground). So what
-must stay small is not the slope but how much it changes: within the camera's reach the ground may
-leave the robot's plane by some centimetres only.
+Navigation assumes a plane around the robot (the paper's 10 cm above ground). So not the slope must
+stay small but its change: within the range of the camera the ground may leave the plane of the
+robot by a few centimetres only.
 """
 
 from __future__ import annotations
@@ -19,57 +19,59 @@ from navcore.toml_config import ranged
 
 Floats = npt.NDArray[np.float64]
 WAVES = 7
+"""Number of plane waves."""
 LONGEST = 2.0
-"""The longest wave by the shortest."""
+"""Ratio of the longest to the shortest wave length."""
 FLAT_SHARE = 1e-9
+"""A smaller slope counts as flat."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relief:
-    """How a ground rolls; where its hills are is the seed's choice."""
+    """Relief of the ground; the seed of the run decides where its hills are."""
 
     slope: float = ranged(0.0, 0.3)
-    """Rise per metre that it never exceeds."""
+    """Largest slope, rise per metre."""
     wave_m: float = ranged(5.0, 1000.0)
-    """Length of its shortest wave; the longest is twice as long."""
+    """Length of the shortest wave; the longest is twice as long."""
     seed: int = ranged(0, 1 << 53, default=0)
-    """Where its hills are; the run's own seed takes its place."""
+    """Seed of the positions of the hills; replaced by the seed of the run."""
 
 
 class Ground:
-    """A ground of plane waves; one without waves is flat, at height 0."""
+    """A ground of plane waves; without waves it is flat, at height 0."""
 
     def __init__(self, relief: Relief | None = None) -> None:
         rng = np.random.default_rng((0 if relief is None else relief.seed, WAVES))
         slope, wave_m = (0.0, 1.0) if relief is None else (relief.slope, relief.wave_m)
         self.is_flat = slope < FLAT_SHARE
-        """Whether its height is 0 everywhere."""
+        """Whether the height is 0 everywhere."""
         turn, length_m = (
             rng.uniform(0, 2 * math.pi, WAVES),
             wave_m * rng.uniform(1.0, LONGEST, WAVES),
         )
         shares = rng.uniform(0.6, 1.4, WAVES)
-        # The slopes of all waves add up to the largest at most, wherever they meet.
+        # The slopes of all waves sum up to the largest slope at most, wherever they meet.
         slopes, per_m = slope * shares / shares.sum(), 2 * math.pi / length_m
         self._waves = np.column_stack([per_m * np.cos(turn), per_m * np.sin(turn)])
         self._phases, self._heights_m = rng.uniform(0, 2 * math.pi, WAVES), slopes / per_m
 
     def heights(self, points: Floats) -> Floats:
-        """(N,) metres at (N, 2) points x, y."""
+        """Return (N,) heights in metres at (N, 2) points x, y."""
         return np.asarray(np.sin(points @ self._waves.T + self._phases) @ self._heights_m)
 
     def slopes(self, points: Floats) -> Floats:
-        """(N, 2) rise per metre along x and along y at (N, 2) points."""
+        """Return (N, 2) slopes along x and y, rise per metre, at (N, 2) points."""
         return np.asarray(
             (np.cos(points @ self._waves.T + self._phases) * self._heights_m) @ self._waves
         )
 
     def height_m(self, x_m: float, y_m: float) -> float:
-        """At one point."""
+        """Return the height at one point."""
         return 0.0 if self.is_flat else float(self.heights(np.array([[x_m, y_m]]))[0])
 
-    def rise(self, pose: Pose2) -> tuple[float, float]:
-        """Rise per metre ahead of a pose and to its left."""
+    def gradient(self, pose: Pose2) -> tuple[float, float]:
+        """Return the slope ahead of a pose and to its left, rise per metre."""
         if self.is_flat:
             return 0.0, 0.0
         ((along_x, along_y),) = self.slopes(np.array([[pose.x_m, pose.y_m]])).tolist()
@@ -77,12 +79,13 @@ class Ground:
         return cos * along_x + sin * along_y, cos * along_y - sin * along_x
 
     def attitude(self, pose: Pose2) -> tuple[float, float, float]:
-        """Roll, pitch and yaw (REP 103) in radians of what stands on it with all its feet."""
-        ahead, left = self.rise(pose)
+        """Return roll, pitch and yaw (REP 103) in radians of a body that stands on the ground with
+        all its feet."""
+        ahead, left = self.gradient(pose)
         return math.atan(left), -math.atan(ahead), pose.yaw_rad
 
-    def lifted(self, pose: Pose2) -> Matrix:
-        """(4, 4) T_map_base of what stands on it at a pose."""
+    def surface_pose(self, pose: Pose2) -> Matrix:
+        """Return the (4, 4) T_map_base of a body that stands on the ground at a pose."""
         flat = pose.matrix()
         if self.is_flat:
             return flat
@@ -96,10 +99,10 @@ class Ground:
             [0.0, cos_r, -sin_r],
             [-sin_p, cos_p * sin_r, cos_p * cos_r],
         ]
-        lifted: Matrix = flat @ tilt
-        lifted[2, 3] = self.height_m(pose.x_m, pose.y_m)
-        return lifted
+        surface_pose: Matrix = flat @ tilt
+        surface_pose[2, 3] = self.height_m(pose.x_m, pose.y_m)
+        return surface_pose
 
 
 FLAT = Ground()
-"""Of every world without relief."""
+"""The ground of every world without relief."""

@@ -1,5 +1,5 @@
-"""The shapes that items come in: each is a few solids about the item's own middle, made from its
-size and colour."""
+"""Shapes of items: each is a few solids about the middle of the item, made from its size and
+colour."""
 
 from __future__ import annotations
 
@@ -10,20 +10,18 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from sim.models.solids import Colour, Solid, box, cylinder, laid
+from sim.models.solids import Colour, Size, Solid, box, cylinder, lay_down
 
-Size = tuple[float, float, float]
-"""Along x, y and z, in metres, of the upright thing."""
 _PAPER: Colour = (232, 230, 222)
 _DARK: Colour = (44, 44, 48)
 _SEGMENTS = 28
-"""A cable's run is so many straight pieces."""
+"""Number of straight pieces of a cable."""
 Curve = npt.NDArray[np.float64]
 """(N, 2) points x, y."""
 
 
 def cable_solids(points: Curve, thickness_m: float, colour: Colour) -> tuple[Solid, ...]:
-    """A cable along (N, 2) points, a short cylinder for each straight."""
+    """Return a cable along (N, 2) points, a short cylinder for each straight piece."""
     solids = []
     for (x0, y0), (x1, y1) in pairwise(points.tolist()):
         size_m = (thickness_m, thickness_m, math.hypot(x1 - x0, y1 - y0) + 0.5 * thickness_m)
@@ -45,7 +43,7 @@ def cable_solids(points: Curve, thickness_m: float, colour: Colour) -> tuple[Sol
 
 
 def shade(colour: Colour, by: float) -> Colour:
-    """Lighter for `by` above 1, darker below."""
+    """Return the colour scaled by `by`: lighter above 1, darker below."""
     red, green, blue = (min(255, max(0, round(level * by))) for level in colour)
     return red, green, blue
 
@@ -70,7 +68,7 @@ def _coffee(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _paper_cup(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Narrower at its foot, with a sleeve and a lid."""
+    """Return a cup that is narrower at its foot, with a sleeve and a lid."""
     width, _, height = size
     return (
         cylinder(0.74 * width, 0.36 * height, (0.0, 0.0), colour),
@@ -85,7 +83,7 @@ def _paper_cup(size: Size, colour: Colour) -> tuple[Solid, ...]:
 def _lying_cup(size: Size, colour: Colour) -> tuple[Solid, ...]:
     body = cylinder(size[0], size[2], (0.0, 0.0), colour)
     inside = cylinder(0.86 * size[0], 0.002, (0.0, 0.0), shade(colour, 0.35), bottom_m=size[2])
-    return laid((body, inside), size[2], size[0])
+    return lay_down((body, inside), size[2], size[0])
 
 
 def _closed_book(size: Size, colour: Colour) -> tuple[Solid, ...]:
@@ -107,7 +105,8 @@ def _titled_book(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _open_book(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Its back along x, so a page is `size_m[1]` wide on either side; lines of text on both."""
+    """Return an open book, its back along x and each page `size_m[1]` wide, with lines of text on
+    both."""
     length, width, height = size
     cover = box((length, 2 * width, 0.004), (0.0, 0.0), colour)
     solids = [cover]
@@ -151,7 +150,7 @@ def _bottle(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _flask(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Straight, with a wide screw cap."""
+    """Return a straight bottle with a wide screw cap."""
     width, _, height = size
     return (
         cylinder(width, 0.8 * height, (0.0, 0.0), colour),
@@ -177,7 +176,7 @@ def _cable(
 
 
 def _parcel(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Cardboard with a strip of tape all over it and an address."""
+    """Return a cardboard parcel with a strip of tape and an address label."""
     length, width, height = size
     tape = shade(colour, 1.22)
     return (
@@ -204,7 +203,7 @@ def _parcel(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _open_box(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Four sides, dark inside, and flaps that stand off."""
+    """Return a box of four sides, dark inside, with open flaps."""
     length, width, height = size
     flap = 0.3 * min(length, width)
     flaps = [
@@ -230,7 +229,8 @@ def _open_box(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _keys(columns: Sequence[int]) -> Callable[[Size, Colour], tuple[Solid, ...]]:
-    """Blocks of so many columns of keys in five rows, side by side; the space bar in the first."""
+    """Return a keyboard shape with five rows of keys in blocks of these column counts; the first
+    block has the space bar."""
 
     def solids(size: Size, colour: Colour) -> tuple[Solid, ...]:
         depth, width, height = size
@@ -306,7 +306,7 @@ def _ribbed_mine(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _sign(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Two boards that lean on each other, with a dark emblem and lines of text on both."""
+    """Return two boards that lean on each other, with a dark emblem and lines of text on both."""
     depth, width, height = size
     board, lean = 0.012, math.atan2(depth / 2 - 0.012, height)
     length = (height - 0.01) / math.cos(lean)
@@ -336,10 +336,10 @@ def _sign(size: Size, colour: Colour) -> tuple[Solid, ...]:
 def _lying(
     upright: Callable[[Size, Colour], tuple[Solid, ...]],
 ) -> Callable[[Size, Colour], tuple[Solid, ...]]:
-    return lambda size, colour: laid(upright(size, colour), size[2], size[0])
+    return lambda size, colour: lay_down(upright(size, colour), size[2], size[0])
 
 
-FORMS: Mapping[str, Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]]] = {
+ITEM_SHAPES: Mapping[str, Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]]] = {
     "cup": {"mug": _mug, "coffee": _coffee, "paper": _paper_cup, "lying": _lying_cup},
     "book": {"closed": _closed_book, "titled": _titled_book, "open": _open_book},
     "bag": {"plain": _plain},
@@ -361,4 +361,4 @@ FORMS: Mapping[str, Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]]] =
     "landmine": {"disc": _disc_mine, "stepped": _stepped_mine, "ribbed": _ribbed_mine},
     "wet-floor sign": {"board": _sign},
 }
-"""By kind and shape; the first shape of each kind is its usual one."""
+"""Shape builders by kind and shape; the first shape of each kind is its default."""

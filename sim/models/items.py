@@ -1,12 +1,11 @@
-"""The small things on the floor: how large, heavy and of what colour each kind usually is, and what
-it is made of."""
+"""Items on the floor: default size, mass and colour of each kind, and its shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sim.models.item_shapes import FORMS, Size
-from sim.models.solids import Colour, Solid
+from sim.models.item_shapes import ITEM_SHAPES
+from sim.models.solids import Colour, Size, Solid
 
 ITEM_SIZES: Mapping[str, Size] = {
     "cup": (0.09, 0.09, 0.10),
@@ -20,7 +19,7 @@ ITEM_SIZES: Mapping[str, Size] = {
     "landmine": (0.26, 0.26, 0.09),
     "wet-floor sign": (0.34, 0.30, 0.60),
 }
-"""Every kind of item that may lie on the floor, and its usual size."""
+"""Default size of each kind of item, along x, y and z of the upright item."""
 
 ITEM_COLOURS: Mapping[str, Colour] = {
     "cup": (25, 55, 205),
@@ -34,7 +33,7 @@ ITEM_COLOURS: Mapping[str, Colour] = {
     "landmine": (88, 92, 62),
     "wet-floor sign": (236, 196, 24),
 }
-"""What an item looks like when nobody says."""
+"""Default colour of each kind."""
 
 ITEM_MASSES_KG: Mapping[str, float] = {
     "cup": 0.3,
@@ -48,20 +47,21 @@ ITEM_MASSES_KG: Mapping[str, float] = {
     "landmine": 2.0,
     "wet-floor sign": 1.2,
 }
+"""Mass of each kind."""
 
 
 def item_shapes(kind: str) -> tuple[str, ...]:
-    """The shapes that a kind of item comes in, the usual one first."""
-    return tuple(FORMS[kind])
+    """Return the shapes of a kind of item, the default first."""
+    return tuple(ITEM_SHAPES[kind])
 
 
 def item_solids(kind: str, size_m: Size, colour: Colour, shape: str) -> tuple[Solid, ...]:
-    """The solids of an item of `ITEM_SIZES`, in one of its `item_shapes`."""
-    return FORMS[kind][shape](size_m, colour)
+    """Return the solids of an item of a kind in `ITEM_SIZES`, in one of its `item_shapes`."""
+    return ITEM_SHAPES[kind][shape](size_m, colour)
 
 
 def item_extent(kind: str, size_m: Size, shape: str) -> Size:
-    """Along x, y and z as it lies there."""
+    """Return the size of the bounding box of the item as it lies, along x, y and z."""
     length, width, height = size_m
     if shape == "lying":
         return height, width, length

@@ -1,5 +1,5 @@
-"""Meshes as text in Wavefront's OBJ format: many solids as one, and the ground. One mesh is drawn
-far faster than its parts."""
+"""Triangle meshes in Wavefront's OBJ format: many solids as one mesh, and the ground. One mesh is
+drawn far faster than its parts."""
 
 from __future__ import annotations
 
@@ -25,57 +25,58 @@ MESHES = {
         ("ball", "ball"),
     )
 }
-"""Of side 1, about the origin."""
+"""Mesh files of side 1 about the origin, by kind of solid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mesh:
-    """Triangles, each with three corners of its own."""
+    """Triangles that share no corners."""
 
     corners: Floats
-    """(3 N, 3) metres."""
+    """(3 N, 3) corners in metres."""
     normals: Floats
-    """(3 N, 3) of length 1."""
+    """(3 N, 3) unit normals of the corners."""
 
-    def text(self, repeats_m: float = 0.0) -> str:
-        """In OBJ format; a texture on it repeats after `repeats_m`, 0 for none, seen from the
-        nearest axis."""
+    def text(self, period_m: float = 0.0) -> str:
+        """Return the mesh in OBJ format; a texture on it repeats after `period_m`, 0 for none,
+        projected along the nearest axis."""
         count, lines = (
             len(self.corners),
             [_rows("v %.4f %.4f %.4f", self.corners), _rows("vn %.4f %.4f %.4f", self.normals)],
         )
-        if repeats_m:
-            lines.append(_rows("vt %.4f %.4f", self._spots(repeats_m)))
-        corner = "{0}/{0}/{0}" if repeats_m else "{0}//{0}"
+        if period_m:
+            lines.append(_rows("vt %.4f %.4f", self._texture_coordinates(period_m)))
+        corner = "{0}/{0}/{0}" if period_m else "{0}//{0}"
         numbers = [corner.format(i) for i in range(1, count + 1)]
         faces = zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True)
         return "\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces), ""])
 
-    def _spots(self, repeats_m: float) -> Floats:
-        """(3 N, 2) coordinates of each corner across the axis that its triangle faces most."""
+    def _texture_coordinates(self, period_m: float) -> Floats:
+        """Return (3 N, 2) texture coordinates of each corner, across the axis that its triangle
+        faces most."""
         faces = np.abs(self.normals.reshape(-1, 3, 3).mean(axis=1)).argmax(axis=1)
         across = np.array([[1, 2], [0, 2], [0, 1]])[np.repeat(faces, 3)]
-        return np.take_along_axis(self.corners, across, axis=1) / repeats_m
+        return np.take_along_axis(self.corners, across, axis=1) / period_m
 
 
-def merged(solids: Sequence[Solid], *, coarse: bool = False) -> Mesh:
-    """Solids as one mesh, in the frame of their thing; `coarse` ones have fewer faces where they
-    are round."""
+def merge_solids(solids: Sequence[Solid], *, coarse: bool = False) -> Mesh:
+    """Return solids as one mesh in the frame of their object; `coarse` gives round solids fewer
+    faces."""
     corners, normals = [], []
     for solid in solids:
-        points, bent = _coarse_mesh(solid.kind) if coarse else _unit_mesh(solid.kind)
+        points, shading = _coarse_mesh(solid.kind) if coarse else _unit_mesh(solid.kind)
         turn = np.array(
             pybullet.getMatrixFromQuaternion(quaternion(solid.yaw_rad, solid.pitch_rad))
         ).reshape(3, 3)
         corners.append((points * solid.size_m) @ turn.T + solid.centre_m)
-        bent = bent / np.maximum(solid.size_m, 1e-9)
-        normals.append((bent / np.linalg.norm(bent, axis=1, keepdims=True)) @ turn.T)
+        shading = shading / np.maximum(solid.size_m, 1e-9)
+        normals.append((shading / np.linalg.norm(shading, axis=1, keepdims=True)) @ turn.T)
     return Mesh(corners=np.concatenate(corners), normals=np.concatenate(normals))
 
 
 @cache
 def _unit_mesh(kind: str) -> tuple[Floats, Floats]:
-    """(3 N, 3) corners and normals of one of the files, its faces as triangles."""
+    """Return the (3 N, 3) corners and normals of one of the files, its faces as triangles."""
     lines = [line.split() for line in MESHES[kind].read_text(encoding="ascii").splitlines()]
     vertices = np.array([line[1:] for line in lines if line[:1] == ["v"]], dtype=np.float64)
     normals = np.array([line[1:] for line in lines if line[:1] == ["vn"]], dtype=np.float64)
@@ -87,30 +88,30 @@ def _unit_mesh(kind: str) -> tuple[Floats, Floats]:
     )
 
 
-SIDES = 7
-"""Of a coarse cylinder or cone."""
-TIP = 0.4
-"""A cone's upper diameter, by its lower one."""
+COARSE_SIDES = 7
+"""Number of sides of a coarse cylinder or cone."""
+CONE_TOP_SHARE = 0.4
+"""Upper diameter of a cone as a share of its lower diameter."""
 
 
 @cache
 def _coarse_mesh(kind: str) -> tuple[Floats, Floats]:
-    """The same with few faces: open below, because it stands on something."""
+    """Return corners and normals with few faces: open below, because solids stand on something."""
     if kind == "box":
         return _unit_mesh(kind)
     if kind == "ball":
-        return _turned([(0.0, -0.5), (0.43, -0.25), (0.43, 0.25), (0.0, 0.5)])
-    top = 0.5 * (TIP if kind == "cone" else 1.0)
-    return _turned([(0.5, -0.5), (top, 0.5), (0.0, 0.5)])
+        return _revolved([(0.0, -0.5), (0.43, -0.25), (0.43, 0.25), (0.0, 0.5)])
+    top = 0.5 * (CONE_TOP_SHARE if kind == "cone" else 1.0)
+    return _revolved([(0.5, -0.5), (top, 0.5), (0.0, 0.5)])
 
 
-def _turned(profile: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
-    """What a line of (radius, z) makes as it turns about z; shaded face by face."""
-    angles = np.arange(SIDES + 1) * 2 * np.pi / SIDES
+def _revolved(profile: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
+    """Return the surface of revolution of a polyline (radius, z) about z, shaded face by face."""
+    angles = np.arange(COARSE_SIDES + 1) * 2 * np.pi / COARSE_SIDES
     round_, corners = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)]), []
     for (r0, z0), (r1, z1) in pairwise(profile):
         low, high = r0 * round_ + (0, 0, z0), r1 * round_ + (0, 0, z1)
-        for i in range(SIDES):
+        for i in range(COARSE_SIDES):
             triangles = [(low[i], low[i + 1], high[i + 1]), (low[i], high[i + 1], high[i])]
             corners += [
                 t for t in triangles if np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) > 1e-9

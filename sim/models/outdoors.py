@@ -1,7 +1,7 @@
-"""What stands outside: trees, bushes, rocks and houses, each a few solids. Crowns hang higher than
-any robot is tall.
+"""Shapes of trees, bushes, rocks and houses, each a few solids; crowns hang higher than any robot
+is tall.
 
-Their greens and browns are dull, as only what the robot must beware of is saturated.
+Their greens and browns are dull, because only beware objects are saturated.
 """
 
 from __future__ import annotations
@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from sim.models.solids import Colour, Solid, box, cylinder
+from sim.models.solids import Colour, Size, Solid, box, cylinder
 
-Size = tuple[float, float, float]
-"""Depth or diameter along x, width along y, height, in metres."""
 CROWN_M = 2.0
-"""No branch hangs lower."""
+"""Lowest height of branches."""
 _LEAVES: Colour = (98, 112, 72)
 _NEEDLES: Colour = (76, 96, 76)
 _ROOF: Colour = (112, 92, 82)
@@ -26,8 +24,8 @@ def _ball(size: Size, at_m: tuple[float, float, float], colour: Colour) -> Solid
 
 
 def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """A trunk, thicker at its foot, below a crown of two balls; the girth of the file is that of
-    the foot."""
+    """Return a trunk, thicker at its foot, below a crown of two balls; the girth is that of the
+    foot."""
     girth, _, height = size
     stem, spread = max(height - 2.2, CROWN_M + 0.5), max(0.36 * height, 1.6)
     low = max(stem, CROWN_M + 0.35 * spread)
@@ -44,7 +42,7 @@ def _tree(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _conifer(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """A straight trunk through three cones."""
+    """Return a straight trunk through three cones."""
     girth, _, height = size
     tier, spread = (height - CROWN_M) / 2.6, max(0.3 * height, 1.6)
     cones = (
@@ -95,7 +93,7 @@ def _rock(size: Size, colour: Colour) -> tuple[Solid, ...]:
 
 
 def _house(size: Size, colour: Colour) -> tuple[Solid, ...]:
-    """Closed, its door towards +x, with a roof of two slopes along y."""
+    """Return a closed house, its door towards +x, with a roof of two slopes along y."""
     depth, width, height = size
     eaves = 0.6 * height
     body = replace(box((depth, width, eaves), (0.0, 0.0), colour), pattern="brick")
@@ -126,4 +124,4 @@ OUTDOORS: Mapping[str, Callable[[Size, Colour], tuple[Solid, ...]]] = {
     "bush": _bush,
     "rock": _rock,
 }
-"""By kind of `sim.furniture`."""
+"""Shape of each outdoor kind of `sim.models.furniture`."""

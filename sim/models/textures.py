@@ -1,5 +1,4 @@
-"""Pictures that lie on the world's surfaces, drawn here: what a print shows, and how a spill
-shines."""
+"""Textures of posters and of spills."""
 
 from __future__ import annotations
 
@@ -12,17 +11,20 @@ from sim.models.items import ITEM_COLOURS
 from sim.models.solids import Colour
 
 Texture = npt.NDArray[np.uint8]
-"""(H, W, 3) red, green, blue; its first row is what lies farthest along y."""
+"""(H, W, 3) red, green, blue; the first row lies farthest along y."""
 
 PRINT_PX = 128
-"""Sides of a print's picture."""
+"""Side of the texture of a print."""
 SPILL_PX = 128
+"""Side of the texture of a spill."""
 SPILL_SIDE_M = 2.0
-"""A spill's gloss repeats after so many metres."""
+"""Length after which the gloss of a spill repeats."""
+GLOSS = {"water": 0.5, "mud": 0.12, "chemical": 0.4}
+"""Strength of the highlights of each kind of spill, 0 to 1."""
 
 
 def print_texture(shows: str) -> Texture:
-    """A drawing of one kind of item on white paper with a frame."""
+    """Return a drawing of one kind of item on white paper with a frame."""
     sheet = np.full((PRINT_PX, PRINT_PX, 3), (244, 242, 236), dtype=np.uint8)
     cv2.rectangle(sheet, (3, 3), (PRINT_PX - 4, PRINT_PX - 4), (120, 116, 110), 2)
     _DRAWINGS[shows](sheet, ITEM_COLOURS[shows])
@@ -30,18 +32,19 @@ def print_texture(shows: str) -> Texture:
 
 
 def spill_texture(colour: Colour, gloss: float, seed: int) -> Texture:
-    """Blotches of a colour with soft lights of `gloss`, 0 to 1; it repeats at its edges."""
+    """Return blotches of a colour with soft highlights of strength `gloss`, 0 to 1, periodic at the
+    edges."""
     rng = np.random.default_rng(seed)
-    tone = 1.0 + 0.14 * clouds(rng, 6)[:, :, None]
-    light = np.clip(clouds(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
-    picture = np.array(colour) * tone
-    return np.asarray(np.clip(picture + gloss * light * (255.0 - picture), 0, 255), dtype=np.uint8)
+    tone = 1.0 + 0.14 * smooth_noise(rng, 6)[:, :, None]
+    light = np.clip(smooth_noise(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
+    levels = np.array(colour) * tone
+    return np.asarray(np.clip(levels + gloss * light * (255.0 - levels), 0, 255), dtype=np.uint8)
 
 
-def clouds(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:
-    """(SPILL_PX, SPILL_PX) smooth noise of mean 0 and deviation 1 that repeats at its edges."""
-    spots = np.tile(rng.standard_normal((cells, cells)), (3, 3))
-    smooth = cv2.resize(spots, (3 * SPILL_PX, 3 * SPILL_PX), interpolation=cv2.INTER_CUBIC)
+def smooth_noise(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:
+    """Return (SPILL_PX, SPILL_PX) smooth noise of mean 0 and deviation 1, periodic at the edges."""
+    nodes = np.tile(rng.standard_normal((cells, cells)), (3, 3))
+    smooth = cv2.resize(nodes, (3 * SPILL_PX, 3 * SPILL_PX), interpolation=cv2.INTER_CUBIC)
     middle = smooth[SPILL_PX : 2 * SPILL_PX, SPILL_PX : 2 * SPILL_PX]
     return np.asarray((middle - middle.mean()) / middle.std())
 

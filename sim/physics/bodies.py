@@ -1,4 +1,5 @@
-"""Makes solids, flat patches and pictures visible in a physics client, for both renderers."""
+"""Visual and collision shapes of solids, flat polygons and textures in a physics client, for both
+renderers."""
 
 from __future__ import annotations
 
@@ -10,13 +11,14 @@ import cv2
 import pybullet
 import shapely
 
-from sim.models.mesh import MESHES, Mesh, merged
+from sim.models.mesh import MESHES, Mesh, merge_solids
 from sim.models.solids import Colour, Solid, quaternion
 from sim.models.textures import Texture
 
-PARTS = 16
-"""The engine takes at most so many solids for one body."""
+MAX_PARTS = 16
+"""Largest number of solids that the engine takes for one body."""
 NO_SHAPE = -1
+"""Handle of an absent collision or visual shape."""
 _SQUARE = """
 v -0.5 -0.5 0
 v 0.5 -0.5 0
@@ -32,14 +34,15 @@ f 1/1/1 3/3/1 4/4/1
 """
 
 
-def show_solids(client: int, solids: Sequence[Solid], *, lower_m: float = 0.0) -> int:
-    """A visual shape of solids, `lower_m` below where they are in the frame of their thing.
+def solids_visual(client: int, solids: Sequence[Solid], *, lower_m: float = 0.0) -> int:
+    """Return a visual shape of solids, `lower_m` below their position in the frame of their object.
 
-    As meshes with normals of their own: those that the EGL renderer makes up for boxes are wrong,
-    and so is their light. More solids than one body takes become one mesh for each colour.
+    The meshes have their own normals: those that the EGL renderer generates for boxes are wrong,
+    and so is their shading. More solids than one body takes are merged into one mesh for each
+    colour.
     """
-    if len(solids) > PARTS:
-        return _show_merged(client, solids, lower_m)
+    if len(solids) > MAX_PARTS:
+        return _merged_visual(client, solids, lower_m)
     return int(
         pybullet.createVisualShapeArray(
             shapeTypes=[pybullet.GEOM_MESH for _ in solids],
@@ -57,12 +60,13 @@ def show_solids(client: int, solids: Sequence[Solid], *, lower_m: float = 0.0) -
     )
 
 
-def show_patch(
+def polygon_visual(
     client: int, polygon: Sequence[Sequence[float]], colour: Colour, *, side_m: float = 1.0
 ) -> int:
-    """A visual shape of a flat polygon, seen from above; a texture on it repeats after `side_m`."""
-    return _from_text(
-        _patch(polygon, side_m),
+    """Return a visual shape of a flat polygon, seen from above; a texture on it repeats after
+    `side_m`."""
+    return _load_obj(
+        _polygon_obj(polygon, side_m),
         lambda path: pybullet.createVisualShape(
             pybullet.GEOM_MESH,
             fileName=path,
@@ -73,13 +77,13 @@ def show_patch(
     )
 
 
-def show_square(client: int, size_m: tuple[float, float]) -> int:
-    """A visual shape of a flat rectangle about the origin; a texture fills it once, the right way
-    up along y.
+def square_visual(client: int, size_m: tuple[float, float]) -> int:
+    """Return a visual shape of a flat rectangle about the origin; a texture fills it once, its
+    upper edge along +y.
 
-    A mesh of its own each time, because EGL gives all bodies of one mesh the same texture.
+    Each call makes a new mesh, because EGL gives all bodies of one mesh the same texture.
     """
-    return _from_text(
+    return _load_obj(
         _SQUARE,
         lambda path: pybullet.createVisualShape(
             pybullet.GEOM_MESH,
@@ -92,10 +96,10 @@ def show_square(client: int, size_m: tuple[float, float]) -> int:
     )
 
 
-def show_mesh(client: int, mesh: Mesh, colour: Colour, *, repeats_m: float = 0.0) -> int:
-    """A visual shape of a mesh; a texture on it repeats after `repeats_m`, 0 for none."""
-    return _from_text(
-        mesh.text(repeats_m),
+def mesh_visual(client: int, mesh: Mesh, colour: Colour, *, period_m: float = 0.0) -> int:
+    """Return a visual shape of a mesh; a texture on it repeats after `period_m`, 0 for none."""
+    return _load_obj(
+        mesh.text(period_m),
         lambda path: pybullet.createVisualShape(
             pybullet.GEOM_MESH,
             fileName=path,
@@ -106,9 +110,9 @@ def show_mesh(client: int, mesh: Mesh, colour: Colour, *, repeats_m: float = 0.0
     )
 
 
-def solid_mesh(client: int, mesh: Mesh) -> int:
-    """A collision shape of a mesh that never moves, as it is, hollows and all."""
-    return _from_text(
+def mesh_collision(client: int, mesh: Mesh) -> int:
+    """Return a collision shape of a static mesh, concave parts included."""
+    return _load_obj(
         mesh.text(),
         lambda path: pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
@@ -120,41 +124,42 @@ def solid_mesh(client: int, mesh: Mesh) -> int:
 
 
 def load_texture(client: int, texture: Texture) -> int:
-    """A texture's handle. The renderer keeps it until the client ends."""
+    """Return the handle of a texture, which the renderer keeps until the client ends."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "texture.png"
         cv2.imwrite(str(path), cv2.cvtColor(texture, cv2.COLOR_RGB2BGR))
         return int(pybullet.loadTexture(str(path), physicsClientId=client))
 
 
-def put_texture(client: int, body: int, texture: int) -> None:
-    """Give a body of one shape a texture, which is multiplied by its colour."""
+def apply_texture(client: int, body: int, texture: int) -> None:
+    """Apply a texture to a body of one shape; it is multiplied by the colour of the body."""
     pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=client)
 
 
 def newest_bodies(client: int, count: int) -> list[int]:
-    """The last so many that were made, in their order."""
+    """Return the last `count` bodies in order of creation."""
     made = pybullet.getNumBodies(physicsClientId=client)
     return [pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(made - count, made)]
 
 
 def rgba(colour: Colour) -> list[float]:
-    """As the engine wants it."""
+    """Return red, green, blue and alpha, 0 to 1."""
     return [level / 255 for level in colour] + [1.0]
 
 
-def _show_merged(client: int, solids: Sequence[Solid], lower_m: float) -> int:
+def _merged_visual(client: int, solids: Sequence[Solid], lower_m: float) -> int:
     colours = list(dict.fromkeys(solid.colour for solid in solids))
-    if len(colours) > PARTS:
+    if len(colours) > MAX_PARTS:
         raise ValueError(
-            f"{len(solids)} solids of {len(colours)} colours in one body, expected at most {PARTS} colours"
+            f"{len(solids)} solids of {len(colours)} colours in one body, "
+            f"expected at most {MAX_PARTS} colours"
         )
     with tempfile.TemporaryDirectory() as folder:
-        # The names are new each time, because meshes are cached.
+        # New names each time avoid the mesh cache.
         paths = [Path(folder) / f"{i}.obj" for i in range(len(colours))]
         for path, colour in zip(paths, colours, strict=True):
             path.write_text(
-                merged([solid for solid in solids if solid.colour == colour]).text(),
+                merge_solids([solid for solid in solids if solid.colour == colour]).text(),
                 encoding="ascii",
             )
         return int(
@@ -170,17 +175,17 @@ def _show_merged(client: int, solids: Sequence[Solid], lower_m: float) -> int:
         )
 
 
-def _from_text(mesh: str, show: Callable[[str], int]) -> int:
-    """As a file, because the EGL renderer takes no mesh from memory; its name is new each time,
-    because meshes are cached."""
+def _load_obj(mesh: str, create: Callable[[str], int]) -> int:
+    """Write a mesh to a temporary file and create a shape from it: the EGL renderer takes no mesh
+    from memory, and the new name avoids the mesh cache."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mesh.obj"
         path.write_text(mesh, encoding="ascii")
-        return int(show(str(path)))
+        return int(create(str(path)))
 
 
-def _patch(polygon: Sequence[Sequence[float]], side_m: float) -> str:
-    """A polygon as a flat mesh in Wavefront's OBJ format."""
+def _polygon_obj(polygon: Sequence[Sequence[float]], side_m: float) -> str:
+    """Return a polygon as a flat mesh in OBJ format."""
     triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(polygon)).geoms
     corners = [
         xy
@@ -188,6 +193,6 @@ def _patch(polygon: Sequence[Sequence[float]], side_m: float) -> str:
         for xy in shapely.get_coordinates(shapely.orient_polygons(triangle))[:3]
     ]
     vertices = [f"v {x:.6f} {y:.6f} 0" for x, y in corners]
-    spots = [f"vt {x / side_m:.6f} {y / side_m:.6f}" for x, y in corners]
+    texture_rows = [f"vt {x / side_m:.6f} {y / side_m:.6f}" for x, y in corners]
     faces = [f"f {i}/{i}/1 {i + 1}/{i + 1}/1 {i + 2}/{i + 2}/1" for i in range(1, len(corners), 3)]
-    return "\n".join([*vertices, *spots, "vn 0 0 1", *faces, ""])
+    return "\n".join([*vertices, *texture_rows, "vn 0 0 1", *faces, ""])

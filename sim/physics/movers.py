@@ -1,4 +1,4 @@
-"""Things that move by a timetable and yield to nobody: the same again in every period."""
+"""Cylinders that move by a timetable and never yield: the same motion in every period."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from sim.models.solids import Polygon, cylinder
 from sim.scenario.schema import Mover
 
 
-class Moving:
-    """One of them; `step` moves it."""
+class TimedMover:
+    """One mover; `step` advances it."""
 
     def __init__(self, mover: Mover, period_s: float) -> None:
         self._times, self._x, self._y = np.array(mover.keys, dtype=np.float64).T
@@ -23,15 +23,15 @@ class Moving:
             mover.colour,
         )
         self.pose = self._at(0.0)
-        """T_map_mover; it does not turn."""
+        """T_map_mover; it does not rotate."""
 
     def step(self) -> None:
-        """Go on by one physics step."""
+        """Advance by one physics step."""
         self._steps += 1
         self.pose = self._at(math.fmod(self._steps * self._period_s, self._lasts_s))
 
     def outline(self) -> Polygon:
-        """(N, 2) around it, in its own frame."""
+        """Return the (N, 2) outline in the frame of the mover."""
         return cylinder(self.diameter_m, self.height_m, (0.0, 0.0), self.colour).outline()
 
     def _at(self, t_s: float) -> Pose2:

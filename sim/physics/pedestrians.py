@@ -1,5 +1,5 @@
-"""People: some stand, some walk to and fro. They are moved, not pushed, and go by the same clock as
-the physics."""
+"""People who stand, or walk back and forth. They are moved, not pushed, on the clock of the
+physics."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from navcore.robot.profile import HUSKY, RobotProfile
 from sim.scenario.schema import Person
 
 BODY_DIAMETER_M = 0.56
-"""Room that somebody takes up on the floor, arms and feet included."""
+"""Diameter of a person on the floor, arms and feet included."""
 POLITE_GAP_M = 0.7
-"""A walker lets this much room between himself and a robot right before him."""
+"""Distance that a walker keeps from a robot in front."""
 SIDE_GAP_M = 0.1
-"""Beside him less will do."""
+"""Distance that a walker keeps from a robot at the side."""
 AHEAD_RAD = math.radians(50)
-"""What counts as right before him, to either side."""
+"""Half of the angle that counts as in front."""
 PATIENCE_S = 3.0
-"""A walker who has waited this long turns round."""
+"""Waiting time after which a walker turns round."""
 TURN_RADPS = math.radians(240)
-"""How fast he turns."""
+"""Turning rate of a walker."""
 
 
 class Walker:
-    """One person; `step` moves him."""
+    """One person; `step` advances the person."""
 
     def __init__(
         self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY
@@ -44,21 +44,21 @@ class Walker:
         self._pauses_s = np.array(person.pauses_s or [0.0] * len(self._points))
         self._pause_left_s = 0.0
         self._waited_s = 0.0
-        self.pose = self._place(math.radians(person.yaw_deg))
-        """T_map_person; he faces along x."""
+        self.pose = self._pose_at(math.radians(person.yaw_deg))
+        """T_map_person; the person faces along x."""
         if self.walks:
             self.pose = Pose2(x_m=self.pose.x_m, y_m=self.pose.y_m, yaw_rad=self._heading())
 
     @property
     def walks(self) -> bool:
-        """Whether he ever moves."""
+        """Whether the person ever moves."""
         return self._speed_mps > 0
 
     def step(self, robot: Pose2) -> None:
-        """Go on by one physics step, or wait for the robot."""
+        """Advance by one physics step, or wait for the robot."""
         if not self.walks:
             return
-        if self._yields and self._must_wait(robot):
+        if self._yields and self._is_blocked(robot):
             self._waited_s += self._period_s
             if self._waited_s >= PATIENCE_S:
                 self._waited_s, self._sense = 0.0, -self._sense
@@ -76,9 +76,9 @@ class Walker:
         if not 0 <= self._along_m <= self._ends_m[-1]:
             self._along_m = min(max(self._along_m, 0.0), float(self._ends_m[-1]))
             self._sense = -self._sense
-        self.pose = self._place(self._turned())
+        self.pose = self._pose_at(self._turned_yaw())
 
-    def _must_wait(self, robot: Pose2) -> bool:
+    def _is_blocked(self, robot: Pose2) -> bool:
         reach = robot.distance_to(self.pose.x_m, self.pose.y_m)
         if reach > self._robot.circumscribed_radius_m + BODY_DIAMETER_M / 2 + POLITE_GAP_M:
             return False
@@ -92,11 +92,11 @@ class Walker:
         return (off < AHEAD_RAD and gap < POLITE_GAP_M) or (off < math.pi / 2 and gap < SIDE_GAP_M)
 
     def _heading(self) -> float:
-        """Of the leg he is on, in the sense he walks it."""
+        """Return the direction of the present leg, in the sense of walking."""
         (x0, y0), (x1, y1) = self._points[self._leg()], self._points[self._leg() + 1]
         return math.atan2(self._sense * (y1 - y0), self._sense * (x1 - x0))
 
-    def _turned(self) -> float:
+    def _turned_yaw(self) -> float:
         most = TURN_RADPS * self._period_s
         missing = wrap_angle(self._heading() - self.pose.yaw_rad)
         return wrap_angle(self.pose.yaw_rad + max(-most, min(most, missing)))
@@ -107,7 +107,7 @@ class Walker:
             len(self._legs_m) - 1,
         )
 
-    def _place(self, yaw_rad: float) -> Pose2:
+    def _pose_at(self, yaw_rad: float) -> Pose2:
         if not self.walks:
             x, y = self._points[0]
         else:
@@ -120,7 +120,7 @@ class Walker:
 def _nearest_of_footprint(
     profile: RobotProfile, robot: Pose2, x_m: float, y_m: float
 ) -> tuple[float, float]:
-    """The footprint's point nearest to a point, in the map frame."""
+    """Return the point of the footprint nearest to a point, in the map frame."""
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     dx, dy = x_m - robot.x_m, y_m - robot.y_m
     half_x, half_y = profile.length_m / 2, profile.width_m / 2

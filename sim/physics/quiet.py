@@ -1,5 +1,5 @@
-"""PyBullet and its EGL plugin chat on standard output from C; that would end up amid what a program
-prints there itself."""
+"""Suppresses the messages that PyBullet and its EGL plugin print on standard output from C, amid
+what a program prints there itself."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ STDOUT = 1
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Send what is written to standard output's descriptor, by anybody in this process, to nowhere
-    meanwhile."""
+    """Discard what this process writes to the descriptor of standard output meanwhile."""
     flush = ctypes.CDLL(None).fflush
     flush(None)
-    kept, nowhere = os.dup(STDOUT), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, STDOUT)
+    saved, null = os.dup(STDOUT), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, STDOUT)
     try:
         yield
     finally:
         flush(None)  # C keeps a buffer of its own
-        os.dup2(kept, STDOUT)
-        os.close(kept)
-        os.close(nowhere)
+        os.dup2(saved, STDOUT)
+        os.close(saved)
+        os.close(null)

@@ -1,7 +1,7 @@
-"""Walls, furniture and trees as the engine takes them best: one mesh to run into, and one per
-material to be seen.
+"""Walls, furniture and trees merged for the engine: one collision mesh, and one visual mesh per
+material.
 
-A body of its own for each would cost as much in every physics step and every picture as if it could
+A body of its own for each would cost as much in every physics step and every image as if it could
 move.
 """
 
@@ -15,45 +15,48 @@ import pybullet
 
 from navcore.geometry.transform import Pose2
 from sim.models.ground import Ground
-from sim.models.mesh import merged
+from sim.models.mesh import merge_solids
 from sim.models.solids import Pattern, Solid
-from sim.models.surface_patterns import repeats_m, surface_texture
-from sim.physics.bodies import NO_SHAPE, load_texture, put_texture, show_mesh, solid_mesh
-from sim.scenario.layout import OVERHEAD_M, Thing
+from sim.models.surface_patterns import pattern_period_m, surface_texture
+from sim.physics.bodies import NO_SHAPE, apply_texture, load_texture, mesh_collision, mesh_visual
+from sim.scenario.layout import OVERHEAD_M, PlacedObject
 
 FOUNDATION_M = 0.8
-"""On uneven ground what stands on it reaches so far into it, or one would see below its lower side.
-"""
+"""Depth to which objects reach into uneven ground, so that their lower side is never seen."""
 NATURAL = ("bark", "leaves")
-"""What is never quite round needs few faces."""
+"""Patterns of natural surfaces, whose round solids need few faces."""
 
 
-def build_static(client: int, things: Iterable[Thing], ground: Ground) -> None:
-    """Everything that stands where it stands."""
-    solids = [solid for thing in things for solid in _in_map(thing, ground)]
+def build_static(client: int, objects: Iterable[PlacedObject], ground: Ground) -> None:
+    """Build all static objects."""
+    solids = [solid for placed_object in objects for solid in _in_map(placed_object, ground)]
     if not solids:
         return
-    touchable = [solid for solid, low_m in solids if low_m < OVERHEAD_M]
-    shape = solid_mesh(client, merged(touchable)) if touchable else NO_SHAPE
+    reachable = [solid for solid, low_m in solids if low_m < OVERHEAD_M]
+    shape = mesh_collision(client, merge_solids(reachable)) if reachable else NO_SHAPE
     textures: dict[Pattern, int] = {}
-    for seen, pattern in _show(client, [solid for solid, _ in solids]):
-        # The first body is the one that is run into; without a look of its own it would be drawn as
-        # the mesh it is.
+    for seen, pattern in _visuals(client, [solid for solid, _ in solids]):
+        # The first body carries the collision mesh; without a visual shape it would be drawn as
+        # that mesh.
         body = pybullet.createMultiBody(0, shape, seen, physicsClientId=client)
         shape = NO_SHAPE
-        if repeats_m(pattern):
+        if pattern_period_m(pattern):
             if pattern not in textures:
                 textures[pattern] = load_texture(client, surface_texture(pattern))
-            put_texture(client, body, textures[pattern])
+            apply_texture(client, body, textures[pattern])
 
 
-def _in_map(thing: Thing, ground: Ground) -> Iterable[tuple[Solid, float]]:
-    """Its solids in the map frame, and how high above its own ground each begins."""
-    for solid in thing.solids:
-        (x, y), z = _moved(solid.centre_m[:2], thing.pose), solid.centre_m[2]
-        # A thing keeps its parts together on the ground of its middle; a wall, which has none,
+def _in_map(placed_object: PlacedObject, ground: Ground) -> Iterable[tuple[Solid, float]]:
+    """Return the solids of an object in the map frame, each with its height above the ground."""
+    for solid in placed_object.solids:
+        (x, y), z = _to_map(solid.centre_m[:2], placed_object.pose), solid.centre_m[2]
+        # An object keeps its parts together on the ground at its middle; a wall, which has none,
         # follows the ground.
-        foot = (x, y) if thing.name == "wall" else (thing.pose.x_m, thing.pose.y_m)
+        foot = (
+            (x, y)
+            if placed_object.name == "wall"
+            else (placed_object.pose.x_m, placed_object.pose.y_m)
+        )
         deeper_m = (
             FOUNDATION_M
             if not ground.is_flat and solid.bottom_m < 1e-6 and solid.pitch_rad == 0
@@ -64,30 +67,30 @@ def _in_map(thing: Thing, ground: Ground) -> Iterable[tuple[Solid, float]]:
                 solid,
                 size_m=(*solid.size_m[:2], solid.size_m[2] + deeper_m),
                 centre_m=(x, y, z + ground.height_m(*foot) - deeper_m / 2),
-                yaw_rad=solid.yaw_rad + thing.pose.yaw_rad,
+                yaw_rad=solid.yaw_rad + placed_object.pose.yaw_rad,
             ),
             solid.bottom_m,
         )
 
 
-def _moved(at: tuple[float, float], pose: Pose2) -> tuple[float, float]:
+def _to_map(at: tuple[float, float], pose: Pose2) -> tuple[float, float]:
     matrix = pose.matrix()
     x, y = matrix[:2, :2] @ at + matrix[:2, 3]
     return float(x), float(y)
 
 
-def _show(client: int, solids: Sequence[Solid]) -> list[tuple[int, Pattern]]:
-    """A visual shape for each material, with its pattern."""
+def _visuals(client: int, solids: Sequence[Solid]) -> list[tuple[int, Pattern]]:
+    """Return a visual shape for each material, with its pattern."""
     materials = defaultdict(list)
     for solid in solids:
         materials[solid.colour, solid.pattern].append(solid)
     return [
         (
-            show_mesh(
+            mesh_visual(
                 client,
-                merged(parts, coarse=pattern in NATURAL),
+                merge_solids(parts, coarse=pattern in NATURAL),
                 colour,
-                repeats_m=repeats_m(pattern),
+                pattern_period_m=pattern_period_m(pattern),
             ),
             pattern,
         )

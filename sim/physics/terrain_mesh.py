@@ -1,4 +1,4 @@
-"""The ground's meshes: that of uneven ground, and those of what is painted on it."""
+"""Meshes of uneven ground and of markings on it."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from sim.models.ground import Ground
 from sim.models.mesh import Mesh
 
 CELL_M = 2.0
-"""The ground's mesh has a node at every such step; between them it is off by millimetres, as its
-waves are long."""
+"""Spacing of the nodes of the ground mesh; between them it is off by millimetres, because its waves
+are long."""
 Floats = npt.NDArray[np.float64]
 
 
 def terrain_mesh(ground: Ground, size_m: tuple[float, float]) -> Mesh:
-    """The ground within ± half of `size_m`, rounded up to whole cells."""
+    """Return the ground within ± half of `size_m`, rounded up to whole cells."""
     x, y = (_nodes(side) for side in size_m)
     at = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
     a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
     return _on_ground(np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2), ground)
 
 
-def draped(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) -> Mesh:
-    """A polygon that lies so far above the ground's mesh, cut along its triangles."""
+def drape(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) -> Mesh:
+    """Return a polygon `above_m` above the ground mesh, cut along its triangles."""
     area = shapely.Polygon(polygon)
     x0, y0, x1, y1 = (int(np.floor(side / CELL_M)) for side in area.bounds)
     cells = [(i * CELL_M, j * CELL_M) for i in range(x0, x1 + 1) for j in range(y0, y1 + 1)]
@@ -46,7 +46,7 @@ def draped(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) -
 
 
 def _triangles(area: shapely.Geometry) -> list[Floats]:
-    """(3, 2) each, counter-clockwise, of whatever has an area."""
+    """Return (3, 2) triangles, counter-clockwise, of all parts with an area."""
     parts = [
         part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-9
     ]

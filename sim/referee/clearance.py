@@ -1,5 +1,5 @@
-"""How far the robot's footprint is from many polygons, at every physics step: compiled, with
-bounding circles first."""
+"""Distance of the footprint from many polygons, at every physics step: compiled, with bounding
+circles first."""
 
 from __future__ import annotations
 
@@ -18,48 +18,48 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outlines:
-    """Simple polygons, packed; each belongs to a thing, of which it may be one of several parts."""
+    """Packed simple polygons; each belongs to an object, of which it may be one part of many."""
 
     corners: Floats
-    """(M, 2) of all polygons, one after the other."""
+    """(M, 2) corners of all polygons, one after the other."""
     ends: npt.NDArray[np.int64]
-    """(K + 1,) where each polygon begins and ends in `corners`."""
+    """(K + 1,) index in `corners` at which each polygon begins and ends."""
     circles: Floats
-    """(K, 3) x, y and radius of a circle around each."""
-    things: npt.NDArray[np.int64]
-    """(K,) number of the thing that each is part of."""
+    """(K, 3) x, y and radius of a bounding circle of each polygon."""
+    owners: npt.NDArray[np.int64]
+    """(K,) number of the object that each polygon belongs to."""
     count: int
-    """Number of things."""
+    """Number of objects."""
 
     @staticmethod
-    def of(things: Sequence[Sequence[Polygon]]) -> Outlines:
-        """Pack the polygons of each thing; they need not be convex."""
-        polygons = [np.asarray(polygon, dtype=np.float64) for parts in things for polygon in parts]
+    def of(owners: Sequence[Sequence[Polygon]]) -> Outlines:
+        """Pack the polygons of each object; they need not be convex."""
+        polygons = [np.asarray(polygon, dtype=np.float64) for parts in owners for polygon in parts]
         return Outlines(
             corners=np.concatenate([np.empty((0, 2)), *polygons]),
             ends=np.cumsum([0, *(len(polygon) for polygon in polygons)]),
             circles=np.array([_circle(polygon) for polygon in polygons]).reshape(-1, 3),
-            things=np.array([i for i, parts in enumerate(things) for _ in parts], dtype=np.int64),
-            count=len(things),
+            owners=np.array([i for i, parts in enumerate(owners) for _ in parts], dtype=np.int64),
+            count=len(owners),
         )
 
-    def near(
+    def proximity(
         self, body: Polygon, touch_m: float, known_m: float
     ) -> tuple[npt.NDArray[np.bool_], float]:
-        """(count,) which things the polygon `body` is within `touch_m` of, and the least distance
-        to any, in metres.
+        """Return the (count,) mask of objects within `touch_m` of the polygon `body`, and the least
+        distance to any object in metres.
 
-        The distance is exact where it is below `known_m`, else `known_m`; overlap is 0.
+        The distance is exact where it is below `known_m`, else `known_m`; it is 0 on overlap.
         """
         touched = np.zeros(self.count, dtype=np.bool_)
-        least_m = _near(
-            body, self.corners, self.ends, self.circles, self.things, touch_m, known_m, touched
+        least_m = _proximity(
+            body, self.corners, self.ends, self.circles, self.owners, touch_m, known_m, touched
         )
         return touched, float(least_m)
 
 
 def distance_m(a: Polygon, b: Polygon) -> float:
-    """Between two simple polygons; 0 when they overlap."""
+    """Return the distance of two simple polygons; 0 when they overlap."""
     return float(_distance(np.ascontiguousarray(a), np.ascontiguousarray(b)))
 
 
@@ -69,12 +69,12 @@ def _circle(polygon: Polygon) -> tuple[float, float, float]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _near(
+def _proximity(
     body: Floats,
     corners: Floats,
     ends: npt.NDArray[np.int64],
     circles: Floats,
-    things: npt.NDArray[np.int64],
+    owners: npt.NDArray[np.int64],
     touch_m: float,
     known_m: float,
     touched: npt.NDArray[np.bool_],
@@ -86,20 +86,20 @@ def _near(
     for i in range(len(body)):
         reach = max(reach, math.hypot(body[i, 0] - x, body[i, 1] - y))
     least = known_m
-    for k in range(len(things)):
+    for k in range(len(owners)):
         at_least = math.hypot(circles[k, 0] - x, circles[k, 1] - y) - circles[k, 2] - reach
         if at_least > touch_m and at_least >= least:
             continue
         gap = _distance(body, corners[ends[k] : ends[k + 1]])
         least = min(least, gap)
         if gap <= touch_m:
-            touched[things[k]] = True
+            touched[owners[k]] = True
     return least
 
 
 @numba.njit(cache=True, nogil=True)
 def _distance(a: Floats, b: Floats) -> float:
-    if _holds(a, b[0, 0], b[0, 1]) or _holds(b, a[0, 0], a[0, 1]):
+    if _contains(a, b[0, 0], b[0, 1]) or _contains(b, a[0, 0], a[0, 1]):
         return 0.0
     least = np.inf
     for i in range(len(a)):
@@ -108,13 +108,13 @@ def _distance(a: Floats, b: Floats) -> float:
             r, s = b[j], b[(j + 1) % len(b)]
             if _cross(p, q, r, s):
                 return 0.0
-            least = min(least, _to_edge(p, r, s), _to_edge(r, p, q))
+            least = min(least, _distance_to_edge(p, r, s), _distance_to_edge(r, p, q))
     return least
 
 
 @numba.njit(cache=True, nogil=True)
-def _holds(polygon: Floats, x: float, y: float) -> bool:
-    """Whether a point lies inside, by the parity of edges to its right."""
+def _contains(polygon: Floats, x: float, y: float) -> bool:
+    """Return whether a point lies inside, by the parity of the edges to its right."""
     inside = False
     for i in range(len(polygon)):
         x0, y0 = polygon[i - 1]
@@ -126,7 +126,7 @@ def _holds(polygon: Floats, x: float, y: float) -> bool:
 
 @numba.njit(cache=True, nogil=True)
 def _cross(p: Floats, q: Floats, r: Floats, s: Floats) -> bool:
-    """Whether the edges pq and rs cross; a mere touch has distance 0 anyway."""
+    """Return whether the edges pq and rs cross; a mere touch has distance 0 anyway."""
     return _side(p, q, r) * _side(p, q, s) < 0 and _side(r, s, p) * _side(r, s, q) < 0
 
 
@@ -136,7 +136,7 @@ def _side(p: Floats, q: Floats, r: Floats) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _to_edge(p: Floats, r: Floats, s: Floats) -> float:
+def _distance_to_edge(p: Floats, r: Floats, s: Floats) -> float:
     dx, dy = s[0] - r[0], s[1] - r[1]
     length = dx * dx + dy * dy
     share = (

@@ -1,4 +1,4 @@
-"""Counts when, how long and how far the footprint is over areas that it must stay off."""
+"""Intrusions of the footprint into forbidden areas: how often, how long and with which area."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from sim.models.solids import Polygon
 from sim.referee.clearance import Outlines, distance_m
 
 TOUCH_M = 0.005
-"""Nearer than this to a thing that was shoved away is on it: the engine lets nothing overlap."""
+"""Distance at which the footprint is on a displaced object: the engine lets nothing overlap."""
 Parts = Sequence[Polygon]
-"""Outlines in the map frame of the parts of one thing."""
+"""Outlines of the parts of one object in the map frame."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Intrusion:
-    """One time that the footprint came over an area, until it left it."""
+    """One interval in which the footprint is over an area."""
 
     t_s: float
-    """When it began."""
+    """Time at which the intrusion began."""
     what: str
     """Name of the area."""
     duration_s: float = 0.0
-    """How long it lasted."""
+    """Duration of the intrusion."""
     gap_by_odometry_m: float = math.inf
-    """How near the footprint was meanwhile for who believes the odometry; 0 = over it by that, too.
-    """
+    """Least distance of the footprint by odometry from the area meanwhile; 0 when odometry had it
+    over the area, too."""
 
 
 class IntrusionMonitor:
-    """Some named areas, and what happened on them."""
+    """Named areas and the intrusions into them."""
 
     def __init__(self, named: Sequence[tuple[str, Parts]]) -> None:
         self._outlines = Outlines.of([])
@@ -44,22 +44,22 @@ class IntrusionMonitor:
         self._parts: tuple[Parts, ...] = ()
         self._excused = np.zeros(0, dtype=np.bool_)
         self.intrusions: list[Intrusion] = []
-        """Each time that the footprint came over one of them, in order of time."""
+        """Intrusions in order of time."""
         self._now: list[Intrusion | None] = []
         self.seconds = 0.0
-        """How long it was over any."""
+        """Total time over any area."""
         self.m2s = 0.0
-        """Area of the footprint that was over any, integrated over time."""
+        """Area of the footprint over any area, integrated over time, m²·s."""
         self.replace(named, body=None)
 
     @property
     def polygons(self) -> list[Polygon]:
-        """All of them."""
+        """All polygons."""
         return [polygon for parts in self._parts for polygon in parts]
 
     def replace(self, named: Sequence[tuple[str, Parts]], *, body: Polygon | None) -> None:
-        """Judge by these from now on. One that comes over the `body` is excused until it has been
-        left once."""
+        """Replace the areas. An area that overlaps the `body` is excused until it has been left
+        once."""
         before = {
             _key(parts): (now, excused)
             for parts, now, excused in zip(
@@ -71,7 +71,7 @@ class IntrusionMonitor:
         self._outlines = Outlines.of(self._parts)
         inside = np.zeros(len(named), dtype=np.bool_)
         if body is not None:
-            inside, _ = self._outlines.near(body, 0.0, 0.0)
+            inside, _ = self._outlines.proximity(body, 0.0, 0.0)
         states = [
             before.get(_key(parts), (None, bool(over)))
             for parts, over in zip(self._parts, inside, strict=True)
@@ -88,14 +88,14 @@ class IntrusionMonitor:
         period_s: float,
         displaced: Mapping[int, Parts],
     ) -> None:
-        """Look at one step: the footprint where it is, and where odometry has it.
+        """Judge one step: the true footprint, and the footprint by odometry.
 
-        `displaced`: number of a thing that has moved → where it is now; judged there and where it
-        was.
+        `displaced`: number of a moved object → its present parts; it is judged there and at its
+        original position.
         """
         if not self._names:
             return
-        inside, _ = self._outlines.near(body, 0.0, 0.0)
+        inside, _ = self._outlines.proximity(body, 0.0, 0.0)
         for number, parts in displaced.items():
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
         self._excused &= inside
@@ -110,7 +110,7 @@ class IntrusionMonitor:
                 self._note(number, believed, t_s=t_s, period_s=period_s)
 
     def log(self) -> list[dict[str, Any]]:
-        """t_s, what, duration_s and gap_by_odometry_m of each intrusion, in order of time."""
+        """Return t_s, what, duration_s and gap_by_odometry_m of each intrusion, by time."""
         return [
             {
                 "t_s": round(intrusion.t_s, 3),

@@ -1,4 +1,4 @@
-"""When and for how long the robot was held, and why."""
+"""Log of the stops of the robot: when, how long and why."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class StopLog:
         self._since_s = 0.0
 
     def note(self, reason: str | None, t_s: float) -> None:
-        """The robot is held for this reason at `t_s`; None when it is free to move."""
+        """Record that the robot is held for this reason at `t_s`; None when it is free to move."""
         if reason == self._reason:
             return
         self._ended = self.intervals(t_s)
         self._reason, self._since_s = reason, t_s
 
     def intervals(self, t_s: float) -> list[dict[str, Any]]:
-        """t_s, duration_s and reason of each, in order, as of `t_s`."""
+        """Return t_s, duration_s and reason of each stop, in order, as of `t_s`."""
         if self._reason is None:
             return list(self._ended)
         present = {

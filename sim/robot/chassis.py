@@ -1,4 +1,4 @@
-"""Which platforms can be simulated."""
+"""The platforms that can be simulated."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from sim.robot.jackal import JACKAL_CHASSIS
 from sim.robot.skid_steer import Chassis
 
 CHASSIS: dict[str, Chassis] = {"husky": HUSKY_CHASSIS, "jackal": JACKAL_CHASSIS}
-"""By the name of the profile."""
+"""Chassis by the name of the robot profile."""
 
 
 def chassis_for(robot: RobotProfile) -> Chassis:
-    """The model of a platform; raises `BadConfiguration` for one that has none."""
+    """Return the chassis of a platform; raises `BadConfiguration` for one that has no model."""
     if robot.name not in CHASSIS:
         known = ", ".join(CHASSIS)
         raise BadConfiguration(

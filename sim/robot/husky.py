@@ -1,10 +1,11 @@
-"""The Husky A200: PyBullet's model of it, its wheels and tyres."""
+"""The Clearpath Husky A200: PyBullet's model of it, its wheels and tyres."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pybullet_data
 
@@ -14,34 +15,44 @@ from sim.robot.urdf_cache import cached_urdf
 
 WHEELS = (2, 3, 4, 5)
 """Joints of the wheels: front left, front right, rear left, rear right."""
+CENTRE_OF_MASS = "0 0 0.09947"
+"""Of the base link. The empty platform is heavier behind and turns about its rear axle; the load
+that it carries here balances it."""
+LIGHT_INERTIAL = """
+<inertial>
+  <mass value="0.5"/>
+  <inertia ixx="0.005" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.005"/>
+</inertial>
+"""
+"""Inertia of a link for which the model gives none."""
+ROS_DEFAULT = re.compile(r"\$\(optenv \w+ ([^)]*)\)")
+"""A ROS substitution by an environment variable, with its default as group 1."""
 
 
 @cache
 def husky_urdf() -> Path:
-    """A copy of PyBullet's husky.urdf that any URDF reader loads: no ROS substitutions, absolute
-    mesh paths, and a mass for every link.
+    """Return a copy of PyBullet's husky.urdf that any URDF reader loads: no ROS substitutions,
+    absolute mesh paths, and a mass for every link.
     """
     source = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
-    text = _readable(source.read_text(encoding="utf-8"), source.parent)
-    return cached_urdf("husky", text)
+    robot = ElementTree.fromstring(source.read_text(encoding="utf-8"))
+    _adapt(robot, source.parent)
+    return cached_urdf("husky", ElementTree.tostring(robot, encoding="unicode"))
 
 
-def _readable(urdf: str, folder: Path) -> str:
-    urdf = re.sub(r"\$\(optenv \w+ ([^)]*)\)", r"\1", urdf)
-    urdf = urdf.replace('filename="meshes/', f'filename="{folder.as_posix()}/meshes/')
-    urdf = re.sub(r"<gazebo.*?</gazebo>", "", urdf, flags=re.DOTALL)
-    urdf = re.sub(r'<link name="(\w+)"\s*/>', r'<link name="\1"></link>', urdf)
-    # Bare, it is heavier behind and turns about its rear axle; the load it carries here balances
-    # it.
-    urdf = urdf.replace('xyz="-0.08748 -0.00085 0.09947"', 'xyz="0 0 0.09947"')
-    light = '<inertial><mass value="0.5"/><inertia ixx="0.005" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.005"/></inertial>'
-    return re.sub(
-        r"<link\b.*?</link>", lambda link: _with_mass(link[0], light), urdf, flags=re.DOTALL
-    )
-
-
-def _with_mass(link: str, inertial: str) -> str:
-    return link if "<inertial>" in link else link.replace("</link>", inertial + "</link>")
+def _adapt(robot: ElementTree.Element, folder: Path) -> None:
+    for gazebo in robot.findall("gazebo"):
+        robot.remove(gazebo)
+    for element in robot.iter():
+        for name, value in element.items():
+            element.set(name, ROS_DEFAULT.sub(r"\1", value))
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", (folder / mesh.attrib["filename"]).as_posix())
+    for link in robot.iter("link"):
+        if link.find("inertial") is None:
+            link.append(ElementTree.fromstring(LIGHT_INERTIAL))
+    for centre in robot.findall("link[@name='base_link']/inertial/origin"):
+        centre.set("xyz", CENTRE_OF_MASS)
 
 
 HUSKY_CHASSIS = Chassis(

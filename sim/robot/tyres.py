@@ -1,9 +1,9 @@
-"""How the tyres of a skid-steered robot hold the floor.
+"""Tyre forces of a skid-steered robot.
 
-The engine's own friction is dry: a wheel that slips at all pulls with its full force, in a
+The friction of the engine is dry: a wheel that slips at all pulls with its full force, in a
 direction that the solver picks among contacts that come and go, and the robot creeps and jerks in
-every turn. Rubber grips in proportion to how it slips, up to a limit. So the wheels are
-frictionless to the engine, and these forces hold the robot instead.
+every turn. Rubber grips in proportion to its slip, up to a limit. So the wheels are frictionless to
+the engine, and these forces hold the robot instead.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ import math
 from dataclasses import dataclass
 
 Force = tuple[float, float]
-"""Forward and to the left, N."""
+"""Forces forward and to the left, N."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tyres:
-    """Of one platform."""
+    """Tyre parameters of one platform."""
 
     stiffness_nspm: float
-    """Force per slip speed of the two tyres of one side, along and across."""
+    """Force of the two tyres of one side per slip speed, along and across, N·s/m."""
     side_grip_n: float
-    """Largest force of one side: friction 0.8 on half the robot's weight."""
+    """Largest force of one side: friction 0.8 on half the weight of the robot, N."""
     scrub_nms: float
-    """Torque per yaw rate that it takes to drag the tyres sideways in a turn."""
+    """Torque per yaw rate that drags the tyres sideways in a turn, N·m·s."""
     scrub_nm: float
-    """Largest such torque."""
+    """Largest such torque, N·m."""
 
 
-def grip(
+def tyre_forces(
     motion: tuple[float, float, float],
     left_mps: float,
     right_mps: float,
@@ -37,11 +37,11 @@ def grip(
     tyres: Tyres,
     uphill: Force = (0.0, 0.0),
 ) -> tuple[Force, Force]:
-    """What the floor does to the (left, right) tyres.
+    """Return the floor forces on the (left, right) tyres.
 
-    `motion` is the body's speed forward and to the left and its yaw rate; the wheels' rims move at
-    `left_mps`, `right_mps`. `uphill` is what each side bears of the weight on a slope: rubber holds
-    that without slipping.
+    `motion` is the speed of the body forward and to the left, and its yaw rate; the rims of the
+    wheels move at `left_mps` and `right_mps`. `uphill` is the part of the weight that each side
+    bears on a slope: rubber holds it without slip.
     """
     along, across, yaw_rate = motion
     ahead, beside = uphill

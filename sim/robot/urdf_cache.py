@@ -1,4 +1,4 @@
-"""Where the models of robots lie that are made at run time."""
+"""Temporary files of robot models that are adapted at run time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 
 def cached_urdf(name: str, text: str) -> Path:
-    """A model's text in a file under a name made from its content, so that two processes share it
-    and never a wrong one."""
+    """Return a file with the text of a model; its name is made from the content, so that processes
+    share it and never read another model."""
     path = (
         Path(tempfile.gettempdir())
         / f"bewarenav-{name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
@@ -19,5 +19,5 @@ def cached_urdf(name: str, text: str) -> Path:
         handle, draft = tempfile.mkstemp(dir=path.parent, suffix=".urdf")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
-        Path(draft).replace(path)  # whole or not at all: other processes may be reading it
+        Path(draft).replace(path)  # atomic: other processes may be reading it
     return path

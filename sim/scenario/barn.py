@@ -1,8 +1,8 @@
 """The worlds of the BARN challenge and of DynaBARN as scenarios: cylinders to drive between, or
-moving ones to dodge.
+moving ones to avoid.
 
-Of the published cylinders 0.5 m is seen above the floor; here they are taller, which changes
-nothing for a body on the floor. Start and goal come to lie symmetrically about the origin.
+The published cylinders are 0.5 m high; here they are taller, which changes nothing for a robot on
+the floor. Start and goal lie symmetrically about the origin.
 """
 
 from __future__ import annotations
@@ -19,51 +19,51 @@ from sim.models.solids import Colour
 from sim.scenario.schema import Furniture, MapExtent, Mover, Scenario, Wall
 
 HEIGHT_M = 1.2
-"""Of everything that stands."""
+"""Height of all obstacles."""
 GREY: Colour = (125, 130, 140)
 OPTIMAL_MPS = 2.0
-"""Speed by which the challenge reckons the best time."""
-ROOM_M = 3.0
-"""Floor beyond the outermost thing."""
+"""Speed from which the challenge computes the optimal time."""
+FLOOR_MARGIN_M = 3.0
+"""Width of the floor beyond the outermost object."""
 HUSKY_SCALE = 1.7
-"""All lengths by this, and a Husky fits where a Jackal does."""
+"""Scale of all lengths at which a Husky fits where a Jackal does."""
 SCALES = {"jackal": 1.0, "husky": HUSKY_SCALE}
 FIRST_DYNAMIC_LENGTH_M = 20.0
-"""From start to goal in every DynaBARN world; the published script takes a wrong one."""
+"""Distance from start to goal in every DynaBARN world; the published script uses a wrong one."""
 Point = Sequence[float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BarnWorld:
-    """One world and how a run through it is judged."""
+    """One world and the rules by which a run through it is judged."""
 
     id: int
-    """As published."""
+    """Published number of the world."""
     scenario: Scenario
-    """With the start and the goal."""
+    """World with the start and the goal."""
     reference_m: float
     """Length of the published reference path, scaled."""
     tolerance_m: float
-    """So near to the goal is there."""
+    """Distance from the goal that counts as arrival."""
     limit_s: float
-    """After so long it is a time-out."""
+    """Duration after which the run is a time-out."""
 
     @property
     def optimal_s(self) -> float:
-        """The challenge's best time, OT."""
+        """The optimal time OT of the challenge."""
         return self.reference_m / OPTIMAL_MPS
 
     def score(self, *, success: bool, seconds: float) -> float:
-        """success · OT / clip(AT, 2·OT, 8·OT): 0.5 at most."""
+        """Return the score success · OT / clip(AT, 2·OT, 8·OT), at most 0.5."""
         best = self.optimal_s
         return best / min(max(seconds, 2 * best), 8 * best) if success else 0.0
 
 
 def load_worlds(path: Path, *, scale: float) -> tuple[BarnWorld, ...]:
-    """All worlds of a file, in its order, every length `scale` times as large; raises
+    """Return all worlds of a file in its order, with every length multiplied by `scale`; raises
     `BadConfiguration`.
 
-    Where things move their times are stretched as well, so that they are as fast as published.
+    The times of moving obstacles are scaled as well, so that their speeds stay as published.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -84,16 +84,16 @@ def load_worlds(path: Path, *, scale: float) -> tuple[BarnWorld, ...]:
 
 
 def _world(world: dict[str, Any], meta: dict[str, Any], scale: float) -> BarnWorld:
-    middle = [(a + b) / 2 for a, b in zip(meta["start"][:2], meta["goal"], strict=True)]
+    centre = [(a + b) / 2 for a, b in zip(meta["start"][:2], meta["goal"], strict=True)]
 
     def at(point: Point) -> tuple[float, float]:
-        return scale * (point[0] - middle[0]), scale * (point[1] - middle[1])
+        return scale * (point[0] - centre[0]), scale * (point[1] - centre[1])
 
     start, goal = at(meta["start"]), at(meta["goal"])
     parts = _dynamic(world, at, scale) if "obstacles" in world else _static(world, meta, at, scale)
-    spots = [start, goal, *(piece.at for piece in parts.get("furniture", ()))]
-    spots += [point for wall in parts.get("walls", ()) for point in wall.points]
-    half = [max(abs(spot[axis]) for spot in spots) + ROOM_M for axis in (0, 1)]
+    points = [start, goal, *(piece.at for piece in parts.get("furniture", ()))]
+    points += [point for wall in parts.get("walls", ()) for point in wall.points]
+    half = [max(abs(point[axis]) for point in points) + FLOOR_MARGIN_M for axis in (0, 1)]
     size_m = (2 * half[0], 2 * half[1])
     return BarnWorld(
         id=int(world["id"]),
@@ -117,8 +117,8 @@ def _static(world: dict[str, Any], meta: dict[str, Any], at: Any, scale: float) 
     cylinders = [*world["walls"], *world["cylinders"]]
     return {
         "furniture": tuple(
-            Furniture(kind="cylinder", at=at(spot), size_m=size_m, colour=GREY)
-            for spot in cylinders
+            Furniture(kind="cylinder", at=at(point), size_m=size_m, colour=GREY)
+            for point in cylinders
         )
     }
 
@@ -126,18 +126,18 @@ def _static(world: dict[str, Any], meta: dict[str, Any], at: Any, scale: float) 
 def _dynamic(world: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
     movers = tuple(
         Mover(
-            keys=tuple((scale * t_s, *at((x, y))) for t_s, x, y in thing["keys"]),
-            period_s=scale * thing["period"],
-            radius_m=scale * thing["radius"],
+            keys=tuple((scale * t_s, *at((x, y))) for t_s, x, y in obstacle["keys"]),
+            period_s=scale * obstacle["period"],
+            radius_m=scale * obstacle["radius"],
             height_m=HEIGHT_M,
         )
-        for thing in world["obstacles"]
+        for obstacle in world["obstacles"]
     )
     return {"walls": tuple(_wall(wall, at, scale) for wall in world["walls"]), "movers": movers}
 
 
 def _wall(wall: dict[str, Any], at: Any, scale: float) -> Wall:
-    """A box as a straight of wall along its longer side."""
+    """Return a box as a straight wall along its longer side."""
     (x, y), (long, wide) = wall["centre"], wall["size"]
     ends = (
         [(x - long / 2, y), (x + long / 2, y)]

@@ -1,56 +1,53 @@
-"""Where everything in a scenario stands: each thing with its key in the file, its pose and its
-solids."""
+"""Layout of a scenario: each object with its key in the file, its pose and its solids."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navcore.geometry.polyline import metres_along
 from navcore.geometry.transform import Pose2
-from sim.models.solids import Polygon, Solid, placed
-
-if TYPE_CHECKING:
-    from sim.scenario.schema import Scenario, Wall
+from sim.models.solids import Polygon, Solid
+from sim.scenario.schema import Scenario, Wall
 
 OVERHEAD_M = 0.8
-"""What hangs higher than this is above the robot."""
+"""Height above which solids are out of reach of the robot."""
 ORIGIN = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Thing:
-    """Something that stands or lies in the world."""
+class PlacedObject:
+    """An object that stands or lies in the world."""
 
     key: str
-    """Its key in the scenario file, e.g. `furniture[3]`."""
+    """Key in the scenario file, e.g. `furniture[3]`."""
     name: str
-    """What it is."""
+    """Kind of the object."""
     pose: Pose2
-    """T_map_thing."""
+    """T_map_object."""
     solids: tuple[Solid, ...]
-    """What it is made of, in its own frame."""
+    """Solids in the frame of the object."""
 
     def outlines(self) -> tuple[Polygon, ...]:
-        """Convex outlines in the map frame of all its parts that the robot could touch."""
+        """Return the convex outlines in the map frame of all parts that the robot could touch."""
         return tuple(
-            placed(solid.outline(), self.pose)
+            self.pose.to_parent(solid.outline())
             for solid in self.solids
             if solid.bottom_m < OVERHEAD_M
         )
 
 
-def obstacles(scenario: Scenario) -> tuple[Thing, ...]:
-    """Walls and furniture."""
+def obstacles(scenario: Scenario) -> tuple[PlacedObject, ...]:
+    """Return walls and furniture."""
     walls = (
-        Thing(key=f"walls[{i}]", name="wall", pose=ORIGIN, solids=_wall(wall))
+        PlacedObject(key=f"walls[{i}]", name="wall", pose=ORIGIN, solids=_wall(wall))
         for i, wall in enumerate(scenario.walls)
     )
     furniture = (
-        Thing(
+        PlacedObject(
             key=f"furniture[{i}]",
             name=piece.kind,
             pose=_pose(piece.at, piece.yaw_deg),
@@ -61,10 +58,10 @@ def obstacles(scenario: Scenario) -> tuple[Thing, ...]:
     return (*walls, *furniture)
 
 
-def items(scenario: Scenario) -> tuple[Thing, ...]:
-    """The small things on the floor."""
+def items(scenario: Scenario) -> tuple[PlacedObject, ...]:
+    """Return the items on the floor."""
     return tuple(
-        Thing(
+        PlacedObject(
             key=f"items[{i}]",
             name=item.kind,
             pose=_pose(item.at, item.yaw_deg),
@@ -74,18 +71,13 @@ def items(scenario: Scenario) -> tuple[Thing, ...]:
     )
 
 
-def beware_markings(scenario: Scenario) -> tuple[Polygon, ...]:
-    """(N, 2) polygons of the floor that the robot must stay off."""
-    return tuple(np.array(marking.polygon) for marking in scenario.markings if marking.beware)
-
-
 def _pose(at: tuple[float, float], yaw_deg: float) -> Pose2:
     return Pose2(x_m=at[0], y_m=at[1], yaw_rad=math.radians(yaw_deg))
 
 
 def _wall(wall: Wall) -> tuple[Solid, ...]:
-    """A box for each straight between doors; it reaches round a corner by half its thickness, but
-    not into a door."""
+    """Return a box for each straight piece of wall between doors; it extends round a corner by half
+    its thickness, but not into a door."""
     last, closed = len(wall.points) - 2, wall.points[0] == wall.points[-1]
     boxes, from_m = [], 0.0
     for i, ((x0, y0), (x1, y1)) in enumerate(pairwise(wall.points)):
@@ -110,7 +102,8 @@ def _wall(wall: Wall) -> tuple[Solid, ...]:
 def _between_doors(
     wall: Wall, first: float, end: float, from_m: float
 ) -> list[tuple[float, float]]:
-    """What is left of the straight from `first` to `end`, which begins `from_m` along the run."""
+    """Return what the doors leave of the straight piece from `first` to `end`, which begins
+    `from_m` along the run."""
     ends = [first]
     for door in sorted(door - from_m for door in wall.doors_m):
         if first < door < end:
@@ -120,13 +113,13 @@ def _between_doors(
 
 
 def doors(scenario: Scenario) -> tuple[tuple[float, float], ...]:
-    """x, y of the middle of every door that a wall names."""
-    return tuple(spot for wall in scenario.walls for spot in _doors_of(wall))
+    """Return x, y of the middle of every door of the walls."""
+    return tuple(door for wall in scenario.walls for door in _doors_of(wall))
 
 
 def _doors_of(wall: Wall) -> list[tuple[float, float]]:
-    points = np.array(wall.points)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    points = np.array(wall.points, dtype=np.float64)
+    along = metres_along(points)
     return [
         (float(np.interp(d, along, points[:, 0])), float(np.interp(d, along, points[:, 1])))
         for d in wall.doors_m

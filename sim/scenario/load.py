@@ -1,4 +1,4 @@
-"""Load scenarios: built-in worlds by name, or TOML files."""
+"""Loading of scenarios: built-in worlds by name, or TOML files."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from sim.scenario.schema import Scenario
 from sim.scenario.validation import check_scenario
 
 WORLDS = Path(__file__).parent / "worlds"
-"""Where the built-in worlds lie."""
+"""Folder of the built-in worlds."""
 
 
 def scenario_names() -> tuple[str, ...]:
-    """The built-in worlds, sorted."""
+    """Return the names of the built-in worlds, sorted."""
     return tuple(sorted(path.stem for path in WORLDS.glob("*.toml")))
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A built-in world by name, or a file that ends in .toml; raises `BadConfiguration`, which
-    names the key."""
+    """Return a built-in world by name, or the world of a file that ends in .toml; raises
+    `BadConfiguration`, which names the key."""
     path = _path_of(name_or_path)
     scenario = from_table(Scenario, read_toml(path), path.name)
     check_scenario(scenario, path.name)

@@ -1,5 +1,4 @@
-"""What a scenario file says of many things at once: rooms to furnish and areas to strew; each seed
-does it its own way."""
+"""Scenery that each seed generates: rooms to furnish and areas to scatter objects over."""
 
 from __future__ import annotations
 
@@ -9,38 +8,38 @@ from typing import Literal
 from navcore.toml_config import ranged
 
 FARTHEST_M = 100.0
-"""Worlds are at most twice as large as this."""
+"""Largest coordinate of a world along x and y."""
 RoomKind = Literal["office", "meeting", "lounge", "store", "hall"]
-Strewn = Literal["house", "tree", "conifer", "bush", "rock", "landmine"]
+ScatterKind = Literal["house", "tree", "conifer", "bush", "rock", "landmine"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Room:
-    """A rectangle between walls that is furnished as its kind is; doors and all that the file
-    places stay clear."""
+    """A rectangle between walls that is furnished by its kind; doors and everything in the file
+    stay clear."""
 
     kind: RoomKind
-    """What it is used for."""
+    """Use of the room."""
     corners: tuple[tuple[float, float], tuple[float, float]] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its lowest and its highest x, y, on the middle lines of its walls."""
+    """Lowest and highest corner x, y, on the middle lines of its walls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """Many things of one kind, strewn at random with room between them, and between them and all
-    that was there before."""
+    """Many objects of one kind, scattered at random with gaps between them and around all earlier
+    objects."""
 
-    kind: Strewn
-    """What they are."""
+    kind: ScatterKind
+    """Kind of the objects."""
     count: int = ranged(1, 5000)
-    """How many; fewer where they do not fit."""
+    """Number of objects; fewer where they do not fit."""
     least_m: tuple[float, float, float] = ranged(0.02, 30.0)
-    """Depth, width and height of the smallest; of what is round the depth is its diameter."""
+    """Depth, width and height of the smallest object; a round one has its diameter as depth."""
     most_m: tuple[float, float, float] = ranged(0.02, 30.0)
-    """The same of the largest."""
+    """Depth, width and height of the largest object; a round one has its diameter as depth."""
     gap_m: float = ranged(0.0, 20.0)
-    """Room around each."""
+    """Gap around each object."""
     corners: tuple[tuple[float, float], tuple[float, float]] | None = ranged(
         -FARTHEST_M, FARTHEST_M, default=None
     )
-    """Lowest and highest x, y of where they may be; anywhere when left out."""
+    """Lowest and highest corner x, y of their area; the whole world when left out."""

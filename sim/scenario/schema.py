@@ -1,8 +1,8 @@
-"""A world and the mission in it, read from a TOML file. The world is centred on the origin of the
-map frame, z up.
+"""Schema of scenario files: a world and the mission in it. The world is centred on the origin of
+the map frame, z up.
 
-Files are refused by key: unknown or missing keys and numbers out of range here, impossible places
-in `sim.scenario_checks`.
+Files are refused by key: unknown or missing keys and numbers out of range here, impossible layouts
+in `sim.scenario.validation`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from navcore.toml_config import ranged
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
-from sim.models.solids import Colour, Pattern, Solid, facing, quaternion
+from sim.models.solids import Colour, Pattern, Size, Solid, facing_quaternion, quaternion
 from sim.scenario.scenery import FARTHEST_M, Room, Scatter
 from sim.sensors.faults import Fault
 
@@ -40,20 +40,26 @@ ItemKind = Literal[
     "cup", "book", "bag", "shoe", "bottle", "cable", "box", "keyboard", "landmine", "wet-floor sign"
 ]
 Surface = Literal["paint", "water", "mud", "chemical"]
+FLOOR_COLOUR: Colour = (196, 196, 194)
+"""Default colour of the floor."""
+WALL_COLOUR: Colour = (226, 223, 214)
+"""Default colour of a wall."""
+WALL_HEIGHT_M = 2.6
+"""Default height of a wall."""
 SURFACE_COLOURS: dict[str, Colour] = {
     "paint": (200, 20, 20),
     "water": (120, 140, 165),
     "mud": (86, 62, 40),
     "chemical": (150, 190, 40),
 }
-"""What a marking looks like when the file does not say."""
+"""Default colour of a marking by its surface."""
 SHEEN_SHARE = {"paint": 0.0, "water": 0.55, "mud": 0.1, "chemical": 0.3}
-"""How much of the floor's colour is seen through it."""
+"""Share of the floor colour that shows through each surface."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapExtent:
-    """The grid that navigation maps this world on, centred on the origin."""
+    """The grid on which navigation maps this world, centred on the origin."""
 
     size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides along x and y."""
@@ -68,34 +74,34 @@ class Wall:
     points: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
     """Corners along the middle of the wall, two or more; equal ends close it."""
     thickness_m: float = ranged(0.02, 2.0, default=0.12)
-    """Half of it on either side of the line."""
-    height_m: float = ranged(0.1, 5.0, default=2.6)
-    """From the floor."""
-    colour: tuple[int, int, int] = ranged(0, 255, default=(226, 223, 214))
-    """Red, green, blue."""
+    """Thickness of the wall, half of it on either side of the line."""
+    height_m: float = ranged(0.1, 5.0, default=WALL_HEIGHT_M)
+    """Height above the floor."""
+    colour: tuple[int, int, int] = ranged(0, 255, default=WALL_COLOUR)
+    """Colour: red, green, blue."""
     doors_m: tuple[float, ...] = ranged(0.0, 4 * FARTHEST_M, default=())
-    """How far along the run the middle of each door is: a gap in it."""
+    """Distance of the middle of each door along the run; each door is a gap in the wall."""
     door_m: float = ranged(0.1, 10.0, default=1.4)
-    """How wide they are."""
+    """Width of the doors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Furniture:
-    """Something that stands in the way."""
+    """A piece of furniture."""
 
     kind: FurnitureKind
-    """What it is."""
+    """Kind of furniture."""
     at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its middle, x and y in metres."""
+    """Position of the middle, x and y in metres."""
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
-    """Where its front points, counter-clockwise from the map's x."""
+    """Direction of the front, counter-clockwise from x of the map."""
     size_m: tuple[float, float, float] | None = ranged(0.02, 20.0, default=None)
-    """Depth, width and height; usual for its kind when left out."""
+    """Depth, width and height; the default of the kind when left out."""
     colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
-    """Red, green, blue; usual for its kind when left out."""
+    """Colour: red, green, blue; the default of the kind when left out."""
 
     def solids(self) -> tuple[Solid, ...]:
-        """What it is made of, in its own frame."""
+        """Return the solids in the frame of the piece."""
         size, colour = (
             self.size_m or FURNITURE_SIZES[self.kind],
             self.colour or FURNITURE_COLOURS[self.kind],
@@ -105,25 +111,25 @@ class Furniture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marking:
-    """A painted area of the floor, or something spilt on it, without height."""
+    """A painted area of the floor, or a spill on it, without height."""
 
     name: str
-    """For reports."""
+    """Name in reports."""
     polygon: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its corners in metres, three or more, in either sense."""
+    """Corners in metres, three or more, in either sense."""
     surface: Surface = "paint"
-    """What it is of; all but paint shine, and the floor shows through."""
+    """Surface; all but paint are glossy and let the floor colour show through."""
     colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
-    """Red, green, blue; usual for its surface when left out."""
+    """Colour: red, green, blue; the default of the surface when left out."""
     beware: bool = True
-    """Whether the robot must stay off it."""
+    """Whether the robot must stay off the marking."""
 
     def paint(self) -> Colour:
-        """Its own colour."""
+        """Return the colour of the paint or liquid itself."""
         return self.colour or SURFACE_COLOURS[self.surface]
 
     def seen_on(self, floor: Colour) -> Colour:
-        """Its colour on a floor."""
+        """Return the colour seen on a floor."""
         share = SHEEN_SHARE[self.surface]
         red, green, blue = (
             round((1 - share) * own + share * below)
@@ -134,137 +140,137 @@ class Marking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Item:
-    """A small thing on the floor; the robot must touch none of them."""
+    """An item on the floor; the robot must not touch it."""
 
     kind: ItemKind
-    """What it is."""
+    """Kind of item."""
     at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its middle, x and y in metres."""
+    """Position of the middle, x and y in metres."""
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
-    """Its turn, counter-clockwise."""
+    """Rotation, counter-clockwise."""
     shape: str = ""
-    """One of the shapes of its kind; the usual one when left out."""
+    """Shape of its kind; the default one when left out."""
     size_m: tuple[float, float, float] | None = ranged(0.004, 3.0, default=None)
-    """Length, width and height of the upright thing; usual for its kind when left out."""
+    """Length, width and height of the upright item; the default of the kind when left out."""
     colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
-    """Red, green, blue; usual for its kind when left out."""
+    """Colour: red, green, blue; the default of the kind when left out."""
 
     def solids(self) -> tuple[Solid, ...]:
-        """What it is made of, in its own frame."""
+        """Return the solids in the frame of the item."""
         shape = self.shape or item_shapes(self.kind)[0]
         return item_solids(self.kind, self._size(), self.colour or ITEM_COLOURS[self.kind], shape)
 
-    def extent_m(self) -> tuple[float, float, float]:
-        """Sides of the box that it takes up as it lies, along x, y and z."""
+    def extent_m(self) -> Size:
+        """Return the bounding box of the item as it lies, along x, y and z."""
         return item_extent(self.kind, self._size(), self.shape)
 
-    def _size(self) -> tuple[float, float, float]:
+    def _size(self) -> Size:
         return self.size_m or ITEM_SIZES[self.kind]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Print:
-    """A picture of an item, flat on the floor or on a wall: nothing to run into and nothing to
-    beware of."""
+    """A printed image of an item, flat on the floor or on a wall: neither an obstacle nor a beware
+    object."""
 
     shows: ItemKind
-    """What is drawn on it."""
+    """Kind of item that is drawn on it."""
     at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Its middle, x and y in metres; on a wall half the wall's thickness and a centimetre off its
-    line."""
+    """Position of the middle, x and y in metres; on a wall half the thickness of the wall and a
+    centimetre off its line."""
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
-    """On the floor its turn, counter-clockwise; on a wall where it faces."""
+    """Rotation on the floor, counter-clockwise; on a wall the direction that it faces."""
     size_m: tuple[float, float] = ranged(0.05, 5.0, default=(0.3, 0.3))
     """Width and height."""
     on: Literal["floor", "wall"] = "floor"
-    """What carries it."""
+    """Surface that carries the print."""
     height_m: float = ranged(0.0, 5.0, default=1.2)
-    """Of its middle, on a wall."""
+    """Height of the middle on a wall."""
 
     def turn(self) -> list[float]:
-        """Quaternion x, y, z, w in the map frame of its own x to the right, y upwards, z towards
-        who looks."""
+        """Return the quaternion x, y, z, w of the print in the map frame: its x to the right, y
+        upwards, z towards the observer."""
         yaw_rad = math.radians(self.yaw_deg)
-        return quaternion(yaw_rad) if self.on == "floor" else facing(yaw_rad)
+        return quaternion(yaw_rad) if self.on == "floor" else facing_quaternion(yaw_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Person:
-    """Somebody who stands, or walks to and fro along a line of points."""
+    """A person who stands, or walks back and forth along a polyline."""
 
     points: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M)
     """One point to stand on, or two and more to walk along and back."""
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
-    """Where somebody who stands looks."""
+    """Direction that a standing person faces."""
     speed_mps: float = ranged(0.0, 3.0, default=0.8)
-    """Of walking."""
+    """Walking speed."""
     yields: bool = True
-    """Whether a walker waits, or turns back, when the robot is right before him."""
+    """Whether a walker waits, or turns back, when the robot is right in front."""
     begins_at: float | None = ranged(0.0, 1.0, default=None)
-    """Share of his line at which a walker begins, towards its end; anywhere and either way, by the
-    seed, when left out."""
+    """Share of the line at which a walker begins, towards its end; position and direction come from
+    the seed when left out."""
     pauses_s: tuple[float, ...] = ranged(0.0, 3600.0, default=())
-    """How long a walker stands at each of his points before he walks on; nowhere when left out."""
+    """Pause of a walker at each point before walking on; no pauses when left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mover:
-    """A cylinder that moves by a timetable and yields to nobody."""
+    """A cylinder that moves by a timetable and never yields."""
 
     keys: tuple[tuple[float, float, float], ...] = ranged(-86_400.0, 86_400.0)
-    """Seconds, x and y in metres: where it is when; in between it goes straight. In order of time,
-    one or more."""
+    """Timetable: seconds, x and y in metres, with straight motion in between. In order of time, one
+    or more."""
     period_s: float = ranged(0.1, 86_400.0)
-    """After so long it is where it began, and does the same again."""
+    """Period after which the motion repeats from its beginning."""
     radius_m: float = ranged(0.02, 5.0, default=0.5)
-    """Of the cylinder."""
+    """Radius of the cylinder."""
     height_m: float = ranged(0.1, 5.0, default=1.5)
-    """From the floor."""
+    """Height above the floor."""
     colour: tuple[int, int, int] = ranged(0, 255, default=(120, 120, 125))
-    """Red, green, blue."""
+    """Colour: red, green, blue."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """A world, the robot's place in it, and the mission S → G1 → G2 → …"""
+    """A world, the start pose of the robot, and the mission S → G1 → G2 → …"""
 
     name: str
-    """For reports."""
+    """Name in reports."""
     size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides of the floor along x and y; centred on the origin."""
     map: MapExtent
-    """What navigation maps of it."""
+    """Extent of the map of navigation."""
     start: tuple[float, float, float] = ranged(-FARTHEST_M, FARTHEST_M)
-    """Where the robot starts: x and y in metres, yaw in radians."""
+    """Start of the robot: x and y in metres, yaw in radians."""
     goals: tuple[tuple[float, float], ...] = ranged(-FARTHEST_M, FARTHEST_M, default=())
-    """Where the mission leads, in this order, x and y in metres."""
-    floor_colour: tuple[int, int, int] = ranged(0, 255, default=(196, 196, 194))
-    """Red, green, blue."""
+    """Goals of the mission in order, x and y in metres."""
+    floor_colour: tuple[int, int, int] = ranged(0, 255, default=FLOOR_COLOUR)
+    """Colour of the floor: red, green, blue."""
     floor_pattern: Pattern = "plain"
-    """What its colour is multiplied with."""
+    """Pattern that multiplies the colour of the floor."""
     relief: Relief | None = None
-    """How the ground rolls; flat when left out."""
+    """Relief of the ground; flat when left out."""
     walls: tuple[Wall, ...] = field(default=())
-    """All walls."""
+    """Walls."""
     furniture: tuple[Furniture, ...] = field(default=())
-    """Everything else that stands."""
+    """Furniture and all other standing objects."""
     markings: tuple[Marking, ...] = field(default=())
-    """Everything painted on the floor."""
+    """Markings and spills on the floor."""
     items: tuple[Item, ...] = field(default=())
-    """Everything small on the floor."""
+    """Items on the floor."""
     prints: tuple[Print, ...] = field(default=())
-    """All pictures on floor and walls."""
+    """Prints on floor and walls."""
     people: tuple[Person, ...] = field(default=())
-    """Everybody."""
+    """People."""
     movers: tuple[Mover, ...] = field(default=())
-    """Everything that moves by a timetable."""
+    """Cylinders that move by a timetable."""
     faults: tuple[Fault, ...] = field(default=())
-    """Everything that goes wrong, and when."""
+    """Faults of sensors, wheels and software."""
     rooms: tuple[Room, ...] = field(default=())
-    """Where each seed furnishes: its furniture comes to that of the file."""
+    """Rooms that each seed furnishes, in addition to the furniture of the file."""
     scatter: tuple[Scatter, ...] = field(default=())
-    """What each seed strews, one after the other: it comes to the furniture and the items of the
-    file."""
+    """Groups of objects that each seed scatters, one after the other, in addition to the furniture
+    and items of the file."""
 
     @property
     def start_pose(self) -> Pose2:
@@ -274,5 +280,5 @@ class Scenario:
 
 
 def map_grid(scenario: Scenario) -> GridSpec:
-    """The map's grid for a world."""
+    """Return the map grid of a world."""
     return GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)

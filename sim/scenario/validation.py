@@ -1,12 +1,10 @@
-"""What a scenario file can get wrong beyond types and ranges: impossible places. Each refusal names
-the key."""
+"""Validation of scenarios beyond types and ranges. Each refusal names the key."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from shapely import MultiPolygon, Point, Polygon
@@ -16,23 +14,20 @@ from shapely.validation import explain_validity
 from navcore.errors import BadConfiguration
 from navcore.robot.profile import HUSKY
 from sim.models.items import item_shapes
-from sim.models.solids import placed
-from sim.scenario.layout import Thing, items, obstacles
+from sim.scenario.layout import PlacedObject, items, obstacles
+from sim.scenario.schema import Scenario
 from sim.sensors.faults import check_faults
 
-if TYPE_CHECKING:
-    from sim.scenario.schema import Scenario
-
-Spot = tuple[float, float]
+Point2 = tuple[float, float]
 
 
 def check_scenario(scenario: Scenario, where: str) -> None:
-    """Raise `BadConfiguration` when the world cannot exist or the robot cannot stand where it
-    should."""
+    """Raise `BadConfiguration` when the world is impossible or the robot cannot stand at its start
+    or goals."""
     _check_lists(scenario, where)
     _check_inside(scenario, where)
     _check_markings(scenario, where)
-    _check_room(scenario, where)
+    _check_clearance(scenario, where)
     check_faults(scenario.faults, where)
 
 
@@ -47,44 +42,48 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         for j, (a, b) in enumerate(pairwise(wall.points)):
             if a == b:
                 raise BadConfiguration(
-                    f"{where}.walls[{i}].points[{j + 1}]: repeats the point before, {a}; leave it out"
+                    f"{where}.walls[{i}].points[{j + 1}]: repeats the previous point {a}; remove it"
                 )
         length_m = sum(math.dist(a, b) for a, b in pairwise(wall.points))
         for j, along_m in enumerate(wall.doors_m):
             if not wall.door_m / 2 < along_m < length_m - wall.door_m / 2:
                 raise BadConfiguration(
-                    f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at {along_m:g} m does not fit into "
-                    f"a wall of {length_m:g} m"
+                    f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at {along_m:g} m "
+                    f"does not fit into a wall of {length_m:g} m"
                 )
     for i, item in enumerate(scenario.items):
         if item.shape and item.shape not in (known := item_shapes(item.kind)):
             raise BadConfiguration(
-                f"{where}.items[{i}].shape: {item.shape!r}, a {item.kind} is one of {', '.join(known)}"
+                f"{where}.items[{i}].shape: {item.shape!r}, expected one of: {', '.join(known)}"
             )
     for i, person in enumerate(scenario.people):
         if not person.points:
             raise BadConfiguration(
-                f"{where}.people[{i}].points: is empty, expected one point to stand on, or more to walk"
+                f"{where}.people[{i}].points: is empty, "
+                "expected one point to stand on, or more to walk"
             )
         if person.pauses_s and len(person.pauses_s) != len(person.points):
             raise BadConfiguration(
-                f"{where}.people[{i}].pauses_s: has {len(person.pauses_s)}, expected {len(person.points)}, one for each point"
+                f"{where}.people[{i}].pauses_s: has {len(person.pauses_s)} values, "
+                f"expected {len(person.points)}, one for each point"
             )
         if len(person.points) > 1 and person.speed_mps == 0:
             raise BadConfiguration(
-                f"{where}.people[{i}].speed_mps: is 0 for a walker, expected more, or a single point"
+                f"{where}.people[{i}].speed_mps: is 0 for a walker, "
+                "expected more, or a single point"
             )
 
     for key, corners in _areas(scenario):
         (x0, y0), (x1, y1) = corners
         if not (x0 < x1 and y0 < y1):
             raise BadConfiguration(
-                f"{where}.{key}.corners: expected the lowest x, y and then the highest, got {corners}"
+                f"{where}.{key}.corners: expected the lowest x, y and then the highest, "
+                f"got {corners}"
             )
-    for i, strewn in enumerate(scenario.scatter):
-        if any(low > high for low, high in zip(strewn.least_m, strewn.most_m, strict=True)):
+    for i, group in enumerate(scenario.scatter):
+        if any(low > high for low, high in zip(group.least_m, group.most_m, strict=True)):
             raise BadConfiguration(
-                f"{where}.scatter[{i}].most_m: {strewn.most_m} is less than least_m, {strewn.least_m}"
+                f"{where}.scatter[{i}].most_m: {group.most_m} is less than least_m, {group.least_m}"
             )
     for i, mover in enumerate(scenario.movers):
         times = [t_s for t_s, _, _ in mover.keys]
@@ -94,12 +93,12 @@ def _check_lists(scenario: Scenario, where: str) -> None:
             )
 
 
-def _areas(scenario: Scenario) -> Iterator[tuple[str, tuple[Spot, Spot]]]:
+def _areas(scenario: Scenario) -> Iterator[tuple[str, tuple[Point2, Point2]]]:
     yield from ((f"rooms[{i}]", room.corners) for i, room in enumerate(scenario.rooms))
     yield from (
-        (f"scatter[{i}]", strewn.corners)
-        for i, strewn in enumerate(scenario.scatter)
-        if strewn.corners
+        (f"scatter[{i}]", group.corners)
+        for i, group in enumerate(scenario.scatter)
+        if group.corners
     )
 
 
@@ -108,11 +107,12 @@ def _check_inside(scenario: Scenario, where: str) -> None:
     for key, (x, y) in _spots(scenario):
         if abs(x) > half_x or abs(y) > half_y:
             raise BadConfiguration(
-                f"{where}.{key}: ({x:g}, {y:g}) lies outside the world, x ±{half_x:g} m, y ±{half_y:g} m; see size_m"
+                f"{where}.{key}: ({x:g}, {y:g}) lies outside the world, "
+                f"x ±{half_x:g} m, y ±{half_y:g} m; see size_m"
             )
 
 
-def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
+def _spots(scenario: Scenario) -> Iterator[tuple[str, Point2]]:
     yield "start", scenario.start[:2]
     for i, goal in enumerate(scenario.goals):
         yield f"goals[{i}]", goal
@@ -130,9 +130,9 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Spot]]:
         yield f"prints[{i}].at", sheet.at
     for i, room in enumerate(scenario.rooms):
         yield from ((f"rooms[{i}].corners[{j}]", corner) for j, corner in enumerate(room.corners))
-    for i, strewn in enumerate(scenario.scatter):
+    for i, group in enumerate(scenario.scatter):
         yield from (
-            (f"scatter[{i}].corners[{j}]", corner) for j, corner in enumerate(strewn.corners or ())
+            (f"scatter[{i}].corners[{j}]", corner) for j, corner in enumerate(group.corners or ())
         )
     for i, person in enumerate(scenario.people):
         yield from ((f"people[{i}].points[{j}]", point) for j, point in enumerate(person.points))
@@ -146,31 +146,33 @@ def _check_markings(scenario: Scenario, where: str) -> None:
         polygon = Polygon(marking.polygon)
         if not polygon.is_valid:
             raise BadConfiguration(
-                f"{key}: {explain_validity(polygon)}; expected corners in order, without crossing edges"
+                f"{key}: {explain_validity(polygon)}; "
+                "expected corners in order, without crossing edges"
             )
         if polygon.area < 1e-4:
             raise BadConfiguration(f"{key}: has no area, expected more than 1 cm²")
 
 
-def _check_room(scenario: Scenario, where: str) -> None:
-    """The footprint fits at the start, and the robot's width in every direction at each goal."""
-    standing = Polygon(placed(HUSKY.footprint(), scenario.start_pose))
-    places: list[tuple[str, BaseGeometry]] = [("start", standing)]
-    places += [
+def _check_clearance(scenario: Scenario, where: str) -> None:
+    """Check that the footprint fits at the start, and the robot's width in every direction at each
+    goal."""
+    footprint = Polygon(scenario.start_pose.to_parent(HUSKY.footprint()))
+    areas: list[tuple[str, BaseGeometry]] = [("start", footprint)]
+    areas += [
         (f"goals[{i}]", Point(goal).buffer(HUSKY.width_m / 2))
         for i, goal in enumerate(scenario.goals)
     ]
-    taken = [(thing.key, _shape(thing)) for thing in (*obstacles(scenario), *items(scenario))]
+    taken = [(entry.key, _shape(entry)) for entry in (*obstacles(scenario), *items(scenario))]
     taken += [
         (f"markings[{i}]", Polygon(m.polygon)) for i, m in enumerate(scenario.markings) if m.beware
     ]
-    for key, place in places:
+    for key, area in areas:
         for other, shape in taken:
-            if place.intersects(shape):
+            if area.intersects(shape):
                 raise BadConfiguration(
                     f"{where}.{key}: the robot would stand in {other}; move one of them"
                 )
 
 
-def _shape(thing: Thing) -> BaseGeometry:
-    return MultiPolygon([Polygon(np.asarray(outline)) for outline in thing.outlines()]).buffer(0)
+def _shape(entry: PlacedObject) -> BaseGeometry:
+    return MultiPolygon([Polygon(np.asarray(outline)) for outline in entry.outlines()]).buffer(0)

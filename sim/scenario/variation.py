@@ -1,7 +1,7 @@
-"""What a seed changes: where chairs and items stand exactly, what rooms and woods hold, where hills
-are, how each sensor errs.
+"""Variation of a scenario by a seed: exact poses of chairs and items, contents of rooms and woods,
+positions of hills, and the random sources of the sensors.
 
-Same seed, same world, bit for bit.
+The same seed gives the same world, bit for bit.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from typing import TypeVar
 import numpy as np
 
 from sim.scenario.furnishing import furnish
-from sim.scenario.scattering import strew
+from sim.scenario.scattering import scatter
 from sim.scenario.schema import Furniture, Item, Scenario
 
-Placed = TypeVar("Placed", Furniture, Item)
+Movable = TypeVar("Movable", Furniture, Item)
 
 MOVED_BY_HAND = frozenset({"chair", "armchair", "bin", "plant"})
-"""Furniture that does not stand on the same spot every day."""
+"""Kinds of furniture that people move a little every day."""
 SHIFT_M = 0.03
-"""Standard deviation of a piece's place along x and along y."""
+"""Standard deviation of the position of a piece along x and along y."""
 TURN_DEG = 5.0
-"""Standard deviation of its turn."""
-LARGEST = 2.0
-"""No piece moves by more standard deviations than this, so a way that is free in the file stays
-free."""
+"""Standard deviation of its rotation."""
+MAX_DEVIATIONS = 2.0
+"""Largest displacement in standard deviations, so that a path that is free in the file stays free.
+"""
 
 
 class Source(IntEnum):
-    """Everything random draws from a generator of its own, so that one more draw in one changes
-    none of the others."""
+    """Random sources, each with a generator of its own, so that one more draw in one changes none
+    of the others."""
 
     WORLD = 0
     PEOPLE = 1
@@ -43,12 +43,12 @@ class Source(IntEnum):
 
 
 def generator(seed: int, source: Source) -> np.random.Generator:
-    """The random numbers of one source in one run."""
+    """Return the random generator of one source in one run."""
     return np.random.default_rng((seed, source))
 
 
 def randomise(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario as it is found in this run."""
+    """Return the scenario as it is in the run of this seed."""
     rng = generator(seed, Source.WORLD)
     furniture = tuple(
         _nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture
@@ -57,10 +57,10 @@ def randomise(scenario: Scenario, seed: int) -> Scenario:
     items = tuple(_nudge(item, rng) for item in scenario.items)
     found = dataclasses.replace(scenario, furniture=furniture, items=items, relief=relief)
     scenery = generator(seed, Source.SCENERY)
-    return strew(furnish(found, scenery), scenery)
+    return scatter(furnish(found, scenery), scenery)
 
 
-def _nudge(thing: Placed, rng: np.random.Generator) -> Placed:
-    x, y, turn = np.clip(rng.standard_normal(3), -LARGEST, LARGEST)
-    at = (thing.at[0] + SHIFT_M * float(x), thing.at[1] + SHIFT_M * float(y))
-    return dataclasses.replace(thing, at=at, yaw_deg=thing.yaw_deg + TURN_DEG * float(turn))
+def _nudge(piece: Movable, rng: np.random.Generator) -> Movable:
+    x, y, turn = np.clip(rng.standard_normal(3), -MAX_DEVIATIONS, MAX_DEVIATIONS)
+    at = (piece.at[0] + SHIFT_M * float(x), piece.at[1] + SHIFT_M * float(y))
+    return dataclasses.replace(piece, at=at, yaw_deg=piece.yaw_deg + TURN_DEG * float(turn))

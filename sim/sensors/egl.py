@@ -1,10 +1,10 @@
-"""PyBullet's EGL renderer: where its plugin lies, and whether it works on this machine.
+"""PyBullet's EGL renderer: location of its plugin, and whether it works on this machine.
 
-Its pictures come from whichever GL context was made last in the process, so only one simulator at a
-time may have it.
+It renders into the GL context that was made last in the process, so only one simulator at a time
+may have it.
 
-The plugin ends the whole process where EGL is missing, so it is tried out in a process of its own
-first: this file, run as a script, renders one picture.
+The plugin ends the whole process where EGL is missing, so it is first tried in a process of its
+own: this file, run as a script, renders one image.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pathlib import Path
 import pybullet
 
 SYMBOL = "_eglRendererPlugin"
-PROBE_S = 30.0
-"""A renderer that needs longer than this for its first picture is of no use."""
-_taken = threading.Lock()
+PROBE_TIMEOUT_S = 30.0
+"""Longest time of the probe; a renderer that needs longer for its first image is useless."""
+_in_use = threading.Lock()
 """Held by the one client in this process that renders with EGL: a fact about the process, not about
 a simulator."""
 _SIDE = 32
@@ -30,35 +30,38 @@ _RED = [1.0, 0.0, 0.0, 1.0]
 
 @cache
 def egl_works() -> bool:
-    """Whether the EGL renderer loads here and shows a red box as red. Asked once a process, as it
-    takes a second."""
+    """Return whether the EGL renderer loads here and shows a red box as red. Probed once a process,
+    because it takes a second."""
     if _plugin() is None:
         return False
     probe = [sys.executable, "-P", str(Path(__file__).resolve())]
     try:
         return (
-            subprocess.run(probe, capture_output=True, timeout=PROBE_S, check=False).returncode == 0
+            subprocess.run(
+                probe, capture_output=True, timeout=PROBE_TIMEOUT_S, check=False
+            ).returncode
+            == 0
         )
     except (OSError, subprocess.TimeoutExpired):
         return False
 
 
 def load_egl(client: int) -> int:
-    """The plugin's handle within a client; negative when another client has it. Only where
-    `egl_works`."""
+    """Return the handle of the plugin in a client, negative while another client has it; call only
+    where `egl_works`."""
     plugin = _plugin()
-    if plugin is None or not _taken.acquire(blocking=False):
+    if plugin is None or not _in_use.acquire(blocking=False):
         return -1
     handle = int(pybullet.loadPlugin(plugin, SYMBOL, physicsClientId=client))
     if handle < 0:
-        _taken.release()
+        _in_use.release()
     return handle
 
 
 def unload_egl(client: int, handle: int) -> None:
-    """Let the next client have it; before this one disconnects."""
+    """Release the plugin for the next client, before this one disconnects."""
     pybullet.unloadPlugin(handle, physicsClientId=client)
-    _taken.release()
+    _in_use.release()
 
 
 def _plugin() -> str | None:

@@ -1,5 +1,5 @@
-"""How a stereo depth camera errs: noise that grows with the square of the distance, shadows behind
-edges, speckle."""
+"""Error model of a stereo depth camera: noise that grows with the square of the distance, occlusion
+shadows at edges, speckle."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ Rgb = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StereoErrors:
-    """Of an Intel RealSense D455; all zero makes a perfect camera of it."""
+    """Errors of an Intel RealSense D455; all zero makes it a perfect camera."""
 
     baseline_m: float = 0.095
-    """Between the two imagers."""
+    """Distance between the two imagers."""
     disparity_noise_px: float = 0.08
     """Standard deviation of the matched disparity."""
     disparity_step_px: float = 1 / 32
-    """Disparity comes in steps of this; 0 for none."""
+    """Quantisation step of the disparity; 0 for none."""
     speckle: float = 0.01
-    """Share of pixels that match nothing, anywhere."""
+    """Share of pixels anywhere without a match."""
     edge_px: int = 1
-    """Pixels on the near side of an edge in depth that match nothing either."""
+    """Width of the unmatched band on the near side of a depth edge."""
     shadows: bool = True
-    """Whether what only the left imager sees is missing."""
+    """Whether pixels that only the left imager sees are missing."""
     colour_noise: int = 3
-    """Largest error of a colour level, of a sum of two equal draws."""
+    """Largest error of a colour level, a difference of two uniform draws."""
     largest_disparity_px: float = 126.0
-    """The matcher looks no further, so nothing nearer than f·b/126 is measured: 0.17 m at 424
-    columns, 0.5 m at 1280."""
+    """Search range of the matcher: nothing nearer than f·b/126 is measured, which is 0.17 m at 424
+    columns and 0.5 m at 1280."""
     max_range_m: float = 6.0
-    """Nothing farther is measured."""
+    """Largest measured distance."""
 
 
 PERFECT = StereoErrors(
@@ -45,13 +45,13 @@ PERFECT = StereoErrors(
     shadows=False,
     colour_noise=0,
 )
-"""Only the range is limited."""
+"""A camera without errors; only the range is limited."""
 
 
-def spoil_depth(
+def degrade_depth(
     true_m: Depth, focal_px: float, errors: StereoErrors, rng: np.random.Generator
 ) -> Depth:
-    """(H, W) depth as the camera reports it, 0 where it measures nothing.
+    """Return (H, W) depth in metres as the camera reports it, 0 where it measures nothing.
 
     With disparity d = f·b/z the noise of z is z²·σ_d/(f·b).
     """
@@ -77,8 +77,8 @@ def spoil_depth(
     return depth
 
 
-def spoil_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator) -> Rgb:
-    """(H, W, 3) colours with the sensor's noise."""
+def degrade_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator) -> Rgb:
+    """Return (H, W, 3) colours with sensor noise."""
     if not errors.colour_noise:
         return true_rgb.copy()
     span = errors.colour_noise + 1
@@ -88,10 +88,10 @@ def spoil_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator) 
 
 
 def _shadowed(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    """What something nearer, to its right in the left picture, hides from the right imager.
+    """Return the mask of pixels that a nearer surface to their right hides from the right imager.
 
-    Column j lands in column j − d of the right picture. Whatever lies further right on the left and
-    lands further left hides it.
+    Column j of the left image lands in column j − d of the right one; a pixel is hidden when
+    another one further right lands further left.
     """
     landing = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     rest = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
@@ -101,7 +101,8 @@ def _shadowed(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
 
 
 def _near_edges(disparity: npt.NDArray[np.float32], width_px: int) -> npt.NDArray[np.bool_]:
-    """Pixels beside a jump of more than one pixel of disparity, along rows and columns."""
+    """Return the mask of pixels beside a jump of more than one pixel of disparity, along rows and
+    columns."""
     edges = np.zeros(disparity.shape, dtype=np.bool_)
     across = np.abs(np.diff(disparity, axis=1)) > 1.0
     along = np.abs(np.diff(disparity, axis=0)) > 1.0

@@ -1,10 +1,10 @@
-"""The shortest way that a disc can take among polygons, in the plane and not on a grid: what a
-driven way is measured by.
+"""The shortest path of a disc among polygons, in the plane and not on a grid: the reference for the
+length of a driven path.
 
-A shortest way touches only corners of the obstacles, grown by the disc's radius; between two of
-them it is straight. A* over these corners finds it; which corner sees which is asked only where the
-search comes. Arcs are polygons of chords, which makes the way shorter by at most half a percent of
-the radius a corner.
+A shortest path touches only convex corners of the obstacles, grown by the radius of the disc, and
+is straight between them. A* over the visibility graph of these corners finds it; visibility is
+tested only for the corners that the search reaches. Arcs are polygons of chords, which shortens the
+path by at most half a percent of the radius a corner.
 """
 
 from __future__ import annotations
@@ -24,78 +24,81 @@ from sim.models.solids import Polygon
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-Spot = tuple[float, float]
+Point = tuple[float, float]
 
-ARC = 8
-"""Chords of a quarter circle."""
+CHORDS_PER_QUARTER = 8
+"""Number of chords of a quarter circle."""
 SLACK_M = 1e-3
-"""Lines of sight may cut so deep into a grown obstacle: those along its side do, by rounding."""
-RELIEF_M = 0.6
-"""A start may be so far inside a grown obstacle."""
+"""Depth to which a line of sight may cut into a grown obstacle: lines along its side do, by
+rounding."""
+MAX_ESCAPE_M = 0.6
+"""Largest depth of a start inside a grown obstacle."""
 BIN_M = 1.0
-"""Side of the squares by which sides of obstacles are found."""
+"""Side of the square bins in which the sides of obstacles are looked up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VisibilityGraph:
-    """Obstacles, grown, as the search needs them."""
+    """Grown obstacles and their corners."""
 
     obstacles: shapely.Geometry
-    """Their union."""
+    """Union of the grown obstacles."""
     corners: Floats
-    """(N, 2) where a shortest way may turn."""
-    beside: Floats
-    """(N, 4) the corners before and after each of them."""
+    """(N, 2) corners at which a shortest path may turn."""
+    neighbours: Floats
+    """(N, 4) the corners before and after each corner on its outline."""
     sides: Floats
-    """(M, 4) of the obstacles, shrunk by the slack: what blocks sight."""
+    """(M, 4) sides of the obstacles, shrunk by the slack, which block sight."""
     starts: Ints
-    """(bins + 1,) where the sides in each bin begin in `listed`."""
-    listed: Ints
+    """(bins + 1,) index in `binned` at which the sides of each bin begin."""
+    binned: Ints
     """Numbers of the sides, bin by bin; row by row from the lower left."""
     bins: tuple[int, int]
     """Rows and columns of bins."""
-    origin: Spot
+    origin: Point
     """Lower left corner of the bins."""
 
     @staticmethod
     def of(polygons: Sequence[Polygon], radius_m: float) -> VisibilityGraph:
-        """What is left to a disc of this radius among polygons in metres."""
+        """Return the graph of a disc of this radius among polygons in metres."""
         grown = shapely.union_all(
             shapely.buffer(
-                [shapely.Polygon(polygon) for polygon in polygons], radius_m, quad_segs=ARC
+                [shapely.Polygon(polygon) for polygon in polygons],
+                radius_m,
+                quad_segs=CHORDS_PER_QUARTER,
             )
         )
-        corners, beside = _corners(grown)
+        corners, neighbours = _convex_corners(grown)
         sides = _sides(shapely.buffer(grown, -SLACK_M, join_style="mitre"))
         low = sides.reshape(-1, 2).min(axis=0, initial=0.0) - BIN_M
         cols, rows = (
             int(n)
             for n in np.ceil((sides.reshape(-1, 2).max(axis=0, initial=0.0) - low) / BIN_M) + 1
         )
-        starts, listed = _sorted_into_bins(sides, low, rows, cols)
+        starts, binned = _sorted_into_bins(sides, low, rows, cols)
         return VisibilityGraph(
             obstacles=grown,
             corners=corners,
-            beside=beside,
+            neighbours=neighbours,
             sides=sides,
             starts=starts,
-            listed=listed,
+            binned=binned,
             bins=(rows, cols),
             origin=(float(low[0]), float(low[1])),
         )
 
-    def way(self, start: Spot, goal: Spot) -> Floats | None:
-        """(K, 2) the corners of the shortest way from start to goal, both included; None when there
-        is none."""
+    def path(self, start: Point, goal: Point) -> Floats | None:
+        """Return the (K, 2) corners of the shortest path from start to goal, both included; None
+        when there is none."""
         if shapely.intersects_xy(self.obstacles, *start) or shapely.intersects_xy(
             self.obstacles, *goal
         ):
             return None
-        places = np.vstack([self.corners, goal, start])
-        last = len(places) - 2
-        to_goal = np.hypot(*(places - goal).T)
-        length, before = np.full(len(places), np.inf), np.full(len(places), -1)
-        length[last + 1], done = 0.0, np.zeros(len(places), dtype=np.bool_)
+        nodes = np.vstack([self.corners, goal, start])
+        last = len(nodes) - 2
+        to_goal = np.hypot(*(nodes - goal).T)
+        length, previous = np.full(len(nodes), np.inf), np.full(len(nodes), -1)
+        length[last + 1], done = 0.0, np.zeros(len(nodes), dtype=np.bool_)
         queue = [(float(to_goal[-1]), last + 1)]
         while queue:
             _, here = heapq.heappop(queue)
@@ -103,56 +106,56 @@ class VisibilityGraph:
                 continue
             done[here] = True
             if here == last:
-                return _traced(places, before, last)
+                return _trace_back(nodes, previous, last)
             reached = _relax(
                 here,
-                places,
-                self.beside,
+                nodes,
+                self.neighbours,
                 self.sides,
                 self.starts,
-                self.listed,
+                self.binned,
                 *self.bins,
                 *self.origin,
                 done,
                 length,
-                before,
+                previous,
             )
             for there in reached:
                 heapq.heappush(queue, (float(length[there] + to_goal[there]), int(there)))
         return None
 
-    def nearest_free(self, spot: Spot, within_m: float) -> Spot | None:
-        """The nearest spot at which the disc has room, itself if it has; None when there is none
-        within this distance."""
-        if not shapely.intersects_xy(self.obstacles, *spot):
-            return spot
+    def nearest_free(self, point: Point, within_m: float) -> Point | None:
+        """Return the nearest free position of the disc, which may be `point` itself; None when
+        there is none within this distance."""
+        if not shapely.intersects_xy(self.obstacles, *point):
+            return point
         edge = shapely.get_coordinates(
-            shapely.shortest_line(shapely.boundary(self.obstacles), shapely.Point(spot))
+            shapely.shortest_line(shapely.boundary(self.obstacles), shapely.Point(point))
         )[0]
-        away_m = math.dist(edge, spot)
+        away_m = math.dist(edge, point)
         if away_m > within_m:
             return None
-        # A hair beyond the edge, or rounding may put it inside.
-        out = (edge - spot) * (1 + 1e-6 / max(away_m, 1e-9)) + spot
+        # Slightly beyond the edge, or rounding may put it inside.
+        out = (edge - point) * (1 + 1e-6 / max(away_m, 1e-9)) + point
         return float(out[0]), float(out[1])
 
 
-def shortest_way(
-    polygons: Sequence[Polygon], radius_m: float, spec: GridSpec, stations: Sequence[Spot]
+def shortest_path(
+    polygons: Sequence[Polygon], radius_m: float, spec: GridSpec, waypoints: Sequence[Point]
 ) -> Floats | None:
-    """(K, 2) the shortest way of a disc through all stations in order, on the map and among
-    polygons; None without one.
+    """Return the (K, 2) shortest path of a disc through all waypoints in order, on the map and
+    among polygons; None when there is none.
 
-    A first station nearer to a polygon than the radius is left by the nearest way out, if it is not
-    far.
+    A start that is nearer to a polygon than the radius is first moved to the nearest free position,
+    if that is not far.
     """
     around = VisibilityGraph.of([*polygons, *_frame(spec, radius_m)], radius_m)
-    start = around.nearest_free(stations[0], RELIEF_M)
+    start = around.nearest_free(waypoints[0], MAX_ESCAPE_M)
     if start is None:
         return None
-    legs, here = [np.array([stations[0]], dtype=np.float64)], start
-    for goal in stations[1:]:
-        leg = around.way(here, goal)
+    legs, here = [np.array([waypoints[0]], dtype=np.float64)], start
+    for goal in waypoints[1:]:
+        leg = around.path(here, goal)
         if leg is None:
             return None
         legs.append(leg)
@@ -160,13 +163,8 @@ def shortest_way(
     return np.vstack(legs)
 
 
-def length_m(way: Floats) -> float:
-    """Of (K, 2) corners."""
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
-
-
 def _frame(spec: GridSpec, radius_m: float) -> list[Polygon]:
-    """Polygons that, grown, lie about the map."""
+    """Return polygons that, once grown, border the map."""
     left, bottom = spec.origin_x_m, spec.origin_y_m
     right, top = left + spec.cols * spec.resolution_m, bottom + spec.rows * spec.resolution_m
     out = radius_m + BIN_M
@@ -180,20 +178,21 @@ def _frame(spec: GridSpec, radius_m: float) -> list[Polygon]:
 
 
 def _rings(area: shapely.Geometry) -> list[Floats]:
-    """(N, 2) corners of each ring, the obstacle to the left, the first not repeated."""
+    """Return the (N, 2) corners of each ring, the obstacle to the left, the first not repeated."""
     turned = shapely.orient_polygons(shapely.get_parts(area))
     return [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(turned)]
 
 
-def _corners(area: shapely.Geometry) -> tuple[Floats, Floats]:
-    """Where the outline bends towards the obstacle, and the corners before and after."""
+def _convex_corners(area: shapely.Geometry) -> tuple[Floats, Floats]:
+    """Return the corners at which the outline bends towards the obstacle, and the corners before
+    and after each."""
     rings = _rings(area)
     here = np.vstack([np.empty((0, 2)), *rings])
-    before = np.vstack([np.empty((0, 2)), *(np.roll(ring, 1, axis=0) for ring in rings)])
+    previous = np.vstack([np.empty((0, 2)), *(np.roll(ring, 1, axis=0) for ring in rings)])
     after = np.vstack([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)])
-    (ax, ay), (bx, by) = (here - before).T, (after - here).T
+    (ax, ay), (bx, by) = (here - previous).T, (after - here).T
     turns = ax * by - ay * bx > 0
-    return here[turns], np.hstack([before, after])[turns]
+    return here[turns], np.hstack([previous, after])[turns]
 
 
 def _sides(area: shapely.Geometry) -> Floats:
@@ -203,7 +202,7 @@ def _sides(area: shapely.Geometry) -> Floats:
 
 
 def _sorted_into_bins(sides: Floats, low: Floats, rows: int, cols: int) -> tuple[Ints, Ints]:
-    """Each side into every bin that its bounding box touches."""
+    """Sort each side into every bin that its bounding box touches."""
     first = np.floor((np.minimum(sides[:, :2], sides[:, 2:]) - low) / BIN_M).astype(np.int64)
     last = np.floor((np.maximum(sides[:, :2], sides[:, 2:]) - low) / BIN_M).astype(np.int64)
     bins, numbers = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
@@ -211,82 +210,83 @@ def _sorted_into_bins(sides: Floats, low: Floats, rows: int, cols: int) -> tuple
         touched = (np.arange(bottom, top + 1)[:, None] * cols + np.arange(left, right + 1)).ravel()
         bins.append(touched)
         numbers.append(np.full(len(touched), number))
-    flat, listed = np.concatenate(bins), np.concatenate(numbers)
+    flat, binned = np.concatenate(bins), np.concatenate(numbers)
     order = np.argsort(flat, kind="stable")
-    return np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=rows * cols))]), listed[order]
+    return np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=rows * cols))]), binned[order]
 
 
-def _traced(places: Floats, before: npt.NDArray[np.int64], last: int) -> Floats:
-    way = [last]
-    while before[way[-1]] >= 0:
-        way.append(int(before[way[-1]]))
-    return places[way[::-1]]
+def _trace_back(nodes: Floats, previous: npt.NDArray[np.int64], last: int) -> Floats:
+    path = [last]
+    while previous[path[-1]] >= 0:
+        path.append(int(previous[path[-1]]))
+    return nodes[path[::-1]]
 
 
 @numba.njit(cache=True, nogil=True)
 def _relax(
     here: int,
-    places: Floats,
-    beside: Floats,
+    nodes: Floats,
+    neighbours: Floats,
     sides: Floats,
     starts: Ints,
-    listed: Ints,
+    binned: Ints,
     rows: int,
     cols: int,
     low_x: float,
     low_y: float,
     done: npt.NDArray[np.bool_],
     length: Floats,
-    before: Ints,
+    previous: Ints,
 ) -> Ints:
-    """The places that are reached by a shorter way through `here`; notes that way."""
-    reached, count = np.empty(len(places), np.int64), 0
-    for there in range(len(places)):
+    """Return the nodes that are reached by a shorter path through `here`, and record that path."""
+    reached, count = np.empty(len(nodes), np.int64), 0
+    for there in range(len(nodes)):
         if done[there]:
             continue
         new = length[here] + math.hypot(
-            places[there, 0] - places[here, 0], places[there, 1] - places[here, 1]
+            nodes[there, 0] - nodes[here, 0], nodes[there, 1] - nodes[here, 1]
         )
         if new >= length[there]:
             continue
         if not (
-            _is_tangent(here, there, places, beside) and _is_tangent(there, here, places, beside)
+            _is_tangent(here, there, nodes, neighbours)
+            and _is_tangent(there, here, nodes, neighbours)
         ):
             continue
-        a, b = (here, there) if places[here, 1] <= places[there, 1] else (there, here)
-        line = (places[a, 0], places[a, 1], places[b, 0], places[b, 1])
-        if _sees(line, sides, starts, listed, rows, cols, low_x, low_y):
-            length[there], before[there] = new, here
+        a, b = (here, there) if nodes[here, 1] <= nodes[there, 1] else (there, here)
+        line = (nodes[a, 0], nodes[a, 1], nodes[b, 0], nodes[b, 1])
+        if _is_visible(line, sides, starts, binned, rows, cols, low_x, low_y):
+            length[there], previous[there] = new, here
             reached[count] = there
             count += 1
     return reached[:count]
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_tangent(at: int, other: int, places: Floats, beside: Floats) -> bool:
-    """Whether the line between two places leaves the obstacle of `at` on one side; start and goal
-    have no obstacle."""
-    if at >= len(beside):
+def _is_tangent(at: int, other: int, nodes: Floats, neighbours: Floats) -> bool:
+    """Return whether the line between two nodes leaves the obstacle of `at` on one side; start and
+    goal have no obstacle."""
+    if at >= len(neighbours):
         return True
-    dx, dy = places[other, 0] - places[at, 0], places[other, 1] - places[at, 1]
-    a = dx * (beside[at, 1] - places[at, 1]) - dy * (beside[at, 0] - places[at, 0])
-    b = dx * (beside[at, 3] - places[at, 1]) - dy * (beside[at, 2] - places[at, 0])
+    dx, dy = nodes[other, 0] - nodes[at, 0], nodes[other, 1] - nodes[at, 1]
+    a = dx * (neighbours[at, 1] - nodes[at, 1]) - dy * (neighbours[at, 0] - nodes[at, 0])
+    b = dx * (neighbours[at, 3] - nodes[at, 1]) - dy * (neighbours[at, 2] - nodes[at, 0])
     return bool(a * b >= -1e-9)
 
 
 @numba.njit(cache=True, nogil=True)
-def _sees(
+def _is_visible(
     line: tuple[float, float, float, float],
     sides: Floats,
     starts: Ints,
-    listed: Ints,
+    binned: Ints,
     rows: int,
     cols: int,
     low_x: float,
     low_y: float,
 ) -> bool:
-    """Whether no side crosses the line, given upwards: looked up bin row by bin row, in the columns
-    that it passes there."""
+    """Return whether no side crosses the line, whose end is not below its start: tested bin row by
+    bin row, in the columns that it passes there."""
     x, y, dx, dy = line[0], line[1], line[2] - line[0], line[3] - line[1]
     first = max(0, math.floor((y - low_y) / BIN_M))
     last = min(rows - 1, math.floor((line[3] - low_y) / BIN_M))
@@ -299,7 +299,7 @@ def _sees(
         right = min(cols - 1, math.floor((max(from_x, to_x) - low_x + 1e-9) / BIN_M))
         for col in range(left, right + 1):
             for k in range(starts[row * cols + col], starts[row * cols + col + 1]):
-                side = listed[k]
+                side = binned[k]
                 if _crosses(
                     x, y, dx, dy, sides[side, 0], sides[side, 1], sides[side, 2], sides[side, 3]
                 ):
@@ -311,7 +311,7 @@ def _sees(
 def _crosses(
     x: float, y: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:
-    """Whether the line from (x, y) by (dx, dy) and the one from a to b have a point in common."""
+    """Return whether the segment from (x, y) by (dx, dy) and the one from a to b share a point."""
     a, b = dx * (ay - y) - dy * (ax - x), dx * (by - y) - dy * (bx - x)
     if a * b > 0:
         return False

@@ -1,5 +1,5 @@
-"""What there is to beware of in a scenario, by the classes of a beware list: for oracles, and for
-counting what was missed."""
+"""The true beware objects of a scenario, by the classes of a beware list: for oracles, and for
+counting missed detections."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from sim.scenario.schema import Marking, Scenario
 
 PERSON = "person"
 FIRST_MARKING = 1
-"""Number of its body: `build_world` makes the floor first, and then all markings."""
+"""Body of the first marking: `build_world` makes the floor first, and then all markings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrueThing:
-    """Something to beware of."""
+class TrueObject:
+    """A beware object."""
 
     name: str
-    """Its class, e.g. `cup`, `red floor`, `spill`."""
+    """Class in the beware list, e.g. `cup`, `red floor`, `spill`."""
     outlines: tuple[Polygon, ...]
-    """(N, 2) each, in metres of the map frame: what it covers of the floor."""
+    """(N, 2) outlines of the covered floor, in metres of the map frame."""
 
 
-def true_things(scenario: Scenario) -> tuple[TrueThing, ...]:
-    """All items and all markings to beware of; people come and go and are none of them."""
-    lying = [TrueThing(name=item.name, outlines=item.outlines()) for item in items(scenario)]
+def true_objects(scenario: Scenario) -> tuple[TrueObject, ...]:
+    """Return all items and all beware markings; people move and are not included."""
+    lying = [TrueObject(name=item.name, outlines=item.outlines()) for item in items(scenario)]
     painted = [
-        TrueThing(name=class_of(marking), outlines=(np.array(marking.polygon),))
+        TrueObject(name=class_of(marking), outlines=(np.array(marking.polygon),))
         for marking in scenario.markings
         if marking.beware
     ]
@@ -39,20 +39,22 @@ def true_things(scenario: Scenario) -> tuple[TrueThing, ...]:
 
 
 def class_of(marking: Marking) -> str:
-    """Paint to beware of is a red floor, whatever its colour; all else is a spill."""
+    """Return the class of a marking: paint is a red floor, whatever its colour; all else is a
+    spill."""
     return "red floor" if marking.surface == "paint" else "spill"
 
 
 def class_of_bodies(
-    scenario: Scenario, *, loose: Sequence[int], first_person: int
+    scenario: Scenario, *, item_bodies: Sequence[int], first_person: int
 ) -> dict[int, str]:
-    """Number of a body → class. `loose`: those of the items; people begin at `first_person`."""
+    """Return body → class. `item_bodies`: the bodies of the items; those of people begin at
+    `first_person`."""
     return {
         **{
             FIRST_MARKING + i: class_of(marking)
             for i, marking in enumerate(scenario.markings)
             if marking.beware
         },
-        **{body: item.kind for body, item in zip(loose, scenario.items, strict=True)},
+        **{body: item.kind for body, item in zip(item_bodies, scenario.items, strict=True)},
         **{first_person + i: PERSON for i in range(len(scenario.people))},
     }

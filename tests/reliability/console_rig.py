@@ -22,6 +22,7 @@ from app.runtime.segmentation import colour_perception
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.navigator import Stages
 from navcore.warmup import warm_up
 from sim.sensors.faults import Fault
 from tests.reliability.drills import Bench, first_picture, standing_pilot
@@ -79,18 +80,20 @@ class BenchConsole:
 def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
     """Start it on a free port, with a data folder of its own."""
     warm_up()
-    pilot, ended, faults = standing_pilot(), threading.Event(), list[Fault]()
-    wheels = Wheels(scene=dataclasses.replace(first_picture(), pose=MIDDLE), pilot=pilot)
+    ended, faults = threading.Event(), list[Fault]()
     began_s = time.monotonic()
 
     def now_s() -> float:
         return time.monotonic() - began_s if not ended.is_set() else float("inf")
 
+    injector = FaultInjector(lambda: faults, now_s)
+    injector.take_time(time.sleep)
+    pilot = standing_pilot(stages=injector.wrap(Stages()))
+    wheels = Wheels(scene=dataclasses.replace(first_picture(), pose=MIDDLE), pilot=pilot)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         store = Store(Path(folder))
         stack.callback(store.close)
-        FaultInjector(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
         recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
         operations = LiveOperations(
             robot=wheels,

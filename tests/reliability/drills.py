@@ -20,7 +20,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
@@ -100,17 +100,21 @@ def drill(
     until_s: float,
     scenario: Scenario | None = None,
     on_command: Callable[[float, Episode], None] = lambda t_s, episode: None,
-    prepare: Callable[[Episode], None] = lambda episode: None,
+    stages: Stages | None = None,
 ) -> tuple[Drill, dict[str, object]]:
     """Drive for some simulated seconds with these faults; every command, and the episode's report."""
     world = dataclasses.replace(scenario or load_scenario(ROOM), faults=faults)
     episode = Episode(
-        world, seed=seed, beware=default_beware_list(), max_time_s=until_s, camera_size=CAMERA
+        world,
+        seed=seed,
+        beware=default_beware_list(),
+        max_time_s=until_s,
+        camera_size=CAMERA,
+        stages=stages,
     )
     record = Drill(episode=episode, on_command=on_command)
     episode.on_verdict = record.note
     try:
-        prepare(episode)
         report = episode.run()
     finally:
         episode.close()
@@ -123,11 +127,17 @@ def first_picture(seed: int = 0) -> Frame:
         return simulator.capture()
 
 
-def standing_pilot(config: NavigatorConfig | None = None) -> RobotController:
+def standing_pilot(
+    config: NavigatorConfig | None = None, stages: Stages | None = None
+) -> RobotController:
     """A pilot in the room, with no goal yet."""
     spec = map_grid(load_scenario(ROOM))
     navigator = Navigator(
-        spec=spec, profile=HUSKY, segmenter=ColourSegmenter(), config=config or NavigatorConfig()
+        spec=spec,
+        profile=HUSKY,
+        segmenter=ColourSegmenter(),
+        config=config or NavigatorConfig(),
+        stages=stages,
     )
     return RobotController(
         navigator=navigator,
@@ -190,17 +200,19 @@ def bench(faults: Sequence[Fault]) -> Iterator[tuple[Bench, Callable[[], float]]
     """The console's threads on a bench, driving; `faults` may grow meanwhile, on the clock that is
     handed out."""
     warm_up()
-    pilot, ended = standing_pilot(), threading.Event()
-    robot = Bench(
-        scene=dataclasses.replace(first_picture(), pose=Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)),
-        pilot=pilot,
-    )
+    ended = threading.Event()
     began_s = time.monotonic()
 
     def now_s() -> float:
         return time.monotonic() - began_s if not ended.is_set() else float("inf")
 
-    FaultInjector(pilot.navigator, lambda: faults, now_s).take_time(time.sleep)
+    injector = FaultInjector(lambda: faults, now_s)
+    injector.take_time(time.sleep)
+    pilot = standing_pilot(stages=injector.wrap(Stages()))
+    robot = Bench(
+        scene=dataclasses.replace(first_picture(), pose=Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)),
+        pilot=pilot,
+    )
     pilot.change_mission(lambda mission: mission.add(2.0, 2.5, pilot.navigator.map.spec).start())
     loop = ControlLoop(
         robot, pilot, on_decision=lambda decision: None, on_verdict=lambda verdict: None

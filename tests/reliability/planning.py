@@ -15,8 +15,10 @@ from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.zone import Zone
+from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Reason
 from navcore.planning.planner import plan
+from navcore.planning.route import no_route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import REACTION_S
@@ -65,13 +67,9 @@ def over_budget(trials: int) -> Measurement:
 
 def _held_over_budget() -> bool:
     """Whether a pilot whose search is given up stands, and says so."""
-    pilot, frame = standing_pilot(), first_picture()
-    pilot.navigator.plan = lambda occupancy, pose, goal, beware: dataclasses.replace(  # type: ignore[method-assign]
-        pilot.navigator.preview(occupancy, pose, goal),
-        outcome=NoPath(reason=Reason.TIMEOUT),
-        points=np.empty((0, 2)),
-        track=np.empty((0, 2)),
-    )
+    timed_out = no_route(Reason.TIMEOUT)
+    pilot = standing_pilot(stages=Stages(replan=lambda *_: timed_out))
+    frame = first_picture()
     moved, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
     return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
 
@@ -218,7 +216,7 @@ def sudden_obstacle(trials: int) -> Measurement:
     def follow(t_s: float, episode: Episode) -> None:
         track.append((t_s, episode.simulator.true_pose().x_m))
 
-    drill(seed=0, until_s=2.0, scenario=OPEN, prepare=drive_blindly, on_command=follow)
+    drill(seed=0, until_s=2.0, scenario=OPEN, stages=drive_blindly(), on_command=follow)
     rng, contacts, nearest_m, fastest_mps = np.random.default_rng(11), 0, math.inf, 0.0
     stop_m = HUSKY.max_speed_mps * REACTION_S + HUSKY.max_speed_mps**2 / (2 * HUSKY.max_accel_mps2)
     for _ in range(trials):
@@ -243,7 +241,7 @@ def sudden_obstacle(trials: int) -> Measurement:
             seed=0,
             until_s=at_s + 1.6,
             scenario=world,
-            prepare=drive_blindly,
+            stages=drive_blindly(),
             on_command=lambda t_s, episode, speeds=speeds: speeds.append(
                 episode.simulator.velocity().v_mps
             ),  # type: ignore[misc]
@@ -258,9 +256,9 @@ def sudden_obstacle(trials: int) -> Measurement:
     )
 
 
-def drive_blindly(episode: Episode) -> None:
-    """Replace the local planner by one that drives straight on at full speed."""
+def drive_blindly() -> Stages:
+    """Return stages whose local planner is replaced by one that drives straight on at full speed."""
     full = Motion(
         twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=ControllerState.FOLLOW
     )
-    episode.pilot.navigator.move = lambda *_, **named: full  # type: ignore[method-assign]
+    return Stages(control=lambda *_: full)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.runtime import robot_controller as pilot
+from app.runtime import robot_controller
 from app.runtime.robot_controller import RobotController
 from navcore import navigator
 from navcore.mission.zone import Zone
@@ -119,7 +119,7 @@ def test_row_8_by_the_planners_word_alone_two_of_them_are_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        pilot, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
+        robot_controller, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
     )
     assert not plan_figures.impossible_goals(5).met
 

@@ -1,9 +1,8 @@
-"""What of a picture could be a person: upright clusters of a person's size in plan, and whether
-they stand where floor was.
+"""Upright clusters of a person's size in a depth image, and whether they stand where floor was.
 
-The picture is put on a coarse grid about the camera, in the map frame. The grid remembers for some
-seconds where the floor was seen and since when a cell has held something: what has been there for
-long is a wall or a chair and belongs to no cluster, and what holds floor that was seen a moment ago
+The image is put on a coarse grid around the camera, in the map frame. The grid remembers for some
+seconds where floor was seen and since when a cell has been occupied: what has been there for long
+is a wall or a chair and belongs to no cluster, and what occupies floor that was seen a moment ago
 has come there by itself.
 """
 
@@ -12,233 +11,262 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.perception.ground import Image, flat
+from navcore.config.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
+from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
+from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
 
-CELL_M = 0.1
-"""Side of a cell; cells are counted from the map's origin."""
+_DEFAULT = DEFAULT_PERCEPTION.people.detector
 SIDE = 128
-"""The grid has so many cells to a side; beyond, it repeats itself."""
-RANGE_M = 5.5
-"""Depth beyond this is too coarse."""
-FLOOR_RANGE_M = 4.5
-"""And floor farther away is seen at too small an angle."""
-LOW_M, HIGH_M = 0.10, 1.90
-"""Of somebody's body."""
-FLOOR_M = 0.06
-"""What is measured within this height shows the floor."""
-HELD = 4
-"""Pixels above the floor that make a cell held."""
-FIXED_S = 2.0
-"""What a cell has held for so long stands there for good: nobody who walks covers one for as long.
-"""
-FRESH_S = 4.0
-"""A cell is fresh where floor was seen so shortly before it was held."""
-FILL_M = 0.6
-"""Between two neighbouring pixels of floor nearer to each other than this there is floor."""
-LARGEST_M = 1.2
-"""Nobody is wider, nor is what else moves about in a crowd."""
-RADIUS_M = 0.3
-"""Of the disc that somebody takes up, feet and arms included."""
-UPRIGHT_M = 0.5
-"""Nobody is lower."""
-FACE_M, ROUND_FACE = 0.1, 0.785
-"""The side of somebody that is seen is so far before his middle; that of something round, by so
-much of its radius."""
-EDGE = 0.7
-"""Of a cell: what lies in two cells so and so far apart is this much wider, in the mean."""
-NEARLY = 0.85
-"""Of a disc; single cells are missed by the rows of pixels, and hidden by noise."""
-SHARE = 0.04
-"""Of the pixels that 1 m × 1 m would take up at the same distance, at least; a person seen whole
-has some ten times as many."""
+"""Number of cells along each side of the grid; beyond, its memory repeats itself."""
+_FIXED, _MOVABLE, _NEW = range(1, 4)
+_BODY_M = 0.5
+"""Height in metres at which a person must be in view."""
+_MIN_RANGE_M = 0.2
+"""Least distance in metres from the camera that is divided by."""
+_MIN_CELLS = 3
+"""Number of cells from which a component is evaluated."""
 
-Cells = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
+Cells = Indices
+"""(K, 2) row and column of cells, counted from the origin of the map."""
+Counts = npt.NDArray[np.int32]
+Mask = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cluster:
-    """Something of a person's size."""
+    """Occupied cells of a person's size."""
 
     x_m: float
-    """Where its middle may be, map frame."""
+    """Estimated x of the middle of the body in metres of the map frame."""
     y_m: float
-    """The same."""
+    """Estimated y of the middle of the body in metres of the map frame."""
     range_m: float
-    """From the camera, in plan."""
-    fresh: float
-    """Share of its cells that showed floor a moment before."""
+    """Horizontal distance from the camera in metres."""
+    on_new_floor: float
+    """Share of its cells that showed floor shortly before."""
     labelled: float
-    """Share of its pixels that the segmenter calls a person."""
+    """Share of its pixels that the segmenter labels as a person."""
     radius_m: float
-    """Of the disc that it takes up, by its width as it is seen; a person's at least."""
+    """Radius in metres of the disc that it covers, by its visible width; at least a person's."""
     cells: Cells
-    """(K, 2) row and column of its cells, of `CELL_M` and counted from the map's origin."""
-    cut: bool = False
-    """Whether it reaches the border of the picture, so that a part of it may be beyond."""
+    """(K, 2) row and column of its cells, counted from the origin of the map."""
+    is_cut: bool = False
+    """Whether it reaches the border of the image, so that a part of it may be beyond."""
+
+
+class _Limits(NamedTuple):
+    """Ranges and heights in metres, as compiled kernels take them."""
+
+    cell_m: float
+    max_range_m: float
+    floor_range_m: float
+    body_low_m: float
+    body_high_m: float
+    floor_m: float
+    fill_m: float
+
+
+class _Memory(NamedTuple):
+    """What the cells around the camera showed, by row and column modulo `SIDE`."""
+
+    owner: Indices
+    """Cell of the map that an entry is about."""
+    free_s: Floats
+    """Time at which it showed floor last; −∞ for never."""
+    occupied_s: Floats
+    """Time since which it has been occupied; ∞ when it is not."""
 
 
 class PersonDetector:
-    """Remembers, cell by cell about the camera, when floor was seen and since when something has
-    been there."""
+    """Grid around the camera that remembers, cell by cell, when floor was seen and since when the
+    cell has been occupied."""
 
-    def __init__(self) -> None:
-        self._owner: Cells = np.full((SIDE, SIDE), -1, dtype=np.int64)
-        self._free_s: Floats = np.full((SIDE, SIDE), -np.inf)
-        self._held_s: Floats = np.full((SIDE, SIDE), np.inf)
+    def __init__(self, config: PersonDetectorConfig = _DEFAULT) -> None:
+        self._config = config
+        self._memory = _Memory(
+            owner=np.full((SIDE, SIDE), -1, dtype=np.int64),
+            free_s=np.full((SIDE, SIDE), -np.inf),
+            occupied_s=np.full((SIDE, SIDE), np.inf),
+        )
         self._now_s = np.nan  # equal to no time at which floor was seen, nor to none
 
-    def look(
-        self, frame: Frame, named: npt.NDArray[np.bool_], ground_m: Image | None = None
+    def detect(
+        self, frame: Frame, is_person: Bools, ground_m: FloatImage | None = None
     ) -> list[Cluster]:
-        """The clusters of a frame; `named` (H, W) are the pixels that the segmenter calls a person.
+        """Return the clusters of a frame; `is_person` (H, W) are the pixels that the segmenter
+        labels as a person.
 
-        `ground_m` (H, W) is the height of the ground, 0 by default.
+        `ground_m` (H, W) is the height of the ground in metres, 0 by default.
         """
-        ground_m = flat(frame.depth_m.shape) if ground_m is None else ground_m
-        t, lens, now_s = frame.T_map_camera, frame.intrinsics, frame.stamp_ns / 1e9
-        origin = np.floor(t[:2, 3] / CELL_M).astype(np.int64) - SIDE // 2  # column, row
+        config, now_s = self._config, frame.stamp_ns / 1e9
+        ground_m = flat_ground(frame.depth_m.shape) if ground_m is None else ground_m
+        t, lens = frame.T_map_camera, frame.intrinsics
+        origin = np.floor(t[:2, 3] / config.cell_m).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))
-        _bin(
-            frame.depth_m,
-            ground_m,
-            named,
-            t,
-            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
-            origin,
-            counts,
-            sums,
-        )
+        limits = _limits(config)
+        _bin(frame.depth_m, ground_m, is_person, t, lens.pinhole, limits, origin, counts, sums)
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
-        # Floor beside something may be its foot, scattered: only what lies amid floor is surely
-        # free.
+        # Floor beside an object may be its foot, scattered: only what is surrounded by floor is
+        # certainly free.
         floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
-        amid = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
+        inner = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
         self._now_s = now_s
-        _recall(counts, floor, amid, origin, now_s, self._owner, self._free_s, self._held_s, kinds)
-        loose = ((kinds == _LOOSE) | (kinds == _FRESH)).view(np.uint8)
-        eye, focal = t[:2, 3], lens.fx * lens.fy / 2
-        found, crowded = _clusters(loose, kinds, counts, sums, origin, eye, focal)
-        parts, _ = _clusters(
-            (crowded & (kinds == _FRESH)).view(np.uint8), kinds, counts, sums, origin, eye, focal
+        _recall(
+            counts,
+            floor,
+            inner,
+            origin,
+            now_s,
+            (config.min_pixels, config.fixed_s, config.fresh_s),
+            self._memory,
+            kinds,
         )
+        grid = _Grid(kinds=kinds, counts=counts, sums=sums, origin=origin, eye=t[:2, 3])
+        area_px = lens.fx * lens.fy / 2
+        movable = ((kinds == _MOVABLE) | (kinds == _NEW)).view(np.uint8)
+        found, crowded = _clusters(movable, grid, area_px, config)
+        parts, _ = _clusters((crowded & (kinds == _NEW)).view(np.uint8), grid, area_px, config)
         return [
-            dataclasses.replace(one, cut=not looks_at(frame, one.x_m, one.y_m, _half_width_m(one)))
+            dataclasses.replace(
+                one, is_cut=not self.looks_at(frame, one.x_m, one.y_m, self._half_width_m(one))
+            )
             for one in found + parts
         ]
 
-    def keep_loose(self, cells: Cells, now_s: float) -> None:
-        """What these cells (K, 2) hold does not stand there for good, however long it has."""
+    def keep_movable(self, cells: Cells, now_s: float) -> None:
+        """Keep what occupies these (K, 2) cells from counting as fixed, however long it stays."""
         slots = cells[:, 0] % SIDE, cells[:, 1] % SIDE
-        self._held_s[slots] = np.where(np.isinf(self._held_s[slots]), np.inf, now_s)
+        since_s = self._memory.occupied_s
+        since_s[slots] = np.where(np.isinf(since_s[slots]), np.inf, now_s)
 
     def newly_occupied(self, cells: Cells, now_s: float) -> Cells:
-        """(N, 2) those of the cells (K, 2) that hold something, and have not for long."""
-        since_s = now_s - self._held_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE]
-        return cells[(since_s >= 0) & (since_s < FIXED_S)]
+        """Return the (N, 2) cells among (K, 2) that are occupied, and have not been for long."""
+        age_s = self._occupied_for_s(cells, now_s)
+        return cells[(age_s >= 0) & (age_s < self._config.fixed_s)]
 
-    def loose_about(self, cells: Cells, now_s: float) -> Cells:
-        """(N, 2) the cells (K, 2) and those beside them, without what stands there for good."""
-        beside = np.argwhere(np.ones((3, 3))) - 1
-        wide = np.unique((cells[:, None] + beside[None]).reshape(-1, 2), axis=0)
-        return np.asarray(
-            wide[now_s - self._held_s[wide[:, 0] % SIDE, wide[:, 1] % SIDE] < FIXED_S]
-        )
+    def movable_around(self, cells: Cells, now_s: float) -> Cells:
+        """Return the (N, 2) cells and their neighbours, without those that are fixed."""
+        neighbours = np.argwhere(np.ones((3, 3))) - 1
+        wide = np.unique((cells[:, None] + neighbours[None]).reshape(-1, 2), axis=0)
+        return np.asarray(wide[self._occupied_for_s(wide, now_s) < self._config.fixed_s])
 
-    def is_free_floor(self, places: Floats) -> npt.NDArray[np.bool_]:
-        """(N,) at which of (N, 2) places of the map frame the newest frame shows floor amid floor,
-        and nothing above it.
+    def is_free_floor(self, positions: Floats) -> Bools:
+        """Return (N,) at which of (N, 2) positions in metres of the map frame the newest frame
+        shows floor surrounded by floor, with nothing above it.
 
-        They lie no farther from the camera than the grid reaches.
+        The positions are no farther from the camera than the grid reaches.
         """
-        rows, cols = np.floor(places[:, ::-1] / CELL_M).astype(np.int64).T
-        return np.asarray(self._free_s[rows % SIDE, cols % SIDE] == self._now_s)
+        rows, cols = np.floor(positions[:, ::-1] / self._config.cell_m).astype(np.int64).T
+        return np.asarray(self._memory.free_s[rows % SIDE, cols % SIDE] == self._now_s)
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
-        """Whether the newest frame shows floor (nearly) everywhere within a disc of the map frame."""
-        rows, cols = cells_within(x_m, y_m, radius_m).T
-        return float((self._free_s[rows % SIDE, cols % SIDE] == now_s).mean()) >= NEARLY
+        """Return whether the newest frame shows floor nearly everywhere in a disc of the map frame.
+        """
+        rows, cols = self.cells_within(x_m, y_m, radius_m).T
+        shown = self._memory.free_s[rows % SIDE, cols % SIDE] == now_s
+        return float(shown.mean()) >= self._config.floor_share
+
+    def cells_within(self, x_m: float, y_m: float, radius_m: float) -> Cells:
+        """Return the (K, 2) cells whose centre lies within a disc of the map frame."""
+        cell_m = self._config.cell_m
+        reach = math.ceil(radius_m / cell_m)
+        row, col = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
+        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
+        within = np.hypot((rows + 0.5) * cell_m - y_m, (cols + 0.5) * cell_m - x_m) < radius_m
+        return np.column_stack([rows[within], cols[within]])
+
+    def looks_at(self, frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
+        """Return whether a person at a position of the map frame would be in view and in range, in
+        full width."""
+        x, _, depth = frame.T_map_camera[:3, :3].T @ (
+            np.array([x_m, y_m, _BODY_M]) - frame.T_map_camera[:3, 3]
+        )
+        lens = frame.intrinsics
+        left, right = (
+            (x + offset) * lens.fx + lens.cx * depth for offset in (-half_width_m, half_width_m)
+        )
+        in_range = 0 < depth <= self._config.max_range_m
+        return bool(in_range and left >= 0 and right < lens.width * depth)
+
+    def _occupied_for_s(self, cells: Cells, now_s: float) -> Floats:
+        """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""
+        return np.asarray(now_s - self._memory.occupied_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE])
+
+    def _half_width_m(self, cluster: Cluster) -> float:
+        """Return half of the longer side of the box around the cells, and half a cell for its rim.
+        """
+        return float(np.ptp(cluster.cells, axis=0).max() + 2) * self._config.cell_m / 2
 
 
-_FIXED, _LOOSE, _FRESH = range(1, 4)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Grid:
+    """One frame on the grid around the camera."""
+
+    kinds: Mask
+    """(SIDE, SIDE) whether a cell is fixed, movable or newly occupied; 0 for none of them."""
+    counts: Counts
+    """(SIDE, SIDE, 3) pixels of bodies, of people and of floor."""
+    sums: Floats
+    """(SIDE, SIDE, 3) sums of x and y, and the greatest height, in metres."""
+    origin: Indices
+    """(2,) column and row of the first cell, counted from the origin of the map."""
+    eye: Floats
+    """(2,) position of the camera in metres of the map frame."""
 
 
-def cells_within(x_m: float, y_m: float, radius_m: float) -> Cells:
-    """(K, 2) row and column of the cells whose centre lies within a disc of the map frame."""
-    reach = math.ceil(radius_m / CELL_M)
-    row, col = math.floor(y_m / CELL_M), math.floor(x_m / CELL_M)
-    rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
-    within = np.hypot((rows + 0.5) * CELL_M - y_m, (cols + 0.5) * CELL_M - x_m) < radius_m
-    return np.column_stack([rows[within], cols[within]])
-
-
-def looks_at(frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
-    """Whether somebody who stood at a place would be before the camera and in its range, with all
-    his width."""
-    x, _, depth = frame.T_map_camera[:3, :3].T @ (
-        np.array([x_m, y_m, 0.5]) - frame.T_map_camera[:3, 3]
+def _limits(config: PersonDetectorConfig) -> _Limits:
+    return _Limits(
+        cell_m=config.cell_m,
+        max_range_m=config.max_range_m,
+        floor_range_m=config.floor_range_m,
+        body_low_m=config.body_low_m,
+        body_high_m=config.body_high_m,
+        floor_m=config.floor_m,
+        fill_m=config.fill_m,
     )
-    lens = frame.intrinsics
-    left, right = (
-        (x + aside) * lens.fx + lens.cx * depth for aside in (-half_width_m, half_width_m)
-    )
-    return bool(0 < depth <= RANGE_M and left >= 0 and right < lens.width * depth)
-
-
-def _half_width_m(cluster: Cluster) -> float:
-    """Half of the longer side of the box about its cells, and half a cell for the border's sake."""
-    return float(np.ptp(cluster.cells, axis=0).max() + 2) * CELL_M / 2
 
 
 def _clusters(
-    mask: npt.NDArray[np.uint8],
-    kinds: npt.NDArray[np.uint8],
-    counts: npt.NDArray[np.int32],
-    sums: Floats,
-    origin: Cells,
-    eye: Floats,
-    focal: float,
-) -> tuple[list[Cluster], npt.NDArray[np.bool_]]:
-    """The person-sized components of a mask, and the cells of those that are too large; `focal` is
-    pixels per steradian."""
+    mask: Mask, grid: _Grid, area_px: float, config: PersonDetectorConfig
+) -> tuple[list[Cluster], Bools]:
+    """Return the person-sized components of a mask, and the (SIDE, SIDE) cells of those that are
+    too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
     total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
     for name in range(1, total):
-        left, top, wide, high, size = boxes[name]
-        if size < 3:
+        left, top, width, height, size = boxes[name]
+        if size < _MIN_CELLS:
             continue
-        part = names[top : top + high, left : left + wide] == name
-        if max(wide, high) * CELL_M > LARGEST_M + CELL_M:
-            crowded[top : top + high, left : left + wide] |= part
+        window = np.s_[top : top + height, left : left + width]
+        part = names[window] == name
+        if max(width, height) * config.cell_m > config.max_width_m + config.cell_m:
+            crowded[window] |= part
             continue
-        window = np.s_[top : top + high, left : left + wide]
-        pixels, labelled, _ = counts[window][part].sum(axis=0)
-        x_m, y_m = sums[window][part][:, :2].sum(axis=0) / pixels
-        range_m = max(math.hypot(x_m - eye[0], y_m - eye[1]), 0.2)
-        if sums[window][part][:, 2].max() < UPRIGHT_M or pixels * range_m**2 < SHARE * focal:
+        pixels, labelled, _ = grid.counts[window][part].sum(axis=0)
+        x_m, y_m = grid.sums[window][part][:, :2].sum(axis=0) / pixels
+        dx_m, dy_m = x_m - grid.eye[0], y_m - grid.eye[1]
+        range_m = max(math.hypot(dx_m, dy_m), _MIN_RANGE_M)
+        is_upright = grid.sums[window][part][:, 2].max() >= config.min_height_m
+        if not is_upright or pixels * range_m**2 < config.min_area_share * area_px:
             continue
-        cells = np.argwhere(part) + np.array([top + origin[1], left + origin[0]])
-        radius_m = _radius_m(cells, (x_m - eye[0]) / range_m, (y_m - eye[1]) / range_m)
-        # Who is no wider than a person is as deep as one; what is wider is taken to be round.
-        away = (
-            FACE_M
-            + (radius_m - RADIUS_M)
-            * (ROUND_FACE * LARGEST_M / 2 - FACE_M)
-            / (LARGEST_M / 2 - RADIUS_M)
-        ) / range_m
+        cells = np.argwhere(part) + np.array([top + grid.origin[1], left + grid.origin[0]])
+        radius_m = _radius_m(cells, dx_m / range_m, dy_m / range_m, config)
+        depth_share = _middle_offset_m(radius_m, config) / range_m
         found.append(
             Cluster(
-                x_m=float(x_m + away * (x_m - eye[0])),
-                y_m=float(y_m + away * (y_m - eye[1])),
+                x_m=float(x_m + depth_share * dx_m),
+                y_m=float(y_m + depth_share * dy_m),
                 range_m=range_m,
-                fresh=float((kinds[window][part] == _FRESH).mean()),
+                on_new_floor=float((grid.kinds[window][part] == _NEW).mean()),
                 labelled=float(labelled / pixels),
                 radius_m=radius_m,
                 cells=cells,
@@ -247,55 +275,70 @@ def _clusters(
     return found, crowded
 
 
-def _radius_m(cells: Cells, ahead_x: float, ahead_y: float) -> float:
-    """Half of how far the cells (K, 2) reach across the line of sight, whose direction is given."""
-    aside = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y
-    return min(max((float(np.ptp(aside)) + EDGE) * CELL_M / 2, RADIUS_M), LARGEST_M / 2)
+def _middle_offset_m(radius_m: float, config: PersonDetectorConfig) -> float:
+    """Return the distance in metres from the visible side to the middle: a cluster no wider than a
+    person is as deep as one, a wider one is taken to be round."""
+    largest_m = config.max_width_m / 2
+    return config.face_m + (radius_m - config.radius_m) * (
+        config.round_face_share * config.max_width_m / 2 - config.face_m
+    ) / (largest_m - config.radius_m)
+
+
+def _radius_m(
+    cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetectorConfig
+) -> float:
+    """Return half of the width in metres of (K, 2) cells across the line of sight, whose direction
+    is given."""
+    across = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y
+    half_m = (float(np.ptp(across)) + config.edge_cells) * config.cell_m / 2
+    return min(max(half_m, config.radius_m), config.max_width_m / 2)
 
 
 @compiled
 def _bin(
-    depth_m: npt.NDArray[np.float32],
-    ground_m: npt.NDArray[np.float32],
-    named: npt.NDArray[np.bool_],
+    depth_m: FloatImage,
+    ground_m: FloatImage,
+    is_person: Bools,
     t: Floats,
-    lens: Floats,
-    origin: Cells,
-    counts: npt.NDArray[np.int32],
+    lens: Pinhole,
+    limits: _Limits,
+    origin: Indices,
+    counts: Counts,
     sums: Floats,
 ) -> None:
-    """Count, in each cell, pixels of bodies, of people and of floor; add up x and y and find the
-    top. Every other column."""
+    """Count the pixels of bodies, of people and of floor in each cell, add up x and y and find the
+    greatest height; every second column is evaluated."""
     height, width = depth_m.shape
+    cell_m = limits.cell_m
     for j in range(0, width, 2):
-        a, floor_before, before_x, before_y = (j - lens[2]) / lens[0], False, 0.0, 0.0
+        a = column_slope(j, lens)
+        floor_before, before_x, before_y = False, 0.0, 0.0
         for i in range(height - 1, -1, -1):
             depth = depth_m[i, j]
-            if not 0 < depth <= RANGE_M:
+            if not 0 < depth <= limits.max_range_m:
                 floor_before = False
                 continue
-            b = (i - lens[3]) / lens[1]
-            x = (t[0, 0] * a + t[0, 1] * b + t[0, 2]) * depth + t[0, 3]
-            y = (t[1, 0] * a + t[1, 1] * b + t[1, 2]) * depth + t[1, 3]
-            z = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3] - ground_m[i, j]
-            if abs(z) < FLOOR_M and depth <= FLOOR_RANGE_M:
+            x, y, z_m = point_on_ray(t, a, row_slope(i, lens), depth)
+            z = z_m - ground_m[i, j]
+            if abs(z) < limits.floor_m and depth <= limits.floor_range_m:
                 steps = 1
                 if floor_before:
                     gap = math.hypot(x - before_x, y - before_y)
-                    steps = max(math.ceil(2 * gap / CELL_M), 1) if gap < FILL_M else 1
+                    steps = max(math.ceil(2 * gap / cell_m), 1) if gap < limits.fill_m else 1
                 for step in range(steps):
                     share = step / steps
-                    col = math.floor((x + share * (before_x - x)) / CELL_M) - origin[0]
-                    row = math.floor((y + share * (before_y - y)) / CELL_M) - origin[1]
+                    col = math.floor((x + share * (before_x - x)) / cell_m) - origin[0]
+                    row = math.floor((y + share * (before_y - y)) / cell_m) - origin[1]
                     if 0 <= row < SIDE and 0 <= col < SIDE:
                         counts[row, col, 2] += 1
                 floor_before, before_x, before_y = True, x, y
                 continue
             floor_before = False
-            col, row = math.floor(x / CELL_M) - origin[0], math.floor(y / CELL_M) - origin[1]
-            if LOW_M < z < HIGH_M and 0 <= row < SIDE and 0 <= col < SIDE:
+            col, row = math.floor(x / cell_m) - origin[0], math.floor(y / cell_m) - origin[1]
+            in_grid = 0 <= row < SIDE and 0 <= col < SIDE
+            if limits.body_low_m < z < limits.body_high_m and in_grid:
                 counts[row, col, 0] += 1
-                counts[row, col, 1] += named[i, j]
+                counts[row, col, 1] += is_person[i, j]
                 sums[row, col, 0] += x
                 sums[row, col, 1] += y
                 sums[row, col, 2] = max(sums[row, col, 2], z)
@@ -303,30 +346,37 @@ def _bin(
 
 @compiled
 def _recall(
-    counts: npt.NDArray[np.int32],
-    floor: npt.NDArray[np.uint8],
-    amid: npt.NDArray[np.uint8],
-    origin: Cells,
+    counts: Counts,
+    floor: Mask,
+    inner: Mask,
+    origin: Indices,
     now_s: float,
-    owner: Cells,
-    free_s: Floats,
-    held_s: Floats,
-    kinds: npt.NDArray[np.uint8],
+    limits: tuple[int, float, float],
+    memory: _Memory,
+    kinds: Mask,
 ) -> None:
-    """Remember what each cell shows now, and tell what it is."""
+    """Remember what each cell shows now, and classify it.
+
+    `floor` and `inner` are the cells that show floor and those surrounded by floor; `limits` are
+    the fewest pixels of an occupied cell, and the times in seconds after which it counts as fixed
+    and up to which as newly occupied.
+    """
+    min_pixels, fixed_s, fresh_s = limits
+    owner, free_s, occupied_s = memory.owner, memory.free_s, memory.occupied_s
     for r in range(SIDE):
         for c in range(SIDE):
             row, col = r + origin[1], c + origin[0]
-            at, on, place = row % SIDE, col % SIDE, row * 1_000_003 + col
-            if owner[at, on] != place:
-                owner[at, on], free_s[at, on], held_s[at, on] = place, -np.inf, np.inf
-            if counts[r, c, 0] >= HELD:
-                held_s[at, on] = min(held_s[at, on], now_s)
-                if now_s - held_s[at, on] >= FIXED_S:
+            at, on, cell = row % SIDE, col % SIDE, row * 1_000_003 + col
+            if owner[at, on] != cell:
+                owner[at, on], free_s[at, on], occupied_s[at, on] = cell, -np.inf, np.inf
+            if counts[r, c, 0] >= min_pixels:
+                occupied_s[at, on] = min(occupied_s[at, on], now_s)
+                if now_s - occupied_s[at, on] >= fixed_s:
                     kinds[r, c] = _FIXED
                 else:
-                    kinds[r, c] = _FRESH if held_s[at, on] - free_s[at, on] < FRESH_S else _LOOSE
+                    is_new = occupied_s[at, on] - free_s[at, on] < fresh_s
+                    kinds[r, c] = _NEW if is_new else _MOVABLE
             elif floor[r, c]:
-                held_s[at, on] = np.inf
-                if amid[r, c]:
+                occupied_s[at, on] = np.inf
+                if inner[r, c]:
                     free_s[at, on] = now_s

@@ -1,5 +1,4 @@
-"""Somebody who is followed: where he is, how he walks, and how sure that is; a Kalman filter at
-constant velocity."""
+"""One followed person: position, motion and certainty, by a Kalman filter at constant velocity."""
 
 from __future__ import annotations
 
@@ -7,48 +6,14 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from navcore.perception.people.detector import RADIUS_M, Cells, Cluster
+from navcore.config.perception import DEFAULT_PERCEPTION, PersonTrackConfig
+from navcore.geometry.arrays import Floats
+from navcore.perception.people.detector import Cells, Cluster
 
-ACCEL_MPS2 = 3.0
-"""How suddenly people change their pace, standard deviation."""
-WALKS_MPS, STANDS_MPS = 0.3, 0.15
-"""Faster than this he walks, slower than that he stands."""
-MOVED_M = 0.25
-"""He must have come this far from where he was first seen, or from where he has stood …"""
-RESTS_M = 0.35
-"""… and who stays as near as this to one place stands there, however his estimate trembles."""
-FRESH = 0.5
-"""And this much of him must be where floor was seen."""
-STANDS_S = 1.0
-"""Who has stood for so long is an obstacle."""
-WIDTH_SHARE = 0.3
-"""Of a new width in that which he is taken to have."""
-PACE_SHARE = 0.2
-"""Of a new speed in the pace that somebody is taken to walk at, so that one hasty estimate does not
-make him a runner."""
-LABELLED = 0.3
-"""With this share of his pixels labelled a person's a picture calls him one."""
-PICTURE_SHARE = 0.3
-"""Of a new picture in how often pictures call him one: a single one that calls a doorpost a person
-makes nobody of it."""
-NAMED, UNNAMED = 0.45, 0.1
-"""Called so as often as this of late he is one, as seldom as that he is not, unless he has walked.
-"""
-SLOWS_MPS2 = 0.05
-"""So quickly the fastest that he was seen to walk is forgotten while he is seen to walk slower: one
-estimate may be far off."""
-BRISK = 0.5
-"""Slower than this share of his pace somebody is about to stop or to turn, and where to is not
-known."""
-LONGEST_STEP_S = 0.3
-"""Between two pictures further apart than this nobody can say that he stood."""
-CUT_M = 0.3
-"""As much of him may lie beyond the border of the picture: his middle is so much less certain then.
-"""
-WIDER_PER_S, WIDEST_M = 0.1, 0.3
-"""Out of sight one who walks takes up so much more room, for nobody knows."""
+_DEFAULT = DEFAULT_PERCEPTION.people.track
+_KEPT_CLUSTERS = 50
+"""Number of newest clusters whose cells are remembered for an object that does not walk yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,175 +21,223 @@ class Track:
     """A person, as of the newest frame."""
 
     id: int
-    """Stays with him while he is followed."""
+    """Number of the person, constant while the person is followed."""
     x_m: float
-    """Middle of his body, map frame."""
+    """x of the middle of the body in metres of the map frame."""
     y_m: float
-    """The same."""
+    """y of the middle of the body in metres of the map frame."""
     vx_mps: float
-    """His velocity, map frame; exactly 0 when he stands."""
+    """Velocity along x in metres per second of the map frame; exactly 0 for a standing person."""
     vy_mps: float
-    """The same."""
+    """Velocity along y in metres per second of the map frame; exactly 0 for a standing person."""
     radius_m: float
-    """Of the disc that he takes up."""
+    """Radius in metres of the disc that the person covers."""
     age_s: float
-    """Since he was first seen."""
+    """Time in seconds since the person was first seen."""
     last_seen_ns: int
-    """Stamp of the last frame that showed him."""
+    """Stamp in nanoseconds of the last frame that showed the person."""
     unseen_s: float = 0.0
-    """How long ago that was; until then he walked as he is said to, since then he is thought to."""
-    pace_mps: float = 0.0
-    """The fastest that he has been seen to walk of late; 0 for somebody who never did."""
+    """Time in seconds since that frame, over which the motion is predicted."""
+    walking_speed_mps: float = 0.0
+    """Greatest recent walking speed in metres per second; 0 for a person who never walked."""
     stood_s: float = 0.0
-    """For how long he has been seen to stand."""
+    """Time in seconds for which the person has been seen to stand."""
     course_rad: float = 0.0
-    """Direction in which he walked last, map frame; means nothing for somebody who never did."""
+    """Last walking direction in radians of the map frame; meaningless for a person who never
+    walked."""
 
     @property
     def speed_mps(self) -> float:
-        """How fast he walks."""
+        """Present speed in metres per second."""
         return math.hypot(self.vx_mps, self.vy_mps)
 
+    def is_brisk(self, brisk_share: float = _DEFAULT.brisk_share) -> bool:
+        """Return whether the person walks at more than this share of the walking speed; a slower
+        one is about to stop or turn."""
+        return self.speed_mps > brisk_share * self.walking_speed_mps
+
     def at(self, t_s: float) -> tuple[float, float]:
-        """(x, y) where he will be so many seconds after the frame, if he walks on as he does."""
+        """Return (x, y) in metres of the map frame, predicted `t_s` seconds after the frame."""
         return self.x_m + t_s * self.vx_mps, self.y_m + t_s * self.vy_mps
 
 
 @dataclass(slots=True)
 class KalmanTrack:
-    """A Kalman filter at constant velocity, the same along x and y, and what is known of whom it
-    follows."""
+    """Kalman filter at constant velocity, equal along x and y, with the evidence that the followed
+    object is a person."""
 
     id: int
+    """Number of the track."""
     first: Cluster
+    """First cluster, or the first that the border of the image did not cut."""
     now_ns: int
+    """Stamp in nanoseconds of the frame that it begins with."""
     non_cooperative: bool = False
-    """Whether whatever moves is taken for somebody who walks, without asking whether it came where
-    floor was seen."""
+    """Whether every moving object counts as a walking person, wherever it came from."""
+    config: PersonTrackConfig = _DEFAULT
+    """Noise, thresholds and smoothing factors."""
     x_m: float = 0.0
+    """Estimated x in metres of the map frame."""
     y_m: float = 0.0
+    """Estimated y in metres of the map frame."""
     vx_mps: float = 0.0
+    """Estimated velocity along x in metres per second."""
     vy_mps: float = 0.0
-    P: npt.NDArray[np.float64] = field(default_factory=lambda: np.diag([0.0, 1.0]))
+    """Estimated velocity along y in metres per second."""
+    P: Floats = field(default_factory=lambda: np.diag([0.0, 1.0]))
+    """(2, 2) covariance of position and velocity along one axis."""
     cells: Cells = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    """(K, 2) cells of the newest cluster."""
     on_map: list[Cells] = field(default_factory=list)
-    """Where the map may show him, because nobody knew that he walks."""
+    """Cells of earlier clusters that the map may show, because the object did not walk yet."""
     is_person: bool = False
-    named: float = 0.0
-    """How often pictures have called him a person of late."""
+    """Whether the object counts as a person."""
+    person_score: float = 0.0
+    """Smoothed share of images that labelled the object as a person."""
     walks: bool = False
-    rests_x_m: float = 0.0
-    """Where he may be standing …"""
-    rests_y_m: float = 0.0
+    """Whether the person walks."""
+    rest_x_m: float = 0.0
+    """x in metres of the position where the person may be standing."""
+    rest_y_m: float = 0.0
+    """y in metres of the position where the person may be standing."""
     rested_s: float = 0.0
-    """… and for how long he has been seen there."""
-    fresh: float = 0.0
+    """Time in seconds for which the person has been seen there."""
+    on_new_floor: float = 0.0
+    """Smoothed share of cells on recently seen floor."""
     slow_s: float = 0.0
-    radius_m: float = RADIUS_M
-    lately_mps: float = 0.0
-    pace_mps: float = 0.0
+    """Time in seconds for which the speed has been that of a standing person."""
+    radius_m: float = 0.0
+    """Estimated radius in metres."""
+    recent_speed_mps: float = 0.0
+    """Smoothed speed in metres per second."""
+    walking_speed_mps: float = 0.0
+    """Slowly decaying maximum of the smoothed speed in metres per second."""
     course_rad: float = 0.0
+    """Last walking direction in radians."""
     born_ns: int = 0
+    """Stamp in nanoseconds of the first frame."""
     seen_ns: int = 0
+    """Stamp in nanoseconds of the last frame that showed the object."""
 
     def __post_init__(self) -> None:
         self.x_m, self.y_m, self.born_ns = self.first.x_m, self.first.y_m, self.now_ns
-        self.rests_x_m, self.rests_y_m = self.x_m, self.y_m
+        self.rest_x_m, self.rest_y_m = self.x_m, self.y_m
         self.radius_m = self.first.radius_m
-        self.P[0, 0] = _noise_m(self.first) ** 2
+        self.P[0, 0] = self._noise_m(self.first) ** 2
         self._note(self.first, self.now_ns)
-        self.fresh = self.first.fresh
+        self.on_new_floor = self.first.on_new_floor
 
     def predict(self, step_s: float, *, lost: bool) -> None:
-        """Walk on; who stood when he was lost from sight is thought to stay there, whatever the
-        last noise said."""
+        """Predict the state; a person who stood when lost from sight is taken to stay there,
+        whatever the last noise said."""
         if lost and self.is_person and not self.walks:
             self.vx_mps = self.vy_mps = 0.0
         self.x_m, self.y_m = self.x_m + step_s * self.vx_mps, self.y_m + step_s * self.vy_mps
-        move = np.array([[1.0, step_s], [0.0, 1.0]])
+        F = np.array([[1.0, step_s], [0.0, 1.0]])
         push = np.array([step_s**2 / 2, step_s])
-        self.P = move @ self.P @ move.T + ACCEL_MPS2**2 * np.outer(push, push)
+        self.P = F @ self.P @ F.T + self.config.accel_mps2**2 * np.outer(push, push)
 
-    def see(self, cluster: Cluster, now_ns: int) -> None:
-        """Where he really is."""
+    def update(self, cluster: Cluster, now_ns: int) -> None:
+        """Correct the state by a detection."""
+        config = self.config
         step_s = (now_ns - self.seen_ns) / 1e9
-        gain = self.P[:, 0] / (self.P[0, 0] + _noise_m(cluster) ** 2)
+        gain = self.P[:, 0] / (self.P[0, 0] + self._noise_m(cluster) ** 2)
         off_x, off_y = cluster.x_m - self.x_m, cluster.y_m - self.y_m
         self.x_m, self.y_m = self.x_m + gain[0] * off_x, self.y_m + gain[0] * off_y
         self.vx_mps, self.vy_mps = self.vx_mps + gain[1] * off_x, self.vy_mps + gain[1] * off_y
         self.P = self.P - np.outer(gain, self.P[0])
-        self.fresh += 0.5 * (cluster.fresh - self.fresh)
-        if self.first.cut and not cluster.cut:
-            self.first = cluster  # from here on one can tell how far he has come
+        self.on_new_floor += config.new_floor_gain * (cluster.on_new_floor - self.on_new_floor)
+        if self.first.is_cut and not cluster.is_cut:
+            self.first = cluster  # from here on the distance covered can be measured
         self._note(cluster, now_ns)
         speed = math.hypot(self.vx_mps, self.vy_mps)
-        step_s = min(step_s, LONGEST_STEP_S)
-        self.slow_s = self.slow_s + step_s if speed < STANDS_MPS else 0.0
-        self._rest(step_s)
+        step_s = min(step_s, config.max_step_s)
+        self.slow_s = self.slow_s + step_s if speed < config.stands_mps else 0.0
+        self._update_rest(step_s)
         if self.walks:
-            self.lately_mps += PACE_SHARE * (speed - self.lately_mps)
-            self.pace_mps = max(self.pace_mps - SLOWS_MPS2 * step_s, self.lately_mps)
-            self.walks = self.slow_s < STANDS_S
-            if speed > BRISK * self.pace_mps:
-                self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
-        elif self._sets_out(speed):
+            self._update_walk(speed, step_s)
+        elif self._starts_walking(speed):
             self.walks = self.is_person = True
-            self.lately_mps = self.pace_mps = max(WALKS_MPS, self.pace_mps)
+            self.recent_speed_mps = self.walking_speed_mps = max(
+                config.walks_mps, self.walking_speed_mps
+            )
             self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
 
-    def lost_at(self, now_ns: int) -> tuple[float, float]:
-        """(x, y) where he was seen last."""
+    def last_seen_at(self, now_ns: int) -> tuple[float, float]:
+        """Return (x, y) in metres of the map frame where the object was seen last."""
         unseen_s = (now_ns - self.seen_ns) / 1e9
         return self.x_m - unseen_s * self.vx_mps, self.y_m - unseen_s * self.vy_mps
 
     def track(self, now_ns: int) -> Track:
-        """As a value; who stands has no velocity."""
-        unseen_s = (now_ns - self.seen_ns) / 1e9
+        """Return the state as a value; a standing person has no velocity."""
+        config, unseen_s = self.config, (now_ns - self.seen_ns) / 1e9
+        spread_m = min(config.spread_mps * unseen_s, config.max_spread_m) if self.walks else 0.0
         return Track(
             id=self.id,
             x_m=self.x_m,
             y_m=self.y_m,
             vx_mps=self.vx_mps if self.walks else 0.0,
             vy_mps=self.vy_mps if self.walks else 0.0,
-            radius_m=self.radius_m + (min(WIDER_PER_S * unseen_s, WIDEST_M) if self.walks else 0.0),
+            radius_m=self.radius_m + spread_m,
             age_s=(now_ns - self.born_ns) / 1e9,
             last_seen_ns=self.seen_ns,
             unseen_s=unseen_s,
-            pace_mps=self.pace_mps,
+            walking_speed_mps=self.walking_speed_mps,
             stood_s=self.rested_s,
             course_rad=self.course_rad,
         )
 
-    def _rest(self, step_s: float) -> None:
-        if math.hypot(self.x_m - self.rests_x_m, self.y_m - self.rests_y_m) < RESTS_M:
+    def _update_rest(self, step_s: float) -> None:
+        moved_m = math.hypot(self.x_m - self.rest_x_m, self.y_m - self.rest_y_m)
+        if moved_m < self.config.rest_radius_m:
             self.rested_s += step_s
         else:
-            self.rests_x_m, self.rests_y_m, self.rested_s = self.x_m, self.y_m, 0.0
+            self.rest_x_m, self.rest_y_m, self.rested_s = self.x_m, self.y_m, 0.0
+
+    def _update_walk(self, speed: float, step_s: float) -> None:
+        config = self.config
+        self.recent_speed_mps += config.speed_gain * (speed - self.recent_speed_mps)
+        self.walking_speed_mps = max(
+            self.walking_speed_mps - config.slows_mps2 * step_s, self.recent_speed_mps
+        )
+        self.walks = self.slow_s < config.stands_s
+        if speed > config.brisk_share * self.walking_speed_mps:
+            self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
 
     def _note(self, cluster: Cluster, now_ns: int) -> None:
+        config = self.config
         self.seen_ns, self.cells = now_ns, cluster.cells
-        self.radius_m += WIDTH_SHARE * (cluster.radius_m - self.radius_m)
-        self.named += PICTURE_SHARE * (float(cluster.labelled > LABELLED) - self.named)
-        self.is_person = self.pace_mps > 0 or self.named > (UNNAMED if self.is_person else NAMED)
+        self.radius_m += config.width_gain * (cluster.radius_m - self.radius_m)
+        vote = float(cluster.labelled > config.min_labelled)
+        self.person_score += config.score_gain * (vote - self.person_score)
+        limit = config.no_person_score if self.is_person else config.person_score
+        self.is_person = self.walking_speed_mps > 0 or self.person_score > limit
         if not self.walks:
-            self.on_map = [*self.on_map[-49:], cluster.cells]
+            self.on_map = [*self.on_map[1 - _KEPT_CLUSTERS :], cluster.cells]
 
-    def _sets_out(self, speed: float) -> bool:
-        """Whether this is nothing but somebody who walks: it goes, it came where floor was, and in
-        the way it says it goes."""
-        out_x, out_y = self.x_m - self.first.x_m, self.y_m - self.first.y_m
+    def _starts_walking(self, speed: float) -> bool:
+        """Return whether the object can only be a walking person: it moves, it came where floor
+        was, and it came in the direction of its velocity."""
+        config = self.config
         if self.is_person:
-            came_m = math.hypot(self.x_m - self.rests_x_m, self.y_m - self.rests_y_m)
-            return speed > WALKS_MPS and (speed > 2 * math.sqrt(self.P[1, 1]) or came_m > MOVED_M)
-        came_m = math.hypot(out_x, out_y)
-        along = out_x * self.vx_mps + out_y * self.vy_mps > 0.7 * came_m * speed
-        came = self.fresh > FRESH or self.non_cooperative
+            moved_m = math.hypot(self.x_m - self.rest_x_m, self.y_m - self.rest_y_m)
+            return speed > config.walks_mps and (
+                speed > 2 * math.sqrt(self.P[1, 1]) or moved_m > config.moved_m
+            )
+        dx_m, dy_m = self.x_m - self.first.x_m, self.y_m - self.first.y_m
+        moved_m = math.hypot(dx_m, dy_m)
+        along = dx_m * self.vx_mps + dy_m * self.vy_mps
+        least_m = max(config.moved_m, 3 * self._noise_m(self.first))
         return (
-            came and along and speed > WALKS_MPS and came_m > max(MOVED_M, 3 * _noise_m(self.first))
+            (self.on_new_floor > config.min_new_floor or self.non_cooperative)
+            and along > config.min_course_cosine * moved_m * speed
+            and speed > config.walks_mps
+            and moved_m > least_m
         )
 
-
-def _noise_m(cluster: Cluster) -> float:
-    """Standard deviation of a cluster's middle: half a cell, and stereo depth scatters with the
-    square of the distance."""
-    return 0.05 + 0.004 * cluster.range_m**2 + (CUT_M if cluster.cut else 0.0)
+    def _noise_m(self, cluster: Cluster) -> float:
+        """Return the standard deviation in metres of the position of a cluster, which grows with
+        the square of the distance as the scatter of stereo depth."""
+        config = self.config
+        cut_m = config.cut_noise_m if cluster.is_cut else 0.0
+        return config.position_noise_m + config.position_noise_per_m * cluster.range_m**2 + cut_m

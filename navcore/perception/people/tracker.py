@@ -1,9 +1,8 @@
-"""People who walk, and people whom the segmenter recognises: followed from frame to frame at
-constant velocity.
+"""Multi-object tracking of people: those who walk, and those whom the segmenter labels.
 
-Whoever moves is no part of the map: his points are taken off it (`PeopleTracker.trail`) where he is
-and where he was while nobody knew yet that he walks. Whoever stands still for a while is an
-obstacle like any other, and stays a person.
+A walking person is no part of the map: the points are removed (`PeopleTracker.trail`) where the
+person is and where the person was before being recognised as walking. A person who stands for a
+while is an obstacle like any other, and stays a person.
 """
 
 from __future__ import annotations
@@ -11,90 +10,65 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareList
-from navcore.perception.colour_segmenter import PERSON_SURE
-from navcore.perception.ground import Image
 from navcore.perception.labels import Labels
-from navcore.perception.people.detector import (
-    CELL_M,
-    Cells,
-    Cluster,
-    PersonDetector,
-    cells_within,
-    looks_at,
-)
+from navcore.perception.people.detector import Cells, Cluster, PersonDetector
 from navcore.perception.people.track import KalmanTrack, Track
 from navcore.robot.frame import Frame
 
-GATE_M = 0.45
-"""A cluster this near to where somebody should be is he."""
-UNSEEN_S, ELSEWHERE_S, STAYS_S = 1.0, 8.0, 20.0
-"""He is forgotten after this where the camera looks and does not see him, and where it does not
-look if he walked or stood."""
-GONE_S = 0.25
-"""And after this where the camera sees the floor, both where he should be by now and where he was
-lost from sight."""
-RETURN_M = 1.0
-"""Who comes into sight as near as this to where somebody was lost from it is he."""
-LONGEST_GAP_S = 2.0
-"""After a longer gap between two pictures, or when time runs backwards, nobody is where he was."""
-
 
 class PeopleTracker:
-    """All that is followed: everything of a person's size; `follow` returns what of it is a person."""
+    """Tracks of everything of a person's size; `follow` returns those that are people."""
 
-    def __init__(self, *, non_cooperative: bool = False) -> None:
-        """`non_cooperative`: as in `PeopleConfig`; better take something for a walker that is none
-        than notice one late."""
-        self._heedless = non_cooperative
-        self._ground, self._followed, self._next_id = PersonDetector(), list[KalmanTrack](), 1
+    def __init__(
+        self, *, non_cooperative: bool = False, config: PerceptionConfig = DEFAULT_PERCEPTION
+    ) -> None:
+        """Start without tracks; with `non_cooperative`, as in `PeopleConfig`, false positives are
+        preferred to late detections."""
+        self._non_cooperative = non_cooperative
+        self._config = config.people
+        self._min_confidence = config.min_person_confidence
+        self._detector = PersonDetector(config.people.detector)
+        self._tracks, self._next_id = list[KalmanTrack](), 1
         self._now_ns, self._trail = 0, list[Cells]()
 
     def follow(
-        self, frame: Frame, labels: Labels, beware: BewareList, ground_m: Image | None = None
+        self, frame: Frame, labels: Labels, beware: BewareList, ground_m: FloatImage | None = None
     ) -> tuple[Track, ...]:
-        """Everybody, after one more frame; somebody out of sight where he should be by now.
-        `ground_m`: see `terrain.py`."""
-        now_s, step_s = frame.stamp_ns / 1e9, (frame.stamp_ns - self._now_ns) / 1e9
-        if not 0 <= step_s <= LONGEST_GAP_S:
-            self._ground, self._followed = PersonDetector(), []
-        before_ns, self._now_ns, self._trail = self._now_ns, frame.stamp_ns, []
-        clusters = self._ground.look(frame, _named(labels, beware), ground_m)
-        for followed in self._followed:
-            followed.predict(step_s, lost=followed.seen_ns < before_ns)
-        self._match(clusters, frame.stamp_ns)
-        self._followed = [one for one in self._followed if not self._is_lost(one, frame)]
-        self._followed = [one for one in self._followed if not self._is_back(one)]
-        for one in self._followed:
-            if one.is_person and one.seen_ns == frame.stamp_ns:
-                self._ground.keep_loose(one.cells, now_s)
-            if one.walks:
-                self._trail += [*one.on_map, one.cells]
-                one.on_map = []
-                if frame.stamp_ns - one.seen_ns < UNSEEN_S * 1e9:
-                    # A leg at the border of the picture is too little to be told for him, and yet
-                    # on the map.
-                    self._trail.append(
-                        self._ground.newly_occupied(
-                            cells_within(one.x_m, one.y_m, one.radius_m), now_s
-                        )
-                    )
-        return tuple(one.track(frame.stamp_ns) for one in self._followed if one.is_person)
+        """Return all people after one more frame, those out of sight at their predicted positions.
 
-    def trail(self, spec: GridSpec) -> npt.NDArray[np.int64]:
-        """(N,) cells of the map, row · cols + col, that belong to whoever walks: what is there is
-        not there for long."""
+        `ground_m` (H, W) is the height of the ground in metres (`ground_heights`), 0 by default.
+        """
+        step_s = (frame.stamp_ns - self._now_ns) / 1e9
+        if not 0 <= step_s <= self._config.max_gap_s:
+            self._detector, self._tracks = PersonDetector(self._config.detector), []
+        before_ns, self._now_ns, self._trail = self._now_ns, frame.stamp_ns, []
+        clusters = self._detector.detect(frame, self._person_pixels(labels, beware), ground_m)
+        for one in self._tracks:
+            one.predict(step_s, lost=one.seen_ns < before_ns)
+        self._match(clusters, frame.stamp_ns)
+        self._tracks = [one for one in self._tracks if not self._is_lost(one, frame)]
+        self._tracks = [one for one in self._tracks if not self._has_returned(one)]
+        for one in self._tracks:
+            self._note_cells(one)
+        return tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
+
+    def trail(self, spec: GridSpec) -> Indices:
+        """Return the (N,) cells of the map, row · cols + col, that hold points of walking people.
+        """
         if not self._trail:
             return np.empty(0, dtype=np.int64)
-        # The cells beside them, too: the body's edge is noisy, and has fewer pixels than make a
-        # cell held.
-        coarse = self._ground.loose_about(np.vstack(self._trail), self._now_ns / 1e9)
-        per_cell = math.ceil(CELL_M / spec.resolution_m) + 1
+        # With their neighbours: the outline of the body is noisy, and has fewer pixels than make a
+        # cell occupied.
+        coarse = self._detector.movable_around(np.vstack(self._trail), self._now_ns / 1e9)
+        cell_m = self._config.detector.cell_m
+        per_cell = math.ceil(cell_m / spec.resolution_m) + 1
         y, x = (
-            coarse[:, axis, None] * CELL_M + (np.arange(per_cell) + 0.5) / per_cell * CELL_M
+            coarse[:, axis, None] * cell_m + (np.arange(per_cell) + 0.5) / per_cell * cell_m
             for axis in (0, 1)
         )
         rows = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)[:, :, None]
@@ -102,14 +76,14 @@ class PeopleTracker:
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
         return np.unique((rows * spec.cols + cols)[inside])
 
-    def is_free_floor(self, places: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-        """(N,) at which of (N, 2) places of the map frame nobody stands: the newest frame shows
-        their floor."""
-        return self._ground.is_free_floor(places)
+    def is_free_floor(self, positions: Floats) -> Bools:
+        """Return (N,) at which of (N, 2) positions in metres of the map frame no person stands: the
+        newest frame shows their floor."""
+        return self._detector.is_free_floor(positions)
 
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
-        """Each cluster to the nearest that is followed, known people first; what is left over is
-        followed from now on."""
+        """Assign each cluster to the nearest track, known people first; start tracks with the rest.
+        """
         pairs = sorted(
             (
                 not one.is_person,
@@ -117,65 +91,81 @@ class PeopleTracker:
                 one.id,
                 index,
             )
-            for one in self._followed
+            for one in self._tracks
             for index, cluster in enumerate(clusters)
         )
-        by_id, taken = {one.id: one for one in self._followed}, set[int]()
-        for _, apart_m, name, index in pairs:
-            if apart_m <= GATE_M and name in by_id and index not in taken:
-                by_id.pop(name).see(clusters[index], now_ns)
+        by_id, taken = {one.id: one for one in self._tracks}, set[int]()
+        for _, distance_m, track_id, index in pairs:
+            if distance_m <= self._config.gate_m and track_id in by_id and index not in taken:
+                by_id.pop(track_id).update(clusters[index], now_ns)
                 taken.add(index)
         for index, cluster in enumerate(clusters):
             if index not in taken:
-                self._followed.append(
+                self._tracks.append(
                     KalmanTrack(
                         id=self._next_id,
                         first=cluster,
                         now_ns=now_ns,
-                        non_cooperative=self._heedless,
+                        non_cooperative=self._non_cooperative,
+                        config=self._config.track,
                     )
                 )
                 self._next_id += 1
 
-    def _is_back(self, lost: KalmanTrack) -> bool:
-        """Whether somebody who was lost from sight has come back into it as another."""
-        x_m, y_m = lost.lost_at(self._now_ns)
-        for one in self._followed:
-            near = math.hypot(one.first.x_m - x_m, one.first.y_m - y_m) <= RETURN_M
+    def _note_cells(self, one: KalmanTrack) -> None:
+        """Keep the cells of a visible person movable, and add those of a walking one to the trail.
+        """
+        now_s = self._now_ns / 1e9
+        if one.is_person and one.seen_ns == self._now_ns:
+            self._detector.keep_movable(one.cells, now_s)
+        if not one.walks:
+            return
+        self._trail += [*one.on_map, one.cells]
+        one.on_map = []
+        if self._now_ns - one.seen_ns < self._config.unseen_s * 1e9:
+            # A leg at the border of the image is too little to be assigned to the person, and yet
+            # on the map.
+            disc = self._detector.cells_within(one.x_m, one.y_m, one.radius_m)
+            self._trail.append(self._detector.newly_occupied(disc, now_s))
+
+    def _has_returned(self, lost: KalmanTrack) -> bool:
+        """Return whether a person who was lost from sight is now followed by another track."""
+        x_m, y_m = lost.last_seen_at(self._now_ns)
+        for one in self._tracks:
+            distance_m = math.hypot(one.first.x_m - x_m, one.first.y_m - y_m)
             if (
-                near
+                distance_m <= self._config.return_m
                 and lost.is_person
                 and one.walks
                 and lost.seen_ns < one.born_ns <= self._now_ns == one.seen_ns
             ):
-                one.pace_mps = max(one.pace_mps, lost.pace_mps)
+                one.walking_speed_mps = max(one.walking_speed_mps, lost.walking_speed_mps)
                 return True
         return False
 
     def _is_lost(self, one: KalmanTrack, frame: Frame) -> bool:
-        unseen_s = (frame.stamp_ns - one.seen_ns) / 1e9
+        config, unseen_s = self._config, (frame.stamp_ns - one.seen_ns) / 1e9
         if not one.is_person:
-            return unseen_s >= GONE_S
-        # Whoever was lost from sight at one place and is not seen at the other may have turned back
-        # in between.
-        places = (one.x_m, one.y_m), one.lost_at(frame.stamp_ns)
-        if unseen_s >= GONE_S and all(
-            self._ground.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9) for at in places
+            return unseen_s >= config.free_floor_s
+        # A person who was lost from sight at one position and is not seen at the predicted one may
+        # have turned back in between.
+        positions = (one.x_m, one.y_m), one.last_seen_at(frame.stamp_ns)
+        if unseen_s >= config.free_floor_s and all(
+            self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9) for at in positions
         ):
             return True
-        if all(looks_at(frame, *at, one.radius_m) for at in places):
-            return unseen_s >= UNSEEN_S
-        return unseen_s >= (ELSEWHERE_S if one.walks else STAYS_S)
+        if all(self._detector.looks_at(frame, *at, one.radius_m) for at in positions):
+            return unseen_s >= config.unseen_s
+        return unseen_s >= (config.walking_unseen_s if one.walks else config.standing_unseen_s)
 
-
-def _named(labels: Labels, beware: BewareList) -> npt.NDArray[np.bool_]:
-    """(H, W) pixels that are surely a person's, whether the list is on about people or not: nobody
-    is driven into unseen."""
-    for entry in beware.classes:
-        if entry.name == PERSON:
-            claims = [
-                (one.class_ids == entry.class_id) & (one.confidence >= PERSON_SURE)
-                for one in labels.all_hypotheses
-            ]
-            return np.asarray(np.logical_or.reduce(claims))
-    return np.zeros(labels.class_ids.shape, dtype=np.bool_)
+    def _person_pixels(self, labels: Labels, beware: BewareList) -> Bools:
+        """Return the (H, W) pixels that are a person's with enough confidence, whether that class
+        is enabled or not: people are avoided in any case."""
+        for entry in beware.classes:
+            if entry.name == PERSON:
+                masks = [
+                    (one.class_ids == entry.class_id) & (one.confidence >= self._min_confidence)
+                    for one in labels.all_hypotheses
+                ]
+                return np.asarray(np.logical_or.reduce(masks))
+        return np.zeros(labels.class_ids.shape, dtype=np.bool_)

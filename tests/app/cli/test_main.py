@@ -112,7 +112,6 @@ def test_a_busy_port_is_refused_with_port_and_remedy(tmp_path: Path) -> None:
         ("evaluate",),
         ("compare",),
         ("bench",),
-        ("reliability",),
         ("doctor",),
         ("plan",),
         ("weights",),
@@ -124,7 +123,7 @@ def test_every_level_has_help(command: tuple[str, ...]) -> None:
     assert "Usage" in answer.stdout
 
 
-def test_a_drive_writes_its_report_and_pictures_and_ends_with_0(tmp_path: Path) -> None:
+def test_a_drive_writes_its_report_and_plots_and_ends_with_0(tmp_path: Path) -> None:
     report, plots = tmp_path / "out" / "r.json", tmp_path / "plots"
     answer = bewarenav(
         "drive",
@@ -164,7 +163,7 @@ def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
     assert "damaged" in answer.stderr
 
 
-def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(
+def test_navigation_parameters_are_read_from_a_file_and_a_wrong_key_is_named(
     tmp_path: Path,
 ) -> None:
     file = tmp_path / "nav.toml"
@@ -179,7 +178,7 @@ def test_how_the_navigation_is_set_is_read_from_a_file_and_a_wrong_key_is_named(
         in bewarenav("evaluate", "clutter", "--navigation", str(file)).stderr
     )
     assert "nothing does" in bewarenav("evaluate", "finding", "--navigation", str(file)).stderr
-    # A margin as wide as the ways are leaves no path: it is by this file that the robot was driven.
+    # A margin as wide as the passages leaves no path: the robot is driven by this file.
     report, driven_m = tmp_path / "r.json", []
     for margin_m in (0.15, 1.0):
         file.write_text(f"safety_margin_m = {margin_m}\n")

@@ -20,9 +20,8 @@ from app.evaluation.campaign import Campaign
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.errors import BadConfiguration
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
-from navcore.planning.path import NoPath, Reason
-from navcore.planning.route import Route
 from navcore.robot.profile import HUSKY
 
 
@@ -96,24 +95,23 @@ def alive(pid: int) -> bool:
         return False
 
 
-def route(*points: tuple[float, float]) -> Route:
-    line = np.array(points, dtype=np.float64)
-    return Route(outcome=NoPath(reason=Reason.UNREACHABLE), points=line, waypoints=line, track=line)
+def track(*points: tuple[float, float]) -> Points:
+    return np.array(points, dtype=np.float64)
 
 
 def test_a_path_is_pursued_ahead_turned_to_behind_and_ended_at_its_goal() -> None:
     here, config = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), NavigatorConfig()
-    straight = pursue(route(*((0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
+    straight = pursue(track(*((0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
     assert (
         straight.outcome is ControllerState.FOLLOW
         and straight.twist.v_mps > 0.5
         and abs(straight.twist.w_radps) < 1e-9
     )
-    left = pursue(route(*((0.05 * i, 0.03 * i) for i in range(100))), here, HUSKY, config)
+    left = pursue(track(*((0.05 * i, 0.03 * i) for i in range(100))), here, HUSKY, config)
     assert left.twist.w_radps > 0.1
-    behind = pursue(route(*((-0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
+    behind = pursue(track(*((-0.05 * i, 0.0) for i in range(100))), here, HUSKY, config)
     assert behind.outcome is ControllerState.TURN and behind.twist.v_mps == 0.0
     assert (
-        pursue(route((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome
+        pursue(track((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome
         is ControllerState.ARRIVED
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from app.storage import Store
 from navcore.behaviours.lane_keep_out import LaneKeepOut
+from navcore.behaviours.supervisor import Behaviour
 from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.app.insight.test_event_log import insight_of
 from tests.reliability.drills import first_picture, standing_pilot
@@ -23,7 +24,7 @@ def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(
     lane = Zone(
         id="lane 0", name="where somebody walks to and fro", polygon=across, colour=OWN_COLOUR
     )
-    pilot.navigator._lanes = LaneKeepOut(zones=(lane,))
+    pilot.navigator.behaviour = Behaviour(lanes=LaneKeepOut(zones=(lane,)))
     decision = pilot.think(frame, clock=lambda: frame.stamp_ns)
     assert decision is not None and decision.closed == (lane,)
     insight.note_decision(decision)

@@ -17,8 +17,8 @@ from app.map_planner.query import ask
 from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
 from navcore.formats.nav2_map import State, drawn, load, save
-from navcore.grid.flood_fill import nearest_reachable
 from navcore.grid.grid import GridSpec
+from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import Path as GridPath
 from navcore.planning.planner import plan
 from tests.app.cli.test_main import bewarenav

@@ -12,10 +12,11 @@ import pytest
 from app.runtime.robot_controller import OperatorState, RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.costmap.costmap import Costmap, nearest_free
+from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.cell_mask import CellMask
+from navcore.grid.nearest import nearest_free
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind

@@ -10,19 +10,23 @@ from collections.abc import Callable
 import numpy as np
 
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
+from navcore.behaviours.supervisor import Behaviour
 from navcore.config.behaviours import RecoveryConfig
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.local_planner import Points, plan_motion
+from navcore.control.controller import Controller, ControlTask
+from navcore.control.local_planner import plan_motion
 from navcore.control.motion import IDLE, ControllerState, Motion
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.route import Route
+from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from tests.navcore.scene import picture
 
@@ -172,20 +176,48 @@ GOAL = (5.0, 0.0)
 ORDER = NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=())
 
 
+def blocked_navigator() -> Navigator:
+    """A navigator whose local planner never finds a motion, and whose map does not change."""
+
+    def blocked(_controller: Controller, task: ControlTask) -> Motion:
+        return STUCK if len(task.track) else IDLE
+
+    return Navigator(
+        spec=SPEC,
+        profile=HUSKY,
+        segmenter=ColourSegmenter(),
+        config=NavigatorConfig(),
+        stages=Stages(track=lambda *_: (), update_map=lambda *_: None, control=blocked),
+    )
+
+
 def stuck_for(
     navigator: Navigator, pose: Pose2, start_s: float, seconds: float
 ) -> tuple[Route, list[ControllerState]]:
-    """A navigator whose local planner finds no motion at a pose; the last route, and what it
-    reports."""
+    """Run a blocked navigator at a pose; return the last route and what it reports each tick."""
     outcomes, route = list[ControllerState](), None
     for k in range(round(seconds / PERIOD_S)):
         frame = picture(pose=pose, stamp_ns=round((start_s + k * PERIOD_S) * 1e9))
-        route = navigator.route(navigator.occupancy(ORDER), pose, ORDER)
-        assert route is not None
-        blocked = STUCK if len(route.points) else IDLE
-        outcomes.append(navigator.recover(blocked, frame, route, ORDER).outcome)
+        result = navigator.tick(frame, ORDER)
+        route = result.route
+        outcomes.append(result.motion.outcome)
     assert route is not None
     return route, outcomes
+
+
+def supervised(
+    behaviour: Behaviour, motion: Motion, frame: Frame, route: Route, request: NavigationRequest
+) -> tuple[Behaviour, Motion]:
+    """One transition of the behaviours for a request."""
+    return behaviour.towards(request).after(
+        motion,
+        frame=frame,
+        route=route,
+        people=(),
+        request=request,
+        profile=HUSKY,
+        config=NavigatorConfig(),
+    )
 
 
 def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_the_robot_gives_up() -> (
@@ -196,9 +228,7 @@ def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_t
     for y_m in (0.0, 4.0):
         row, _ = SPEC.cell(1.0, y_m)
         gaps[row - 7 : row + 8, 90] = False  # … with two gaps of 1.5 m
-    navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
-    )
+    navigator = blocked_navigator()
     navigator.map.load_prior(gaps)
     first = Pose2(x_m=0.35, y_m=0.0, yaw_rad=0.0)
     route, _ = stuck_for(navigator, first, 0.0, 0.1)
@@ -214,15 +244,13 @@ def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_t
 
 
 def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again() -> None:
-    navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
-    )
+    navigator = blocked_navigator()
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     first, _ = stuck_for(navigator, here, 0.0, 7.0)
-    assert navigator._closed
+    assert navigator.behaviour.closed
     last, outcomes = stuck_for(navigator, here, 7.0, 40.0)
     assert outcomes[-1] is ControllerState.GIVEN_UP
-    assert not navigator._closed
+    assert not navigator.behaviour.closed
     np.testing.assert_array_equal(last.track[-1], first.track[-1])
 
 
@@ -245,15 +273,13 @@ def test_the_trail_is_the_way_back_without_the_detours() -> None:
 
 
 def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it() -> None:
-    navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
-    )
+    navigator = blocked_navigator()
     stuck_for(navigator, Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0), 0.0, 2.5)
     crept = Pose2(
         x_m=-2.1, y_m=0.0, yaw_rad=0.0
     )  # still at the place where it was boxed in, but a good way on
     stuck_for(navigator, crept, 2.5, 5.0)
-    (closed,) = navigator._closed
+    (closed,) = navigator.behaviour.closed
     assert (
         min(math.hypot(x - crept.x_m, y - crept.y_m) for x, y in closed.polygon)
         > HUSKY.circumscribed_radius_m
@@ -264,31 +290,24 @@ TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN
 
 
 def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_begins_anew() -> None:
-    navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
-    )
+    navigator = blocked_navigator()
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
-    _, outcomes = stuck_for(navigator, here, 0.0, 47.0)
+    route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
     assert outcomes[-1] is ControllerState.GIVEN_UP
-    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator._recovery
-    route = navigator.route(navigator.occupancy(ORDER), here, ORDER)
-    assert navigator.recover(TURNS, frame, route, ORDER) == TURNS
-    navigator._recovery = gave_up
+    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator.behaviour
+    assert supervised(gave_up, TURNS, frame, route, ORDER)[1] == TURNS
     other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
-    route = navigator.route(navigator.occupancy(other), here, other)
-    assert (
-        navigator.recover(STUCK, frame, route, other).outcome is ControllerState.BOXED_IN
-    )  # it waits, as at first
-    assert navigator._recovery.tried is RecoveryAction.NONE
+    behaviour, motion = supervised(gave_up, STUCK, frame, route, other)
+    assert motion.outcome is ControllerState.BOXED_IN  # it waits, as at first
+    assert behaviour.recovery.tried is RecoveryAction.NONE
 
 
 def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:
-    navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
-    )
+    navigator = blocked_navigator()
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     route, _ = stuck_for(navigator, here, 0.0, 7.0)
-    assert navigator._closed
+    assert navigator.behaviour.closed
     looked = dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
-    navigator.recover(IDLE, picture(pose=here, stamp_ns=8_000_000_000), looked, ORDER)
-    assert not navigator._closed
+    frame = picture(pose=here, stamp_ns=8_000_000_000)
+    behaviour, _ = supervised(navigator.behaviour, IDLE, frame, looked, ORDER)
+    assert not behaviour.closed

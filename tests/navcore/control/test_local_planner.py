@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.control.collision_checker import CollisionChecker, candidates
-from navcore.control.local_planner import Points, plan_motion
+from navcore.control.local_planner import plan_motion
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import nearby, obstacle_masks, outside
+from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from navcore.config.control import LocalPlannerConfig
-from navcore.control.local_planner import Points, plan_motion
+from navcore.control.local_planner import plan_motion
 from navcore.control.manoeuvre import (
     LOST_M,
     Manoeuvre,
@@ -23,6 +23,7 @@ from navcore.control.manoeuvre import (
 from navcore.control.motion import BOXED_IN, IDLE, ControllerState, Motion
 from navcore.control.social import NOBODY, PeopleState
 from navcore.control.state_lattice import REACH_M
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.flood_fill import nearest_reachable
 from navcore.grid.grid import BoolGrid
+from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
 from tests.navcore.grid.random_grids import free_cell, grids

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.mapping import MappingConfig
+from navcore.config.mapping import ConfidenceConfig, MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.mapping.confidence import initial_confidence
@@ -96,20 +96,15 @@ def test_what_is_certain_stays_whatever_later_pictures_say() -> None:
 
 
 def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certain() -> None:
-    all_hypotheses, new, known = (
-        np.linspace(0.2, 0.999, 50, dtype=np.float32),
-        np.zeros(50, np.bool_),
-        np.ones(50, np.bool_),
-    )
-    assert np.all(initial_confidence(all_hypotheses, new) <= all_hypotheses + 0.1)
-    assert np.all(np.diff(initial_confidence(all_hypotheses, new)) >= 0)
-    assert np.all(
-        initial_confidence(all_hypotheses, known) < initial_confidence(all_hypotheses, new)
-    )
-    assert initial_confidence(np.ones(2, dtype=np.float32), np.array([False, True])).tolist() == [
-        1.0,
-        1.0,
-    ]
+    rules = ConfidenceConfig()
+    claims = np.linspace(0.2, 0.999, 50, dtype=np.float32)
+    new, known = np.zeros(50, np.bool_), np.ones(50, np.bool_)
+    first = initial_confidence(claims, new, rules)
+    assert np.all(first <= claims + 0.1)
+    assert np.all(np.diff(first) >= 0)
+    assert np.all(initial_confidence(claims, known, rules) < first)
+    certain = np.ones(2, dtype=np.float32)
+    assert initial_confidence(certain, np.array([False, True]), rules).tolist() == [1.0, 1.0]
 
 
 @law(20)

@@ -43,14 +43,16 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         range_m=(5 * rng.random(count)).astype(np.float32),
         pose_ids=rng.integers(0, 3, count, dtype=np.int32),
     )
-    seen, looked, trodden, prior = (CellMask.of(rng.random((rows, cols)) < 0.5) for _ in range(4))
+    measured, visible, driven, prior = (
+        CellMask.of(rng.random((rows, cols)) < 0.5) for _ in range(4)
+    )
     return MapState(
         spec=spec,
         points=points,
         poses=rng.normal(size=(3, 3)),
-        seen=seen,
-        looked=looked,
-        trodden=trodden,
+        measured=measured,
+        visible=visible,
+        driven=driven,
         prior=prior,
         volume=rng.integers(0, 2**63, (-(-rows // 4), -(-cols // 4)), dtype=np.uint64),
     )
@@ -61,7 +63,9 @@ def arrays(state: MapState) -> dict[str, npt.NDArray[Any]]:
     points = {
         field.name: getattr(state.points, field.name) for field in dataclasses.fields(state.points)
     }
-    masks = {name: getattr(state, name).bools for name in ("seen", "looked", "trodden", "prior")}
+    masks = {
+        name: getattr(state, name).bools for name in ("measured", "visible", "driven", "prior")
+    }
     return points | masks | {"poses": state.poses, "volume": state.volume}
 
 

@@ -25,7 +25,7 @@ def step(cloud: PointMap, seed: int) -> None:
     rng = np.random.default_rng(seed)
     frame, observation = random_step(rng, confident=False)
     cloud.insert(observation, frame)
-    cloud.explored.look(frame, ObservationConfig(min_support=1))
+    cloud.explored.integrate_rays(frame, ObservationConfig(min_support=1))
     cloud.explored.mark_driven(rng.normal(size=2) + np.array([[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]))
 
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.perception import ObservationConfig
-from navcore.geometry.camera import Intrinsics
+from navcore.geometry.camera import Intrinsics, back_project
 from navcore.geometry.transform import Pose2, transform_points
-from navcore.mapping.observation import Observation, back_project, observe
+from navcore.mapping.observation import Observation, observe
 from navcore.mapping.voxels import BIN_M, LOWEST_M
 from navcore.mission.beware_list import LARGEST_CLASS_ID, NOTHING, BewareClass, BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter

@@ -15,7 +15,7 @@ WALL = Box(x=(1.9, 2.1), y=(-3.0, 3.0), z=(0.0, 2.0))
 
 def test_the_camera_looks_into_the_cells_before_a_wall_and_into_none_behind_it() -> None:
     cloud = PointMap(SPEC, MappingConfig())
-    cloud.explored.look(
+    cloud.explored.integrate_rays(
         picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig()
     )
     seen = cloud.explored.seen.bools
@@ -29,7 +29,7 @@ def test_looking_into_the_open_explores_more_than_looking_at_a_wall() -> None:
     areas, volumes = [], []
     for scene in ((WALL,), ()):
         cloud = PointMap(SPEC, MappingConfig())
-        cloud.explored.look(
+        cloud.explored.integrate_rays(
             picture(*scene, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig()
         )
         areas.append(cloud.explored.area_m2)
@@ -42,7 +42,7 @@ def test_a_camera_that_measures_nothing_has_looked_nowhere() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     blind = np.zeros_like(frame.depth_m)
-    cloud.explored.look(
+    cloud.explored.integrate_rays(
         type(frame)(
             **{**{name: getattr(frame, name) for name in frame.__slots__}, "depth_m": blind}
         ),
@@ -55,7 +55,7 @@ def test_a_camera_above_the_ceiling_cut_does_not_look_through_a_wall_either() ->
     cloud = PointMap(SPEC, MappingConfig())
     frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     assert frame.T_map_camera[2, 3] > 0.5
-    cloud.explored.look(frame, ObservationConfig(ceiling_m=0.5))
+    cloud.explored.integrate_rays(frame, ObservationConfig(ceiling_m=0.5))
     seen = cloud.explored.seen.bools
     assert seen[SPEC.cell(1.2, 0.0)]
     assert not seen[:, SPEC.cell(2.35, 0.0)[1] :].any()

@@ -14,7 +14,7 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.people.detector import Cluster
@@ -286,10 +286,12 @@ def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -
     """Cells held where somebody walked, when the camera turned away while he was still there and a
     second has passed."""
     navigator = Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        spec=SPEC,
+        profile=HUSKY,
+        segmenter=ColourSegmenter(),
+        config=NavigatorConfig(),
+        stages=Stages() if tracked else Stages(track=lambda *_: ()),
     )
-    if not tracked:
-        navigator.track = lambda *arguments: ()  # type: ignore[method-assign]
     order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
     for k in range(12):
         navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)

@@ -73,7 +73,7 @@ def occupancy(
 def approach(known: Costmap, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
     found = viewpoint_before_gap(
-        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0
+        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0, body_m=0.15
     )
     if found is None:
         return None
@@ -148,7 +148,7 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
         return
     free = np.argwhere(~known.blocked)
     start, goal = ((int(row), int(col)) for row, col in free[rng.integers(len(free), size=2)])
-    found = viewpoint_before_gap(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0)
+    found = viewpoint_before_gap(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0, body_m=0.15)
     costs = closed_cells(known.blocked, solid, goal)
     _, regions = cv2.connectedComponents((~known.blocked).view(np.uint8), connectivity=4)
     least = costs[regions == regions[start]].min()

@@ -18,8 +18,8 @@ from sim.dataset.generate import (
     SHARDS_PER_SPLIT,
     SPLITS,
     WORLDS_PER_SHARD,
-    Picture,
-    render_pictures,
+    LabelledImage,
+    render_images,
     shard_seed,
 )
 from sim.dataset.renderer import LABELS, PATTERNS, SceneRenderer
@@ -40,7 +40,7 @@ RendererName = Literal["tiny", "egl"]
 
 
 @pytest.fixture(params=["tiny", "egl"], scope="module")
-def studio(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
+def scene_renderer(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
     if request.param == "egl":
         need_egl()
     with SceneRenderer(seed=1, size=SMALL, renderer=request.param) as made:
@@ -49,13 +49,18 @@ def studio(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
 
 def scene(
     *,
-    pieces: tuple[SolidObject, ...] = (),
-    sheets: tuple[Poster, ...] = (),
+    objects: tuple[SolidObject, ...] = (),
+    posters: tuple[Poster, ...] = (),
     texture: int | None = None,
 ) -> Scene:
     ground = Decal(label=BACKGROUND, polygon=GROUND, colour=(200, 200, 200), texture=texture)
     return Scene(
-        pieces=pieces, patches=(ground,), sheets=sheets, targets=(), blocked=(), reach_m=(1.0, 1.0)
+        objects=objects,
+        decals=(ground,),
+        posters=posters,
+        targets=(),
+        blocked=(),
+        reach_m=(1.0, 1.0),
     )
 
 
@@ -70,9 +75,9 @@ def sheet(texture: int) -> Poster:
     )
 
 
-def small_set(seed: int, renderer: RendererName = "tiny") -> list[Picture]:
+def small_set(seed: int, renderer: RendererName = "tiny") -> list[LabelledImage]:
     return list(
-        render_pictures(seed=seed, worlds=2, poses_per_world=1, size=SMALL, renderer=renderer)
+        render_images(seed=seed, worlds=2, poses_per_world=1, size=SMALL, renderer=renderer)
     )
 
 
@@ -108,12 +113,12 @@ def test_no_world_is_in_two_splits() -> None:
     with pytest.raises(BadConfiguration, match="shard"):
         shard_seed(0, "train", SHARDS_PER_SPLIT)
     with pytest.raises(BadConfiguration, match="worlds"):
-        next(render_pictures(seed=0, worlds=WORLDS_PER_SHARD + 1, poses_per_world=1))
+        next(render_images(seed=0, worlds=WORLDS_PER_SHARD + 1, poses_per_world=1))
 
 
 def test_every_class_is_seen_within_some_tens_of_worlds_and_often_enough() -> None:
     pictures = list(
-        render_pictures(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny")
+        render_images(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny")
     )
     seen = {
         name: sum((p.labels == LABELS[name]).sum() >= 4 for p in pictures) / len(pictures)
@@ -138,35 +143,37 @@ def painted(world: Scene) -> Scene:
     def colour(label: str) -> Colour:
         return GREEN if label == BACKGROUND else MAGENTA
 
-    pieces = tuple(
+    objects = tuple(
         dataclasses.replace(
             p, solids=tuple(dataclasses.replace(s, colour=colour(p.label)) for s in p.solids)
         )
-        for p in world.pieces
+        for p in world.objects
     )
-    patches = tuple(
-        dataclasses.replace(p, colour=colour(p.label), texture=None) for p in world.patches
+    decals = tuple(
+        dataclasses.replace(p, colour=colour(p.label), texture=None) for p in world.decals
     )
     light = Light(ambient=0.9, diffuse=0.1)
     return dataclasses.replace(
-        world, pieces=pieces, patches=patches, sheets=(), light=light, sky=GREEN
+        world, objects=objects, decals=decals, posters=(), light=light, sky=GREEN
     )
 
 
-def test_labels_lie_exactly_where_the_colours_do(studio: SceneRenderer) -> None:
+def test_labels_lie_exactly_where_the_colours_do(scene_renderer: SceneRenderer) -> None:
     wrong = labelled = 0
     for seed in range(3):
         world = painted(
-            random_scene(np.random.default_rng(seed), patterns=PATTERNS, prints=studio.prints)
+            random_scene(
+                np.random.default_rng(seed), patterns=PATTERNS, prints=scene_renderer.prints
+            )
         )
-        studio.build(world)
+        scene_renderer.build(world)
         for x_m, y_m, turn in (
             (-1.0, 0.0, 0.0),
             (0.5, 0.5, 2.0),
             (1.0, -0.5, -2.5),
             (0.0, 0.0, 1.0),
         ):
-            rgb, _, labels = studio.render(
+            rgb, _, labels = scene_renderer.render(
                 Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn).matrix() @ T_BASE_CAMERA, world
             )
             magenta, beware = rgb[:, :, 0] > rgb[:, :, 1], labels > LABELS[BACKGROUND]
@@ -175,12 +182,14 @@ def test_labels_lie_exactly_where_the_colours_do(studio: SceneRenderer) -> None:
     assert wrong < 3e-4 * labelled  # EGL draws colours and bodies in two passes
 
 
-def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: SceneRenderer) -> None:
-    worlds = (scene(), scene(sheets=(sheet(0),)), scene(pieces=(item("cup"),)))
+def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(
+    scene_renderer: SceneRenderer,
+) -> None:
+    worlds = (scene(), scene(posters=(sheet(0),)), scene(objects=(item("cup"),)))
     views = []
     for world in worlds:
-        studio.build(world)
-        views.append(studio.render(AHEAD, world))
+        scene_renderer.build(world)
+        views.append(scene_renderer.render(AHEAD, world))
     (bare_rgb, bare_m, _), (print_rgb, print_m, print_labels), (_, cup_m, cup_labels) = views
     changed = (print_rgb.astype(int) - bare_rgb).any(axis=2)
     assert changed.sum() > 300  # it is seen
@@ -193,7 +202,7 @@ def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(studio: Sce
 
 
 def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(
-    studio: SceneRenderer,
+    scene_renderer: SceneRenderer,
 ) -> None:
     crowd = tuple(
         dataclasses.replace(item(k, 3.0, 0.3 * i - 1.5), label=BACKGROUND)
@@ -202,14 +211,14 @@ def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(
     near = slice(100, 120)
 
     def shot(world: Scene) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-        studio.build(world)
-        return studio.render(AHEAD, world)[0]
+        scene_renderer.build(world)
+        return scene_renderer.render(AHEAD, world)[0]
 
     plain, patterned = (
-        shot(scene(pieces=crowd)),
-        [shot(scene(pieces=crowd, texture=i)) for i in range(4)],
+        shot(scene(objects=crowd)),
+        [shot(scene(objects=crowd, texture=i)) for i in range(4)],
     )
     assert plain[near].std() < 2
     assert max(picture[near].astype(float).std(axis=(0, 1)).max() for picture in patterned) > 4
-    prints = [shot(scene(pieces=crowd, sheets=(sheet(i),))) for i in (0, 30)]
+    prints = [shot(scene(objects=crowd, posters=(sheet(i),))) for i in (0, 30)]
     assert all((a != b).any(axis=2).sum() > 100 for a, b in pairwise(prints))

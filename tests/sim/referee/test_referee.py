@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
-from sim.models.solids import Polygon, placed, rectangle
+from sim.models.solids import Polygon, rectangle
 from sim.referee.clearance import Outlines, distance_m
 from sim.referee.referee import Referee
 from sim.scenario.schema import Furniture, Item, Marking, Person, Scenario
@@ -302,7 +302,7 @@ def test_the_true_map_blocks_what_is_nearer_than_the_inflation() -> None:
 
 
 convex = st.builds(
-    lambda x, y, yaw, a, b: placed(rectangle(a, b), Pose2(x_m=x, y_m=y, yaw_rad=yaw)),
+    lambda x, y, yaw, a, b: Pose2(x_m=x, y_m=y, yaw_rad=yaw).to_parent(rectangle(a, b)),
     st.floats(-3, 3),
     st.floats(-3, 3),
     st.floats(-math.pi, math.pi),
@@ -323,7 +323,7 @@ def test_the_distance_of_polygons_is_shapelys(a: Polygon, b: Polygon) -> None:
 @given(st.lists(convex, min_size=1, max_size=12))
 def test_leaving_out_far_polygons_changes_no_verdict(shapes: list[Polygon]) -> None:
     body = HUSKY.footprint()
-    touched, least = Outlines.of([(shape,) for shape in shapes]).near(body, 0.1, math.inf)
+    touched, least = Outlines.of([(shape,) for shape in shapes]).proximity(body, 0.1, math.inf)
     gaps = [distance_m(body, shape) for shape in shapes]
     assert least == pytest.approx(min(gaps), abs=1e-9)
     assert list(touched) == [gap <= 0.1 for gap in gaps]

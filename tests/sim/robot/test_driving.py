@@ -63,7 +63,7 @@ def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: fl
     driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
     before = (0.0, 0.0)
     for step in range(480):
-        driver.ask(Twist(v_mps=v_mps, w_radps=w_radps), step)
+        driver.command(Twist(v_mps=v_mps, w_radps=w_radps), step)
         before = driver.wheel_speeds(step, 0.0)
     assert all(math.isfinite(speed) for speed in before)
     most = HUSKY.max_speed_mps + (2 * HUSKY.max_yaw_rate_radps + 1.5) * 0.5708 / 2
@@ -72,7 +72,7 @@ def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: fl
 
 def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
     driver = Driver(PERIOD_S, HUSKY, HUSKY_CHASSIS)
-    driver.ask(Twist(v_mps=1.0, w_radps=0.0), 0)
+    driver.command(Twist(v_mps=1.0, w_radps=0.0), 0)
     speeds = [driver.wheel_speeds(0, 0.0)[0] * 0.17775 for _ in range(100)]
     rises = [b - a for a, b in pairwise(speeds)]
     assert max(rises) == pytest.approx(HUSKY.max_accel_mps2 * PERIOD_S)

@@ -12,9 +12,9 @@ import pytest
 
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import back_project
 from navcore.geometry.transform import STANDSTILL, Pose2, transform_points
 from navcore.grid.grid import GridSpec
-from navcore.mapping.observation import back_project
 from navcore.robot.profile import HUSKY, ROBOTS, load_profile
 from sim.referee.referee import Referee
 from sim.scenario.barn import HUSKY_SCALE, load_worlds

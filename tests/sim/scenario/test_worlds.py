@@ -19,9 +19,9 @@ from navcore.robot.profile import HUSKY
 from sim.models.ground import FLAT, Ground, Relief
 from sim.models.solids import Polygon
 from sim.physics.pedestrians import BODY_DIAMETER_M
-from sim.physics.terrain_mesh import draped
+from sim.physics.terrain_mesh import drape
 from sim.referee.referee import Referee
-from sim.scenario.layout import Thing, doors, items, obstacles
+from sim.scenario.layout import PlacedObject, doors, items, obstacles
 from sim.scenario.load import WORLDS, load_scenario
 from sim.scenario.scenery import Scatter
 from sim.scenario.schema import Scenario, Wall
@@ -44,7 +44,7 @@ def found(name: str, seed: int) -> Scenario:
     return randomise(load_scenario(name), seed)
 
 
-def area(things: tuple[Thing, ...]) -> shapely.Geometry:
+def area(things: tuple[PlacedObject, ...]) -> shapely.Geometry:
     return shapely.union_all(
         [shapely.Polygon(outline) for thing in things for outline in thing.outlines()]
     )
@@ -185,17 +185,17 @@ def test_the_ground_keeps_its_slope_and_near_the_robot_its_plane(seed: int) -> N
 
 def test_what_stands_on_a_slope_is_lifted_and_tilted_as_the_slope_is() -> None:
     ground, pose = Ground(HILLS), Pose2(x_m=12.0, y_m=-7.0, yaw_rad=0.8)
-    lifted = ground.lifted(pose)
+    surface_pose = ground.surface_pose(pose)
     for ahead, left in ((0.2, 0.0), (0.0, 0.2), (-0.2, 0.1)):
-        x, y, z, _ = lifted @ (ahead, left, 0.0, 1.0)
+        x, y, z, _ = surface_pose @ (ahead, left, 0.0, 1.0)
         assert z == pytest.approx(ground.height_m(float(x), float(y)), abs=1e-3)
-    assert np.allclose(lifted[:3, :3] @ lifted[:3, :3].T, np.eye(3))
-    assert (FLAT.lifted(pose) == pose.matrix()).all()
+    assert np.allclose(surface_pose[:3, :3] @ surface_pose[:3, :3].T, np.eye(3))
+    assert (FLAT.surface_pose(pose) == pose.matrix()).all()
 
 
 def test_paint_lies_on_the_hills() -> None:
     ground, square = Ground(HILLS), ((2.0, 2.0), (9.0, 2.0), (9.0, 8.0), (2.0, 8.0))
-    mesh = draped(ground, square, 0.003)
+    mesh = drape(ground, square, 0.003)
     above = mesh.corners[:, 2] - ground.heights(mesh.corners[:, :2])
     triangles = mesh.corners.reshape(-1, 3, 3)[:, :, :2]
     assert sum(shapely.Polygon(triangle).area for triangle in triangles) == pytest.approx(42.0)
@@ -205,7 +205,7 @@ def test_paint_lies_on_the_hills() -> None:
 def on_hills() -> Scenario:
     steepest = max(
         range(-9, 10),
-        key=lambda x: Ground(HILLS).rise(Pose2(x_m=float(x), y_m=0.0, yaw_rad=0.0))[0],
+        key=lambda x: Ground(HILLS).gradient(Pose2(x_m=float(x), y_m=0.0, yaw_rad=0.0))[0],
     )
     return dataclasses.replace(
         open_floor(start=(float(steepest) * 0.5, 0.0, 0.0)), relief=HILLS, size_m=(40.0, 40.0)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Matrix, Pose2, transform_points
-from navcore.mapping.observation import back_project
 from navcore.robot.frame import check_frame
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Marking
 from sim.sensors.camera import T_BASE_CAMERA, Renderer, d455_intrinsics
 from sim.sensors.egl import egl_works
-from sim.sensors.stereo_noise import PERFECT, StereoErrors, spoil_depth
+from sim.sensors.stereo_noise import PERFECT, StereoErrors, degrade_depth
 from sim.simulator import Simulator
 from tests.sim.renderers import need_egl
 from tests.sim.worlds import drive, open_floor, seeing, shifted
@@ -107,7 +107,7 @@ def test_an_l_shaped_marking_is_painted_as_it_is_and_not_as_its_hull() -> None:
 
 
 def at(depth_m: float, errors: StereoErrors) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    return spoil_depth(np.full((200, 200), depth_m, dtype=np.float32), 223.4, errors, rng())
+    return degrade_depth(np.full((200, 200), depth_m, dtype=np.float32), 223.4, errors, rng())
 
 
 def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
@@ -130,7 +130,7 @@ def test_speckle_makes_the_share_of_holes_it_says() -> None:
 def test_something_near_throws_a_shadow_to_its_left_as_wide_as_the_disparities_differ() -> None:
     depth = np.full((40, 200), 4.0, dtype=np.float32)
     depth[:, 100:150] = 1.0
-    seen = spoil_depth(
+    seen = degrade_depth(
         depth, 223.4, StereoErrors(speckle=0, disparity_noise_px=0, edge_px=0), rng()
     )
     width = 223.4 * 0.095 * (1 / 1.0 - 1 / 4.0)

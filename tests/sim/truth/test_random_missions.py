@@ -19,14 +19,14 @@ from sim.referee.referee import Referee
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Person, Scenario
 from sim.scenario.variation import randomise
-from sim.truth.random_missions import draw_places, draw_zones
+from sim.truth.random_missions import draw_mission, draw_zones
 from tests.sim.worlds import open_floor, seeing, shifted
 
 MARGINS_M = {"landmine": 0.5, "cup": 0.05}
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    return draw_places(
+    return draw_mission(
         scenario, seed, robot=HUSKY, margin_m=0.15, start_clear_m=1.2, margins_m=MARGINS_M
     )
 
@@ -91,12 +91,12 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
     with seeing(scenario) as simulator:
         for _ in range(3):
             frame = simulator.capture()
-            finds.look(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
+            finds.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
     nothing = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     red, cup = nothing.copy(), nothing.copy()
     red[spec.cell(2.5, 1.5)] = True
     cup[spec.cell(-6.0, 6.0)] = cup[spec.cell(-6.05, 6.05)] = cup[spec.cell(6.0, 6.0)] = True
-    found = finds.verdict({"red floor": red, "cup": cup}, spec)
+    found = finds.counts_by_class({"red floor": red, "cup": cup}, spec)
     assert found["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
     assert found["cup"] == {"there": 1, "seen": 1, "missed": 1, "false": 2}
     assert found["bottle"] == {"there": 1, "seen": 0, "missed": 0, "false": 0}  # behind the box

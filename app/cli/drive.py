@@ -1,0 +1,130 @@
+"""`bewarenav drive`: one mission without a console."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console as Terminal
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from app.cli.options import (
+    AblationOption,
+    BewareOption,
+    NavigationOption,
+    PriorOption,
+    RandomOption,
+    SavedMapOption,
+    ScenarioOption,
+    SeedOption,
+    SegmenterOptions,
+    ZonesOption,
+    beware_list,
+    point,
+    prepare,
+)
+from app.episode.ablation import Ablation
+
+if TYPE_CHECKING:
+    from app.episode.episode import Episode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSettings:
+    """The options of the command."""
+
+    scenario: ScenarioOption = "office"
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="A goal in metres of the map frame; repeat for more."),
+    ] = None
+    seed: SeedOption = 0
+    max_time: Annotated[
+        float, typer.Option(metavar="S", min=1.0, help="Time limit in simulated seconds.")
+    ] = 600.0
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the episode report here.")
+    ] = None
+    plots: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write plots of the episode here.")
+    ] = None
+    beware: BewareOption = None
+    segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
+    prior: PriorOption = None
+    kept: SavedMapOption = None
+    navigation: NavigationOption = None
+    random: RandomOption = False
+    zones: ZonesOption = None
+    ablation: AblationOption = Ablation.NONE
+
+
+def drive(settings: DriveSettings) -> None:
+    """Drive a mission without a console, as fast as the machine allows; exit code 0 only without
+    any violation."""
+    from app.episode.keyframes import Keyframes
+    from app.episode.task import Task, episode_of
+    from app.evaluation.plots import plot_episode
+    from app.runtime.map_persistence import load_map, save_map
+    from app.runtime.segmentation import compose
+    from navcore.config.navigator import load_config
+    from navcore.robot.profile import HUSKY
+    from sim.scenario.load import load_scenario
+
+    goals = tuple(point(text, "--goal") for text in settings.goal or [])
+    files = [file for file in (settings.report, settings.kept) if file is not None]
+    for folder in [*(file.parent for file in files), *([settings.plots] if settings.plots else [])]:
+        prepare(folder)
+    task = Task(
+        scenario=load_scenario(settings.scenario),
+        goals=goals,
+        random=settings.random,
+        zones=settings.zones,
+        ablation=settings.ablation,
+        max_time_s=settings.max_time,
+    )
+    beware = beware_list(settings.beware)
+    config = None if settings.navigation is None else load_config(settings.navigation)
+    # Last, because trying the engines takes seconds and the checks above take none.
+    perception = compose(settings.segmentation.choice())
+    episode = episode_of(
+        task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
+    )
+    try:
+        keyframes, world = Keyframes(episode), episode.pilot.navigator.map
+        load_map(world, beware, prior=settings.prior, kept=settings.kept)
+        result = _run(episode)
+        if settings.report is not None:
+            settings.report.write_text(json.dumps(result, indent=1), encoding="utf-8")
+        save_map(world, beware, settings.kept)
+        if settings.plots is not None:
+            plot_episode(result, episode, keyframes, settings.plots)
+    finally:
+        episode.close()
+    typer.echo(_in_words(result))
+    sys.exit(0 if result["success"] else 1)
+
+
+def _run(episode: Episode) -> dict[str, Any]:
+    """Run an episode behind a progress bar; return its report."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Terminal(stderr=True)) as bar:
+        shown = bar.add_task("starting", total=1.0)
+        return episode.run(
+            lambda progress: bar.update(
+                shown, description=progress.text(), completed=progress.share
+            )
+        )
+
+
+def _in_words(result: dict[str, Any]) -> str:
+    return (
+        f"{'success' if result['success'] else 'FAILED'}: "
+        f"{result['goals_reached']} of {len(result['goals'])} goals, "
+        f"{result['collisions']} collisions, {result['beware_intrusions']} beware and "
+        f"{result['zone_intrusions']} zone intrusions, {result['distance_m']:.1f} m in "
+        f"{result['sim_time_s']:.0f} s, {result['wall_time_s']:.0f} s of real time"
+    )

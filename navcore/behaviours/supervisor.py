@@ -1,0 +1,147 @@
+"""What the robot does beyond following the route: recovery, waiting for people, keep-outs of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from navcore.behaviours.lane_keep_out import LaneKeepOut
+from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
+from navcore.behaviours.waiting import WaitingTimer
+from navcore.config.navigator import NavigatorConfig
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import STANDSTILL
+from navcore.mission.order import NavigationRequest
+from navcore.mission.zone import Zone
+from navcore.perception.people.track import Track
+from navcore.planning.path import NoPath
+from navcore.planning.route import NO_POINTS, Route
+from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Behaviour:
+    """The state of all behaviours: a value with one transition, `after`, for each tick."""
+
+    recovery: Recovery = dataclasses.field(default_factory=Recovery)
+    """Recovery of a robot that is blocked."""
+    waiting: WaitingTimer = dataclasses.field(default_factory=WaitingTimer)
+    """How long the robot has waited for people."""
+    lanes: LaneKeepOut = dataclasses.field(default_factory=LaneKeepOut)
+    """Lanes of people who walk to and fro."""
+    closed: tuple[Zone, ...] = ()
+    """Passages that turned out to be blocked on the way to the present goal."""
+    trail: Points = dataclasses.field(default_factory=lambda: NO_POINTS)
+    """(N, 2) driven path in the map frame, newest first."""
+    target: tuple[object, ...] = ()
+    """Goal, heading and whether to leave an area, as of the newest tick."""
+
+    @property
+    def keep_outs(self) -> tuple[Zone, ...]:
+        """Zones that the robot avoids of its own accord."""
+        return (*self.closed, *self.lanes.zones)
+
+    @property
+    def retreat(self) -> Points | None:
+        """(N, 2) driven path to back off along, map frame; None unless the recovery backs off."""
+        return self.trail if self.recovery.means is RecoveryAction.BACK else None
+
+    @property
+    def spins(self) -> bool:
+        """Whether the recovery turns the robot once in place."""
+        return self.recovery.means is RecoveryAction.LOOK
+
+    def towards(self, request: NavigationRequest) -> Behaviour:
+        """Start afresh for another goal: what was blocked on the way to the last one need not be."""
+        target = (request.goal, request.goal_yaw_rad, request.leave)
+        if target == self.target:
+            return self
+        return dataclasses.replace(self, target=target, closed=(), recovery=Recovery())
+
+    def after_reset(self) -> Behaviour:
+        """Forget what led to the present pose: the robot was moved by other means."""
+        return dataclasses.replace(
+            self, trail=NO_POINTS, recovery=Recovery(), waiting=WaitingTimer()
+        )
+
+    def after(
+        self,
+        motion: Motion,
+        *,
+        frame: Frame,
+        route: Route | None,
+        people: tuple[Track, ...],
+        request: NavigationRequest,
+        profile: RobotProfile,
+        config: NavigatorConfig,
+    ) -> tuple[Behaviour, Motion]:
+        """Return the state after one more tick and the motion to carry out.
+
+        `motion` is the controller's. It is replaced by standing while the robot waits for the path
+        to clear, or when every recovery has failed.
+        """
+        now = self._with_people(motion, frame, route, people, profile, config)
+        now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose))
+        at_viewpoint = (
+            route is not None
+            and isinstance(route.outcome, NoPath)
+            and motion.outcome is ControllerState.IDLE
+        )
+        if route is None or len(route.points) == 0 or at_viewpoint:
+            return now._without_path(frame, request), motion
+        recovery = now.recovery.after(motion, frame.pose, frame.stamp_ns, config.recovery)
+        closed = now.closed
+        closes = recovery.means is RecoveryAction.CLOSE
+        if (
+            closes
+            and now.recovery.means is not RecoveryAction.CLOSE
+            and now.recovery.at is not None
+        ):
+            # Ahead of where the robot stands now: it has moved a little since it was blocked, and
+            # must not stand inside of what it closes.
+            closed = (*closed, closed_way(route.track, frame.pose, profile))
+        if recovery.means is RecoveryAction.GIVE_UP:
+            closed = ()  # should one of the passages be open again, the robot goes on
+        now = dataclasses.replace(now, recovery=recovery, closed=closed)
+        return now, now._directed(motion)
+
+    def _with_people(
+        self,
+        motion: Motion,
+        frame: Frame,
+        route: Route | None,
+        people: tuple[Track, ...],
+        profile: RobotProfile,
+        config: NavigatorConfig,
+    ) -> Behaviour:
+        pose, stamp_ns = frame.pose, frame.stamp_ns
+        lanes = self.lanes.after(
+            motion,
+            people,
+            pose,
+            stamp_ns,
+            way_m=None if route is None else route.length_m,
+            profile=profile,
+            people_config=config.people,
+        )
+        waiting = self.waiting.after(motion, pose, stamp_ns)
+        return dataclasses.replace(self, waiting=waiting, lanes=lanes)
+
+    def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
+        if self.closed and request.goal is not None:
+            # Only a passage that was closed may be in the way: rather give up at this pose than
+            # report that no path exists.
+            given_up = Recovery(
+                means=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
+            )
+            return dataclasses.replace(self, closed=(), recovery=given_up)
+        return dataclasses.replace(self, recovery=Recovery())
+
+    def _directed(self, motion: Motion) -> Motion:
+        if self.recovery.means is RecoveryAction.GIVE_UP:
+            return Motion(twist=STANDSTILL, outcome=ControllerState.GIVEN_UP)
+        if self.recovery.means is RecoveryAction.WAIT:
+            return Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
+        return motion

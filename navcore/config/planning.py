@@ -1,0 +1,75 @@
+"""Configuration of the planning stage: the smoothed path, viewpoints, escape from zones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from navcore.toml_config import ranged
+
+MAX_VERTEX_ANGLE_DEG = 170.0
+"""Default of `NavigatorConfig.max_vertex_angle_deg`, θ_th in the paper: keeps every corner of an
+8-connected path, whose largest angle at a corner is 135°."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElasticBandConfig:
+    """The elastic band that moves the path away from obstacles."""
+
+    stretch_m: float = ranged(0.5, 100.0, default=8.0)
+    """Length in metres of the path that is straightened and relaxed; the local planner looks no
+    further."""
+    extra_clearance_m: float = ranged(0.0, 2.0, default=0.1)
+    """Clearance in metres beyond the circle in which the robot turns, kept where there is room for
+    it."""
+    iterations: int = ranged(1, 1000, default=60)
+    """Number of times that each point is moved."""
+    repulsion: float = ranged(0.0, 1.0, default=0.25)
+    """Share of the missing clearance that a point moves in one iteration."""
+    contraction: float = ranged(0.0, 1.0, default=0.5)
+    """Share of the distance to the middle between its neighbours that a point moves in one
+    iteration."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapViewpointConfig:
+    """Viewpoints before blocked gaps and goals."""
+
+    goal_neighbour_m: float = ranged(0.1, 20.0, default=1.5)
+    """Search radius in metres for a free cell next to a blocked goal."""
+    goal_believed_m: float = ranged(0.1, 50.0, default=3.0)
+    """Distance in metres to the goal within which a blocked goal is believed at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EscapeConfig:
+    """The search for the shortest way out of a forbidden area."""
+
+    first_range_m: float = ranged(0.5, 100.0, default=4.0)
+    """Distance in metres about the robot that is searched first; doubled until an exit is found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstraintRemovalConfig:
+    """The search for the smallest set of rules that block the path."""
+
+    max_states: int = ranged(100, 100_000_000, default=100_000)
+    """Number of pairs (region, rules removed) after which the search is given up: about a
+    second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanningConfig:
+    """Tuning of the planning stage."""
+
+    elastic_band: ElasticBandConfig = field(default_factory=ElasticBandConfig)
+    """Smoothing of the path."""
+    viewpoint: GapViewpointConfig = field(default_factory=GapViewpointConfig)
+    """Viewpoints before blocked gaps and goals."""
+    escape: EscapeConfig = field(default_factory=EscapeConfig)
+    """Search for a way out of a forbidden area."""
+    constraint_removal: ConstraintRemovalConfig = field(default_factory=ConstraintRemovalConfig)
+    """Search for the rules that block the path."""
+
+
+PLANNING_CONFIG = PlanningConfig()
+"""The defaults."""

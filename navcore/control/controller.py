@@ -1,0 +1,114 @@
+"""The control stage: the velocity that follows the route and collides with nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from navcore.config.navigator import NavigatorConfig
+from navcore.control.local_planner import plan_motion
+from navcore.control.motion import IDLE, ControllerState, Motion
+from navcore.control.social import PeopleState
+from navcore.control.speed_limits import allowed_speed_mps, slowed
+from navcore.costmap.costmap import Costmap
+from navcore.costmap.local_costmap import (
+    footprint_overlaps,
+    frontier,
+    nearby,
+    obstacle_masks,
+    split_areas,
+)
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.mapping.visibility import VisibilityMap
+from navcore.mission.zone import Zone
+from navcore.perception.people.track import Track
+from navcore.robot.profile import RobotProfile
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlTask:
+    """The input of one control step."""
+
+    costmap: Costmap
+    """Occupied and blocked cells."""
+    pose: Pose2
+    """T_map_base."""
+    twist: Twist
+    """Velocity by odometry."""
+    track: Points
+    """(N, 2) smoothed path to follow, map frame; empty to stand."""
+    reaches_goal: bool
+    """Whether the track ends at the goal, and not at a viewpoint on the way to it."""
+    people: tuple[Track, ...]
+    """Tracked people."""
+    goal_yaw_rad: float | None = None
+    """Heading in the map frame to take at the goal; None for any."""
+    leaving: tuple[Zone, ...] | None = None
+    """All zones in force while the robot leaves the one it stands in; None otherwise. A robot that
+    leaves may cross the area it stands in, and no other."""
+    retreat: Points | None = None
+    """(N, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
+    spin: bool = False
+    """Whether to turn once in place and look around."""
+    ignore_predictions: bool = False
+    """Whether the robot has waited long enough for people to go on as if they stood still."""
+
+
+class Controller:
+    """Runs the local planner; remembers the newest motion, since a manoeuvre is carried through."""
+
+    def __init__(
+        self, explored: VisibilityMap, profile: RobotProfile, config: NavigatorConfig
+    ) -> None:
+        self._explored, self._profile, self._config = explored, profile, config
+        self._motion = IDLE
+
+    def control(self, task: ControlTask) -> Motion:
+        """Compute the motion until the next frame; standing without a track."""
+        costmap, pose, rules = task.costmap, task.pose, self._config.local
+        reach_m = rules.reach_m + self._profile.circumscribed_radius_m
+        around = costmap.around(pose, reach_m)
+        hard, forbidden = obstacle_masks(around)
+        if task.leaving is not None:
+            # Near the end of the escape path is still inside.
+            rules = dataclasses.replace(rules, nearly_m=0.0)
+            _, forbidden = split_areas(around, task.leaving, self._profile, pose)
+        forbidden_points = nearby(forbidden, around, pose, reach_m)
+        cell_m = around.spec.resolution_m
+        if len(task.track) == 0:
+            trapped = footprint_overlaps(forbidden_points, self._profile, cell_m)
+            in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
+            self._motion = in_zone if trapped else IDLE
+            return self._motion
+        unseen = frontier(self._explored.known(around.spec))
+        self._motion = plan_motion(
+            geometric=nearby(hard, around, pose, reach_m),
+            ruled=forbidden_points,
+            unseen=nearby(unseen, around, pose, reach_m),
+            path_map=task.track,
+            pose=pose,
+            previous=self._motion,
+            profile=self._profile,
+            rules=rules,
+            cell_m=cell_m,
+            people=PeopleState.of(task.people, pose, self._config.people),
+            people_config=self._config.people,
+            goal_yaw_rad=task.goal_yaw_rad,
+            retreat_map=task.retreat,
+            look_round=task.spin,
+            ignore_predictions=task.ignore_predictions,
+            now=task.twist,
+        )
+        at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)
+        if at_end and not task.reaches_goal:
+            self._motion = IDLE
+        return self._motion
+
+    def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
+        """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
+        rules = self._config.local
+        return slowed(motion, allowed_speed_mps(zones, pose, twist.v_mps, self._profile, rules))
+
+    def reset(self) -> None:
+        """Forget the newest motion: the robot was moved by other means."""
+        self._motion = IDLE

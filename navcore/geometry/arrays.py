@@ -1,0 +1,19 @@
+"""Array types that several stages share; shapes and units stand where the arrays are used."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+"""Real numbers in any shape."""
+Points = npt.NDArray[np.float64]
+"""(N, 2) or (N, 3) coordinates in metres, or (N, 3) poses x, y, heading."""
+FloatImage = npt.NDArray[np.float32]
+"""(H, W) one real number for each pixel or cell, such as depth in metres."""
+Indices = npt.NDArray[np.int64]
+"""Integers in any shape, such as (N,) indices or (N, 2) cells (row, col)."""
+Bools = npt.NDArray[np.bool_]
+"""Truth values in any shape."""
+Words = npt.NDArray[np.uint64]
+"""Words of 64 bits in any shape."""

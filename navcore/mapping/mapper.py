@@ -1,0 +1,61 @@
+"""The mapping stage: the points of a frame enter the global map, without those of people."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.arrays import FloatImage
+from navcore.geometry.transform import Pose2
+from navcore.mapping.observation import observe
+from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.perception.labels import Labels
+from navcore.perception.people.tracker import PeopleTracker
+from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
+
+
+class Mapper:
+    """Updates a point map, and the floor that is known to be free because the robot drove on it."""
+
+    def __init__(
+        self,
+        point_map: PointMap,
+        tracker: PeopleTracker,
+        profile: RobotProfile,
+        config: NavigatorConfig,
+    ) -> None:
+        self.map = point_map
+        """The global map."""
+        self._tracker, self._profile, self._config = tracker, profile, config
+        self._placed = False
+
+    def update(
+        self, frame: Frame, labels: Labels, beware: BewareList, ground_m: FloatImage | None = None
+    ) -> None:
+        """Insert the frame's points under its pose ID, and remove what people left on the map."""
+        self._mark_driven(frame.pose)
+        rules = self._config.points
+        seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
+        self.map.insert(seen, frame, labels)
+        people = beware.people_ids
+        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
+        self.map.clear_ghosts(seen.box, self._tracker.is_free_floor, people, frame)
+        self.map.explored.integrate_rays(frame, rules)
+
+    def reset_pose(self) -> None:
+        """Expect the robot anywhere: the next frame's pose is a new start."""
+        self._placed = False
+
+    def _mark_driven(self, pose: Pose2) -> None:
+        outline = self._profile.footprint()
+        if not self._placed:
+            # The robot is put down with clearance around it; the camera cannot see that floor.
+            angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+            circle = np.column_stack([np.cos(angles), np.sin(angles)])
+            outline = self._config.start_clear_m * circle
+            self._placed = True
+        self.map.explored.mark_driven(pose.to_parent(outline))

@@ -1,0 +1,178 @@
+"""The global planner: the route from the robot to the goal, planned in full at every change."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from navcore.config.navigator import NavigatorConfig
+from navcore.costmap.costmap import Costmap
+from navcore.geometry.transform import Pose2
+from navcore.grid.free_space import FREE, FreeSpace
+from navcore.grid.grid import Cell, GridSpec
+from navcore.grid.nearest import nearest_free
+from navcore.mission.beware_list import BewareList
+from navcore.mission.order import NavigationRequest
+from navcore.mission.zone import Zone
+from navcore.planning.escape import escape_path
+from navcore.planning.gap_viewpoint import viewpoint_before_gap
+from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.planner import plan_in
+from navcore.planning.replanner import Replanner
+from navcore.planning.route import Route, build_route, no_route
+from navcore.planning.search.open_list import SearchWorkspace
+from navcore.robot.profile import RobotProfile
+
+
+class GlobalPlanner:
+    """Plans on the live free space of a costmap; keeps the newest route until something changes."""
+
+    def __init__(
+        self, space: FreeSpace, spec: GridSpec, profile: RobotProfile, config: NavigatorConfig
+    ) -> None:
+        self._space, self._spec, self._profile, self._config = space, spec, profile, config
+        self._replanner = Replanner(space)
+        self._newest: tuple[tuple[object, ...], Route] | None = None
+        self._reachable_goal: tuple[float, float] | None = None
+
+    def route(
+        self,
+        costmap: Costmap,
+        pose: Pose2,
+        request: NavigationRequest,
+        keep_outs: tuple[Zone, ...],
+        replan: Replan,
+    ) -> Route | None:
+        """Return the shortest route, or None without a goal.
+
+        `replan` runs only when the costmap, the goal or the robot's cell has changed since the
+        last call. `keep_outs` are the zones of the navigator's own that the costmap contains
+        beside the operator's.
+        """
+        if request.goal is None and not request.leave:
+            return None
+        key = (costmap.version, request.goal, self._spec.cell(pose.x_m, pose.y_m))
+        if self._newest is None or self._newest[0] != key:
+            if request.goal is None:
+                route = self.escape(costmap, pose, (*request.zones, *keep_outs))
+            else:
+                route = replan(self, costmap, pose, request.goal, request.beware)
+            self._newest = (key, route)
+            if isinstance(route.outcome, Path):
+                self._reachable_goal = request.goal
+        return self._newest[1]
+
+    def plan(
+        self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
+    ) -> Route:
+        """Plan from a pose to a goal (x, y), map frame, on the live free space.
+
+        Without a path the route leads to a viewpoint before the gap that is most likely to be
+        open, or next to a goal that was reachable before; its outcome still says why no path
+        exists.
+        """
+        start = self._start(costmap, pose)
+        if start is None:
+            return no_route(Reason.START_BLOCKED)
+        budget = self._config.plan_budget
+        outcome = self._replanner.plan(start, self._spec.cell(*goal), max_expansions=budget)
+        alternative = None
+        if outcome == NoPath(reason=Reason.UNREACHABLE):
+            alternative = self._to_viewpoint(costmap, pose, goal, beware)
+        elif (
+            outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+            and self._reachable_goal == goal
+            and pose.distance_to(*goal) > _GOAL_BLOCKED_NEAR_M
+        ):
+            alternative = self._to_goal_neighbour(costmap, start, goal)
+        return alternative or self._built(outcome, goal)
+
+    def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
+        """Plan from scratch over any costmap; changes nothing and may run in any thread."""
+        start = self._start(costmap, pose)
+        if start is None:
+            return no_route(Reason.START_BLOCKED)
+        space, budget = FreeSpace.of(costmap.blocked), self._config.plan_budget
+        goal_cell = self._spec.cell(*goal)
+        outcome = plan_in(space, SearchWorkspace(space), start, goal_cell, max_expansions=budget)
+        return build_route(
+            outcome, goal, space.across[FREE], self._spec, self._profile, self._config
+        )
+
+    def escape(self, costmap: Costmap, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
+        """Plan the shortest route out of the forbidden area the robot stands in.
+
+        At its end no part of the robot is in a forbidden area, however it turns, and it crosses no
+        area but the one it starts in. `zones` are those that the costmap was made with.
+        """
+        found = escape_path(costmap, pose, zones, self._profile, self._config)
+        if isinstance(found.outcome, NoPath):
+            return no_route(found.outcome.reason)
+        goal = found.spec.centre(*found.outcome.cells[-1])
+        route = build_route(
+            found.outcome, goal, found.free, found.spec, self._profile, self._config
+        )
+        return dataclasses.replace(route, outcome=found.on_the_map)
+
+    def _to_viewpoint(
+        self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
+    ) -> Route | None:
+        """The route to a viewpoint before a gap; None if there is none or the robot is there."""
+        spec = self._spec
+        ends = viewpoint_before_gap(
+            costmap,
+            spec.cell(pose.x_m, pose.y_m),
+            spec.cell(*goal),
+            people=beware.people_ids,
+            vehicle_width_m=self._profile.width_m,
+            relief_cells=self._config.start_relief_m / spec.resolution_m,
+            body_m=self._config.map.body_m,
+        )
+        if ends is None:
+            return None
+        workspace, budget = SearchWorkspace(self._space), self._config.plan_budget
+        path = plan_in(self._space, workspace, *ends, max_expansions=budget)
+        if not isinstance(path, Path):
+            return None
+        route = self._built(path, spec.centre(*ends[1]))
+        return dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
+
+    def _to_goal_neighbour(
+        self, costmap: Costmap, start: Cell, goal: tuple[float, float]
+    ) -> Route | None:
+        """The route to a free cell next to a goal that something now occupies, to look again.
+
+        None where there is no such cell, and where an operator's zone lies on the goal or near it:
+        a zone does not go away by being looked at.
+        """
+        grid, spec, (row, col) = costmap.grid, self._spec, self._spec.cell(*goal)
+        within = _GOAL_NEIGHBOUR_M / spec.resolution_m
+        reach = math.ceil(within)
+        window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
+        neighbour = nearest_free(costmap.free, (row, col), within)
+        zones = (grid.zones, *(zone for _, zone in grid.wide_zones))
+        if neighbour is None or any(layer[window].any() for layer in zones):
+            return None
+        path = self._replanner.plan(start, neighbour, max_expansions=self._config.plan_budget)
+        route = self._built(path, spec.centre(*neighbour))
+        return dataclasses.replace(route, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
+
+    def _start(self, costmap: Costmap, pose: Pose2) -> Cell | None:
+        spec = self._spec
+        relief = self._config.start_relief_m / spec.resolution_m
+        return nearest_free(costmap.free, spec.cell(pose.x_m, pose.y_m), relief)
+
+    def _built(self, outcome: Path | NoPath, goal: tuple[float, float]) -> Route:
+        free = self._space.across[FREE]
+        return build_route(outcome, goal, free, self._spec, self._profile, self._config)
+
+
+Replan = Callable[[GlobalPlanner, Costmap, Pose2, tuple[float, float], BewareList], Route]
+"""The signature of `GlobalPlanner.plan`."""
+
+_GOAL_NEIGHBOUR_M, _GOAL_BLOCKED_NEAR_M = 1.5, 3.0
+"""Search radius for a free cell next to a blocked goal, and the distance to the goal within which
+a blocked goal is believed at once."""
