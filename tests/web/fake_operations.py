@@ -237,7 +237,7 @@ class FakeOperations:
         """That mission."""
         if run_id != "run-1":
             raise NotKnown("no run has this id")
-        return {**self.runs()[0], "series": {"t_s": [0.0, 1.0]}}
+        return {**self.runs()[0], "series": {"t_s": [0.0, 1.0, 2.0], "speed_mps": [0.0, 0.3, 0.5]}}
 
     # ---------------------------------------------------------------------------------------------------------- inside
 
