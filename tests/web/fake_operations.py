@@ -129,6 +129,7 @@ class FakeOperations:
                 frame_age_s=0.05,
                 zones_version=self._counts["zones"],
                 beware_version=self._beware.version,
+                beware_enabled=len(self._beware.enabled),
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 loop=self._mission.loop,

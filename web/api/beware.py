@@ -1,13 +1,13 @@
-"""The beware list: read it, replace it, switch one class off and on."""
+"""The beware list: read it, replace it, edit one class, undo an edit, restore the defaults."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, HTTPException, Path, Response
+from fastapi import APIRouter, HTTPException, Path, Query, Response
 
 from navcore.beware import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
-from navcore.errors import Outdated
+from navcore.errors import Outdated, Refused
 from web.api.answers import beware_of
 from web.api.versions import ExpectedVersion, etag, outdated
 from web.port import Operations
@@ -17,6 +17,7 @@ from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, Colou
 from web.schemas.fields import MAX_NAME
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {status: RESPONSES[status] for status in (409, 422, 503)}
+Force = Annotated[bool, Query(description="Put an empty list in force, too: the robot then bewares of nothing")]
 
 
 def beware_router(operations: Operations) -> APIRouter:
@@ -37,13 +38,30 @@ def beware_router(operations: Operations) -> APIRouter:
         return answer(operations.beware.list, response)
 
     @router.put("/beware", response_model=BewareOut, responses=_REFUSALS)
-    def replace_beware(body: BewareListIn, response: Response, expected: ExpectedVersion) -> BewareOut | Response:
-        """Put another list in force; it acts at once on everything the robot has seen."""
+    def replace_beware(
+        body: BewareListIn, response: Response, expected: ExpectedVersion, force: Force = False
+    ) -> BewareOut | Response:
+        """Put another list in force; it acts at once on everything the robot has seen.
+
+        An empty list is refused with 409, unless `force` is true.
+        """
+        if not body.classes and not force:
+            raise Refused("with an empty beware list the robot bewares of nothing; repeat with ?force=true to put it in force")
         entries = tuple(_entry(entry) for entry in body.classes)
         try:
             return answer(operations.beware.replace(BewareList(classes=entries), expected_version=expected), response)
         except Outdated:
             return conflict(expected)
+
+    @router.post("/beware/defaults", response_model=BewareOut, responses=_REFUSALS)
+    def restore_defaults(response: Response) -> BewareOut:
+        """Put the list that is shipped with the console in force, as one edit that can be undone."""
+        return answer(operations.beware.restore_defaults(), response)
+
+    @router.post("/beware/undo", response_model=BewareOut, responses=_REFUSALS)
+    def undo(response: Response) -> BewareOut:
+        """Undo the newest edit of the list; the list before it is in force again, under a new version."""
+        return answer(operations.beware.undo(), response)
 
     @router.patch("/beware/{class_name:path}", response_model=BewareOut, responses={404: RESPONSES[404], **_REFUSALS})
     def edit_beware(

@@ -46,6 +46,7 @@ function showState(next) {
   element("summary").title = state.summary;
   text("world", `${state.scenario} · ${state.robot}`);
   text("phase", state.phase);
+  element("bewares-of-nothing").hidden = state.beware_enabled > 0;
   text("segmenter", state.segmenter_warning ? `▲ ${state.segmenter_warning}` : state.segmenter);
   element("segmenter").classList.toggle("lost", state.segmenter_warning !== null);
   showReasons();
