@@ -114,6 +114,36 @@ def test_a_goal_is_picked_a_zone_drawn_and_the_robot_driven_by_touch(open_phone:
     tap_stop(page)
 
 
+def test_two_fingers_zoom_the_map_and_place_nothing(open_phone: Opener, operations: FakeOperations) -> None:
+    page = open_phone(*PHONE)
+    await_map(page)
+    page.get_by_test_id("mode-goal").tap()
+    box, scale = page.get_by_test_id("map-canvas").bounding_box(), scale_of(page)
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+
+    def send(kind: str, *distances: float) -> None:
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x + dx, "y": y} for dx in distances]})
+
+    send("touchStart", -40)
+    send("touchStart", -40, 40)
+    for distance in (50, 60, 70, 80):
+        send("touchMove", -distance, distance)
+    send("touchEnd", -80)
+    send("touchEnd")
+    page.wait_for_function("was => Number(document.getElementById('map').dataset.place.split(' ')[0]) > 1.8 * was", arg=scale)
+    assert 1.8 * scale < scale_of(page) < 2.2 * scale
+    expect(page.get_by_test_id("goal")).to_have_count(0)
+    tap_map(page, 2.5, -1.0)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+
+
+def scale_of(page: Page) -> float:
+    """Pixels per metre of the map."""
+    return float((page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()[0])
+
+
 def tap_map(page: Page, x: float, y: float) -> None:
     """Touch a place of the world, in metres."""
     canvas = page.get_by_test_id("map-canvas")
