@@ -177,8 +177,7 @@ class Simulator:
         return self._robot.pose()
 
     def moving_poses(self) -> tuple[Pose2, ...]:
-        """Return the true T_map_body of every person and then of every mover: for referee and
-        tests."""
+        """Return the true T_map_body of each person, then of each mover: for referee and tests."""
         return tuple(self._crowd.poses())
 
     @property

@@ -112,6 +112,10 @@ class BewareEdits(Protocol):
     def list(self) -> BewareList:
         """The list in force."""
 
+    @property
+    def can_undo(self) -> bool:
+        """Whether an earlier list is known."""
+
     def finder(self, entry: BewareClass) -> LabelSource:
         """What finds an entry of the list in the pictures; perhaps nothing."""
 
@@ -125,6 +129,13 @@ class BewareEdits(Protocol):
 
     def replace(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
         """Put another list in force; it gets the next version."""
+
+    def restore_defaults(self) -> BewareList:
+        """Put the shipped list in force; it gets the next version."""
+
+    def undo(self) -> BewareList:
+        """Put the list before the newest edit in force, as the next version; `Refused` when there
+        is none."""
 
 
 class Operations(Protocol):

@@ -74,6 +74,9 @@ class StateOut(BaseModel):
     frame_age_s: Figure
     zones_version: int
     beware_version: int
+    beware_enabled: int = Field(
+        description="number of enabled classes of the beware list; at 0 the robot bewares of nothing"
+    )
     by_hand: bool = Field(description="somebody drives it by hand")
     in_zone: bool = Field(
         description="the robot stands in an area that it must not be in; mission/leave gets it out"
@@ -219,6 +222,7 @@ class BewareOut(BaseModel):
 
     version: int
     classes: list[BewareClassOut]
+    can_undo: bool = Field(description="whether `beware/undo` has an edit to undo")
 
 
 class MapOut(BaseModel):

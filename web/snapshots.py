@@ -66,6 +66,9 @@ class State:
     """Grows with every change of the zones."""
     beware_version: int
     """Version of the beware list."""
+    beware_enabled: int
+    """Number of enabled classes of the beware list; at 0 only geometric obstacles and zones keep
+    the robot away."""
     by_hand: bool = False
     """Somebody drives it by hand."""
     in_zone: bool = False

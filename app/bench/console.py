@@ -144,6 +144,7 @@ class _World:
             frame_age_s=0.0,
             zones_version=0,
             beware_version=0,
+            beware_enabled=1,
             segmenter="none",
             segmenter_warning=None,
         )

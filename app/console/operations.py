@@ -87,6 +87,7 @@ class LiveOperations:
             save=store.save_beware,
             put=self._beware_put,
             finds=perception.segmenter.finds,
+            earlier=reversed(store.beware_versions()[1:]),
         )
         self.insight = LiveInsight(
             pilot=pilot,
@@ -158,6 +159,7 @@ class LiveOperations:
             in_zone=_in_zone(decision),
             zones_version=self._zones_version,
             beware_version=intent.beware.version,
+            beware_enabled=len(intent.beware.enabled),
             segmenter=self._perception.title,
             segmenter_warning=self._perception.warning,
             loop=intent.mission.loop,

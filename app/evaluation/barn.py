@@ -137,7 +137,7 @@ def drive_world(
     seed: int,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
-    """Drive the world with the given number once; return its report with the challenge's verdict."""
+    """Drive the world of a number once; return its report with the challenge's verdict."""
     profile = load_profile(robot)
     world = next(world for world in _listed(suite, worlds, profile) if world.id == number)
     rules = ChallengeRules(world)

@@ -86,7 +86,7 @@ class Campaign:
             try:
                 yield from (job.result() for job in as_completed(jobs))
             except BaseException:
-                # Episodes in progress are not recorded anyway: do not let the operator wait for them.
+                # Episodes in progress are not recorded: do not let the operator wait for them.
                 pool.shutdown(wait=False, cancel_futures=True)
                 for process in active_children():
                     process.terminate()

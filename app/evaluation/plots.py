@@ -1,5 +1,4 @@
-"""The paper's figures of an episode, as PNG and SVG: seen from above, progress over time, and what
-the segmentation saw."""
+"""The paper's figures of an episode, as PNG and SVG: top view, progress over time, keyframes."""
 
 from __future__ import annotations
 
@@ -31,12 +30,12 @@ from sim.truth.true_objects import true_objects
 Image = npt.NDArray[np.float64]
 RED, VIOLET = (0.84, 0.15, 0.16), (0.58, 0.40, 0.74)
 CLASS_COLOURS = [to_rgb(colour) for colour in mpl.color_sequences["tab10"]]
-"""By class id, around and around."""
+"""Colours by class id, repeating."""
 DPI = 110
 
 
 def plot_episode(
-    report: Mapping[str, Any], episode: Episode, album: Keyframes, folder: Path
+    report: Mapping[str, Any], episode: Episode, keyframes: Keyframes, folder: Path
 ) -> None:
     """Write `top_view`, `progress` and `frames`, each as .png and .svg, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -44,16 +43,16 @@ def plot_episode(
     if decision is not None:
         seen = episode.pilot.navigator.map.explored.seen.bools
         ground = paint(decision.occupancy.grid, seen)
-        save(top_view(report, episode, album.planned, ground), folder / "top_view")
+        save(top_view(report, episode, keyframes.planned, ground), folder / "top_view")
     save(progress([report], f"{report['scenario']}, seed {report['seed']}"), folder / "progress")
     names = {entry.class_id: entry.name for entry in episode.pilot.intent.beware.classes}
-    shots = album.shots()
+    shots = keyframes.shots()
     if shots:
         save(frames(shots, names), folder / "frames")
 
 
 def save(figure: Any, path: Path) -> None:
-    """As PNG and as SVG, without the time at which it was made: the same run gives the same files."""
+    """Save as PNG and SVG without a time stamp, so that the same run gives the same files."""
     figure.savefig(path.with_suffix(".png"), dpi=DPI, bbox_inches="tight")
     with mpl.rc_context({"svg.hashsalt": path.name}):
         figure.savefig(path.with_suffix(".svg"), bbox_inches="tight", metadata={"Date": None})
@@ -61,21 +60,21 @@ def save(figure: Any, path: Path) -> None:
 
 
 def paint(grid: OccupancyGrid, seen: npt.NDArray[np.bool_]) -> Image:
-    """(rows, cols, 3) the robot's map: unknown grey, seen white, obstacles dark, beware cells red,
-    zones violet."""
-    picture = np.full((*seen.shape, 3), 0.78)
-    picture[seen] = 1.0
-    picture[grid.zones] = (0.88, 0.82, 0.94)
-    picture[grid.geometric] = 0.15
+    """Return the robot's map as (rows, cols, 3) RGB from 0 to 1: unknown grey, seen white, obstacles
+    dark, beware cells red, zones violet."""
+    image = np.full((*seen.shape, 3), 0.78)
+    image[seen] = 1.0
+    image[grid.zones] = (0.88, 0.82, 0.94)
+    image[grid.geometric] = 0.15
     for layer in grid.beware.values():
-        picture[layer] = (0.97, 0.55, 0.50)
-    return picture
+        image[layer] = (0.97, 0.55, 0.50)
+    return image
 
 
 def top_view(
     report: Mapping[str, Any], episode: Episode, planned: Sequence[Route], ground: Image
 ) -> Any:
-    """The map from above with hazards, zones, people, planned ways, waypoints, and the driven way
+    """Draw the map with hazards, zones, people, planned paths, waypoints, and the driven path
     coloured by time."""
     spec = episode.spec
     figure, axes = plt.subplots(figsize=(11, 11 * min(max(spec.rows / spec.cols, 0.4), 1.0) + 0.8))
@@ -102,25 +101,26 @@ def top_view(
         )
     driven = draw_driven(axes, np.array(episode.driven))
     if driven is not None:
-        figure.colorbar(driven, ax=axes, label="driven way, time in s", fraction=0.03, pad=0.02)
+        figure.colorbar(driven, ax=axes, label="driven path, time in s", fraction=0.03, pad=0.02)
     _draw_stations(axes, report)
     axes.set(xlabel="x, m", ylabel="y, m", aspect="equal", title=_title(report))
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.07), ncols=4, frameon=False)
     return figure
 
 
-def draw_driven(axes: Any, places: Points) -> Any:
-    """The way, (N, 2), coloured by time; what a colour bar needs, or None where there is no way."""
-    if len(places) < 2:
+def draw_driven(axes: Any, positions: Points) -> Any:
+    """Draw the driven positions (N, 2) coloured by time; return the artist for a colour bar, or
+    None for fewer than two positions."""
+    if len(positions) < 2:
         return None
-    pieces = np.stack([places[:-1], places[1:]], axis=1)
+    pieces = np.stack([positions[:-1], positions[1:]], axis=1)
     line = LineCollection(list(pieces), cmap="turbo", linewidth=2.4, capstyle="round")
     line.set_array(np.arange(len(pieces)) * COMMAND_PERIOD_S)
     return axes.add_collection(line)
 
 
 def draw_hazards(axes: Any, scenario: Scenario) -> None:
-    """What there truly is to beware of, by name, and where people stand and walk."""
+    """Draw the true hazards by name, and the paths of people."""
     for thing in true_objects(scenario):
         for outline in thing.outlines:
             axes.add_patch(Polygon(outline, closed=True, fill=False, edgecolor=RED, linewidth=1.4))
@@ -133,15 +133,15 @@ def draw_hazards(axes: Any, scenario: Scenario) -> None:
             fontsize=8,
         )
     for person in scenario.people:
-        places = np.array(person.points)
-        axes.plot(*places[0], "o", color="goldenrod", markersize=6, zorder=3)
-        for here, there in pairwise(places):
+        points = np.array(person.points)
+        axes.plot(*points[0], "o", color="goldenrod", markersize=6, zorder=3)
+        for here, there in pairwise(points):
             arrow = {"arrowstyle": "<->", "color": "goldenrod", "linewidth": 1.6}
             axes.annotate("", xy=there, xytext=here, arrowprops=arrow)
 
 
 def progress(reports: Sequence[Mapping[str, Any]], title: str) -> Any:
-    """Explored volume and driven distance over time, of one episode or of many."""
+    """Draw explored volume and driven distance over time, of one or many episodes."""
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 6))
     style = (
         {"color": "tab:blue", "linewidth": 1.8}
@@ -160,7 +160,7 @@ def progress(reports: Sequence[Mapping[str, Any]], title: str) -> Any:
 
 
 def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
-    """The true world from above with every drive: blue those that succeeded, red those that failed."""
+    """Draw the true world with every driven path: successful ones blue, failed ones red."""
     figure, axes = plt.subplots(figsize=(11, 9))
     for thing in obstacles(world):
         for outline in thing.outlines():
@@ -189,22 +189,28 @@ def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
     return figure
 
 
-def frames(shots: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
-    """A column for each picture: as it was taken, the mask of what binds the robot, and both
-    together by class."""
-    figure, grid = plt.subplots(3, len(shots), figsize=(2.6 * len(shots) + 0.4, 5.0), squeeze=False)
-    for number, (shot, column) in enumerate(zip(shots, grid.T, strict=True), start=1):
-        mask = np.repeat((shot.class_ids > 0)[..., None], 3, axis=2)
-        pictures = (shot.rgb, mask.astype(np.float64), overlay(shot))
-        titles = (f"{number}: {shot.t_s:.0f} s", f"{number}*", "")
-        for axes, picture, title in zip(column, pictures, titles, strict=True):
-            axes.imshow(picture)
+def frames(keyframes: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
+    """Draw a column per keyframe: the colour image, the mask of enabled classes, and the overlay."""
+    figure, grid = plt.subplots(
+        3, len(keyframes), figsize=(2.6 * len(keyframes) + 0.4, 5.0), squeeze=False
+    )
+    for number, (keyframe, column) in enumerate(zip(keyframes, grid.T, strict=True), start=1):
+        mask = np.repeat((keyframe.class_ids > 0)[..., None], 3, axis=2)
+        images = (keyframe.rgb, mask.astype(np.float64), overlay(keyframe))
+        titles = (f"{number}: {keyframe.t_s:.0f} s", f"{number}*", "")
+        for axes, image, title in zip(column, images, titles, strict=True):
+            axes.imshow(image)
             axes.set_title(title, fontsize=9)
             axes.set(xticks=[], yticks=[])
     for axes, what in zip(grid[:, 0], ("RGB", "mask", "overlay"), strict=True):
         axes.set_ylabel(what)
     shown = sorted(
-        {int(class_id) for shot in shots for class_id in np.unique(shot.class_ids) if class_id}
+        {
+            int(class_id)
+            for keyframe in keyframes
+            for class_id in np.unique(keyframe.class_ids)
+            if class_id
+        }
     )
     patches = [
         Patch(color=colour_of(class_id), label=names.get(class_id, str(class_id)))
@@ -222,23 +228,23 @@ def frames(shots: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
     return figure
 
 
-def overlay(shot: Keyframe) -> Image:
-    """(H, W, 3) the picture with each class in its colour over it."""
-    picture = shot.rgb / 255
-    for class_id in np.unique(shot.class_ids):
+def overlay(keyframe: Keyframe) -> Image:
+    """Return the image (H, W, 3) from 0 to 1 with the colour of each class over it."""
+    image = keyframe.rgb / 255
+    for class_id in np.unique(keyframe.class_ids):
         if class_id:
-            here = shot.class_ids == class_id
-            picture[here] = 0.35 * picture[here] + 0.65 * np.array(colour_of(int(class_id)))
-    return picture
+            here = keyframe.class_ids == class_id
+            image[here] = 0.35 * image[here] + 0.65 * np.array(colour_of(int(class_id)))
+    return image
 
 
 def colour_of(class_id: int) -> tuple[float, float, float]:
-    """Red, green, blue of a class, 0 to 1."""
+    """Return the RGB colour of a class, from 0 to 1."""
     return CLASS_COLOURS[(class_id + 2) % len(CLASS_COLOURS)]  # class 1, the red floor, is red
 
 
 def extent(spec: GridSpec) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of a grid in metres."""
+    """Return left, right, bottom and top of a grid in metres."""
     right, top = (
         spec.origin_x_m + spec.cols * spec.resolution_m,
         spec.origin_y_m + spec.rows * spec.resolution_m,
@@ -252,15 +258,15 @@ def _draw_stations(axes: Any, report: Mapping[str, Any]) -> None:
         ("S", (x, y)),
         *((f"G{number}", goal) for number, goal in enumerate(report["goals"], start=1)),
     ]
-    for name, place in named:
+    for name, point in named:
         marker = (
             {"marker": "o", "color": "tab:green"}
             if name == "S"
             else {"marker": "*", "color": "tab:orange"}
         )
-        axes.plot(*place, linestyle="", markersize=13, markeredgecolor="black", zorder=4, **marker)
+        axes.plot(*point, linestyle="", markersize=13, markeredgecolor="black", zorder=4, **marker)
         axes.annotate(
-            name, place, (9, -13), textcoords="offset points", fontsize=11, weight="bold", zorder=5
+            name, point, (9, -13), textcoords="offset points", fontsize=11, weight="bold", zorder=5
         )
 
 

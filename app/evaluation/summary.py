@@ -108,7 +108,7 @@ def rate_interval(successes: int, trials: int) -> Interval:
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:
-    """Return the percentile bootstrap interval of a mean, seeded; None for fewer than two values."""
+    """Return the seeded percentile bootstrap interval of a mean; None for fewer than two values."""
     if len(values) < 2:
         return None
     interval = stats.bootstrap(
@@ -212,8 +212,8 @@ def _read(folder: Path) -> dict[str, Any]:
 
 
 def _ideal_spl(report: Report) -> float:
-    """Return the SPL of the informed baseline, which makes no mistakes but sees only what the camera
-    sees; 0 without a path, and in reports older than this measure."""
+    """Return the SPL of the informed baseline, which makes no mistakes but knows only what the
+    camera has seen; 0 without a path, and in reports older than this measure."""
     shortest_m, ideal_m = report["shortest_m"], report.get("ideal_m")
     return (
         0.0

@@ -1,4 +1,4 @@
-"""What of a labelled picture is one thing of the beware list, and where on the map it lies."""
+"""Instances of the beware list: connected regions of the labels, and where on the map they lie."""
 
 from __future__ import annotations
 
@@ -6,48 +6,48 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from navcore.config.perception import InstancesConfig
+from navcore.geometry.arrays import Bools
+from navcore.geometry.camera import pixel_rays
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
-RANGE_M = 5.0
-"""Depth beyond this is too coarse to say where something lies."""
-MIN_PIXELS = 40
-"""A smaller region is no sighting."""
-MAX_REGIONS = 24
-"""In one picture; the largest are taken."""
+_DEFAULT = InstancesConfig()
 CELL_M = 0.2
-"""Places are compared in squares of this side: two things of a class that are nearer to each other
-count as one."""
+"""Side in metres of the cells in which positions are compared: two objects of a class that are
+nearer to each other count as one."""
 
 Cells = frozenset[tuple[int, int]]
+"""Cells (row, col) of `CELL_M`, counted from the origin of the map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detection:
-    """A connected region of one class in one picture."""
+    """A connected region of one class in one image."""
 
     class_id: int
-    """Of the beware list."""
-    mask: npt.NDArray[np.bool_]
-    """(H, W) its pixels."""
+    """Class id of the beware list."""
+    mask: Bools
+    """(H, W) pixels of the region."""
     box: tuple[int, int, int, int]
-    """(left, top, right, bottom) pixels, right and bottom excluded."""
+    """Bounding box (left, top, right, bottom) in pixels, right and bottom excluded."""
     confidence: float
-    """Mean over its pixels."""
-    place: tuple[float, float]
+    """Mean confidence of its pixels, 0 to 1."""
+    position: tuple[float, float]
     """(x, y) in metres of the map frame: the median of its measured pixels."""
     cells: Cells
-    """Squares (row, col) of `CELL_M`, counted from the map's origin, that it lies on."""
+    """Cells (row, col) of `CELL_M` that it lies on, counted from the origin of the map."""
 
 
-def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Detection, ...]:
-    """The regions that bind the robot, the largest first; without those of too little measured
-    depth, and without people."""
+def detect_instances(
+    frame: Frame, labels: Labels, beware: BewareList, config: InstancesConfig = _DEFAULT
+) -> tuple[Detection, ...]:
+    """Return the regions that bind the robot, the largest first, without people and without regions
+    of too few measured pixels."""
     binding = labels.mask(beware)
-    found: list[tuple[int, int, npt.NDArray[np.bool_]]] = []
+    found: list[tuple[int, int, Bools]] = []
     for class_id in np.unique(labels.class_ids[binding]):
         if class_id in (NOTHING, *beware.people_ids):
             continue
@@ -57,30 +57,33 @@ def recognised(frame: Frame, labels: Labels, beware: BewareList) -> tuple[Detect
         found += [
             (int(sizes[name]), int(class_id), names == name)
             for name in range(1, count)
-            if sizes[name] >= MIN_PIXELS
+            if sizes[name] >= config.min_pixels
         ]
     found.sort(key=lambda region: -region[0])
-    regions = (_placed(frame, labels, class_id, mask) for _, class_id, mask in found[:MAX_REGIONS])
+    regions = (
+        _detection(frame, labels, class_id, mask, config)
+        for _, class_id, mask in found[: config.max_regions]
+    )
     return tuple(region for region in regions if region is not None)
 
 
-def _placed(
-    frame: Frame, labels: Labels, class_id: int, mask: npt.NDArray[np.bool_]
+def _detection(
+    frame: Frame, labels: Labels, class_id: int, mask: Bools, config: InstancesConfig
 ) -> Detection | None:
-    rows, cols = np.nonzero(mask & (frame.depth_m > 0) & (frame.depth_m <= RANGE_M))
-    if len(rows) < MIN_PIXELS // 2:
+    """Return a region with its position; None when too few of its pixels are measured."""
+    measured = mask & (frame.depth_m > 0) & (frame.depth_m <= config.max_range_m)
+    rows, cols = np.nonzero(measured)
+    if len(rows) < config.min_pixels // 2:
         return None
-    depth, lens = frame.depth_m[rows, cols].astype(np.float64), frame.intrinsics
-    points = np.column_stack(
-        [(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth]
-    )
+    depth = frame.depth_m[rows, cols].astype(np.float64)
+    points = pixel_rays(rows, cols, frame.intrinsics) * depth[:, None]
     xy = points @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
-    squares, counts = np.unique(
+    cells, counts = np.unique(
         np.floor(xy / CELL_M).astype(np.int64)[:, ::-1], axis=0, return_counts=True
     )
-    # The rim of a thing mixes its depth with what is behind: squares that few pixels fall into are
-    # no place of it.
-    kept = squares[counts >= max(3, 0.02 * len(rows))]
+    # The rim of an object mixes its depth with the background: cells with few pixels do not belong
+    # to it.
+    kept = cells[counts >= max(config.min_cell_pixels, config.min_cell_share * len(rows))]
     x_m, y_m = np.median(xy, axis=0)
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     return Detection(
@@ -88,6 +91,6 @@ def _placed(
         mask=mask,
         box=(left, top, left + width, top + height),
         confidence=float(labels.confidence[mask].mean()),
-        place=(float(x_m), float(y_m)),
+        position=(float(x_m), float(y_m)),
         cells=frozenset((int(row), int(col)) for row, col in kept),
     )

@@ -1,5 +1,5 @@
-"""From a click in the camera's picture to a place on the floor: the pixels of what was clicked, and
-where it stands."""
+"""Region growing from a clicked pixel: the pixels of the object there, and its outline on the
+floor."""
 
 from __future__ import annotations
 
@@ -10,33 +10,27 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from navcore.config.perception import RegionGrowingConfig
 from navcore.errors import BadGeometry
-from navcore.geometry.camera import Intrinsics
-from navcore.geometry.polyline import Corners
+from navcore.geometry.arrays import FloatImage, Floats
+from navcore.geometry.camera import Intrinsics, back_project_pixels
 from navcore.geometry.transform import Matrix, transform_points
 from navcore.grid.grid import BoolGrid
 
-FLOOR_M = 0.04
-"""What is lower is floor, as far as telling things apart by their depth is concerned."""
-CEILING_M = 2.0
-"""What is higher does not stand in anybody's way."""
-STEP_M = 0.06
-"""Neighbouring pixels whose distances differ by more belong to different things."""
-CELL_M = 0.025
-FARTHEST_M = 8.0
-LEAST_PIXELS = 12
+_DEFAULT = RegionGrowingConfig()
+Corners = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Region:
-    """What was clicked."""
+    """The object at a clicked pixel."""
 
     pixels: BoolGrid
-    """(H, W) the pixels that show it."""
+    """(H, W) pixels of the object."""
     class_id: int
-    """Of the beware list; 0 for something told apart by its depth alone."""
+    """Class id of the beware list; 0 for an object that was separated by depth alone."""
     footprint: Corners
-    """Where it is on the floor: corners (x, y) in metres of the map frame."""
+    """Outline on the floor: corners (x, y) in metres of the map frame."""
 
 
 def region_at(
@@ -44,85 +38,94 @@ def region_at(
     col: int,
     *,
     class_ids: npt.NDArray[np.uint8],
-    depth_m: npt.NDArray[np.float32],
+    depth_m: FloatImage,
     intrinsics: Intrinsics,
     T_map_camera: Matrix,
+    config: RegionGrowingConfig = _DEFAULT,
 ) -> Region:
-    """The connected pixels of one class about a pixel of (H, W) pictures or, where no class is,
-    those of one thing by depth.
+    """Return the connected pixels of one class around a pixel of (H, W) images or, where there is
+    no class, those of one object by depth.
 
-    Raises `BadGeometry` with the reason where nothing can be told apart.
+    Raises `BadGeometry` with the reason where no object can be separated.
     """
     height, width = class_ids.shape
     if not (0 <= row < height and 0 <= col < width):
-        raise BadGeometry(f"pixel ({row}, {col}) lies outside the picture of {height} × {width}")
-    points = _points_map(depth_m, intrinsics, T_map_camera)
+        raise BadGeometry(f"pixel ({row}, {col}) lies outside the image of {height} × {width}")
+    points = _point_image(depth_m, intrinsics, T_map_camera, config.max_range_m)
     class_id = int(class_ids[row, col])
     pixels = (
         _connected(class_ids == class_id, row, col)
         if class_id
-        else _by_depth(depth_m, points[..., 2], row, col)
+        else _grow(depth_m, points[..., 2], row, col, config)
     )
-    return Region(pixels=pixels, class_id=class_id, footprint=_footprint(points[pixels]))
+    return Region(pixels=pixels, class_id=class_id, footprint=_footprint(points[pixels], config))
 
 
-def _points_map(
-    depth_m: npt.NDArray[np.float32], lens: Intrinsics, T_map_camera: Matrix
-) -> npt.NDArray[np.float64]:
-    """(H, W, 3) metres of the map frame; NaN where nothing was measured."""
+def _point_image(
+    depth_m: FloatImage, lens: Intrinsics, T_map_camera: Matrix, max_range_m: float
+) -> Floats:
+    """Return (H, W, 3) points in metres of the map frame; NaN where nothing was measured."""
     rows, cols = np.mgrid[: depth_m.shape[0], : depth_m.shape[1]]
-    z = np.where((depth_m > 0) & (depth_m < FARTHEST_M), depth_m, np.nan).astype(np.float64)
-    optical = np.stack([(cols - lens.cx) * z / lens.fx, (rows - lens.cy) * z / lens.fy, z], axis=-1)
+    z = np.where((depth_m > 0) & (depth_m < max_range_m), depth_m, np.nan)
+    optical = back_project_pixels(rows, cols, z, lens)
     return transform_points(T_map_camera, optical.reshape(-1, 3)).reshape(*depth_m.shape, 3)
 
 
 def _connected(mask: BoolGrid, row: int, col: int) -> BoolGrid:
+    """Return the (H, W) component of a mask that holds a pixel."""
     _, parts = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
     return np.asarray(parts == parts[row, col])
 
 
-def _by_depth(
-    depth_m: npt.NDArray[np.float32], height_m: npt.NDArray[np.float64], row: int, col: int
+def _grow(
+    depth_m: FloatImage, height_m: Floats, row: int, col: int, config: RegionGrowingConfig
 ) -> BoolGrid:
+    """Return the (H, W) pixels above the floor that are connected with a pixel without a step of
+    depth."""
     if np.isnan(height_m[row, col]):
         raise BadGeometry(
-            "the camera has measured no distance there; click a place nearer to the middle of the thing"
+            "the camera has measured no distance there; click nearer to the middle of the object"
         )
-    if height_m[row, col] < FLOOR_M:
+    if height_m[row, col] < config.floor_m:
         raise BadGeometry(
-            "there is nothing but floor there; click a thing that stands on it, or draw the zone on the map"
+            "there is only floor there; click an object that stands on it, or draw the zone on the "
+            "map"
         )
-    outside = np.pad(~(height_m >= FLOOR_M), 1, constant_values=True).astype(np.uint8)
+    outside = np.pad(~(height_m >= config.floor_m), 1, constant_values=True).astype(np.uint8)
     near = np.ascontiguousarray(depth_m, dtype=np.float32)
     cv2.floodFill(
         near.copy(),
         outside,
         (col, row),
         0.0,
-        STEP_M,
-        STEP_M,
+        config.depth_step_m,
+        config.depth_step_m,
         8 | cv2.FLOODFILL_MASK_ONLY | (2 << 8),
     )
     return np.asarray(outside[1:-1, 1:-1] == 2)
 
 
-def _footprint(points_map: npt.NDArray[np.float64]) -> Corners:
-    """The outline on the floor of (N, 3) points; gaps of a cell are closed, stray points left out."""
-    good = np.isfinite(points_map).all(axis=1) & (points_map[:, 2] < CEILING_M)
-    places = points_map[good, :2]
-    if len(places) < LEAST_PIXELS:
+def _footprint(points_map: Floats, config: RegionGrowingConfig) -> Corners:
+    """Return the outline on the floor of (N, 3) points; gaps of a cell are closed, and only the
+    largest part counts."""
+    good = np.isfinite(points_map).all(axis=1) & (points_map[:, 2] < config.ceiling_m)
+    xy, cell_m = points_map[good, :2], config.cell_m
+    if len(xy) < config.min_pixels:
         raise BadGeometry(
-            f"only {len(places)} pixels of it have a distance, {LEAST_PIXELS} are needed; drive nearer"
+            f"only {len(xy)} pixels of the object have a distance, {config.min_pixels} are needed; "
+            "drive nearer"
         )
-    low = places.min(axis=0) - 3 * CELL_M
-    cells = np.floor((places - low) / CELL_M).astype(np.int64)
+    low = xy.min(axis=0) - 3 * cell_m
+    cells = np.floor((xy - low) / cell_m).astype(np.int64)
     mask = np.zeros(cells.max(axis=0)[::-1] + 4, dtype=np.uint8)
     mask[cells[:, 1], cells[:, 0]] = 1
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), dtype=np.uint8))
     mask = cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8))
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     ring = max(outlines, key=cv2.contourArea).reshape(-1, 2)
-    outline = shapely.Polygon(low + (ring + 0.5) * CELL_M).buffer(0).simplify(CELL_M)
+    outline = shapely.Polygon(low + (ring + 0.5) * cell_m).buffer(0).simplify(cell_m)
     if not isinstance(outline, shapely.Polygon) or outline.is_empty:
-        raise BadGeometry("it is too small or too thin to make a zone of; draw the zone on the map")
+        raise BadGeometry(
+            "the object is too small or too thin for a zone; draw the zone on the map"
+        )
     return tuple((round(float(x), 3), round(float(y), 3)) for x, y in outline.exterior.coords[:-1])

@@ -16,8 +16,8 @@ from sim.robot.urdf_cache import cached_urdf
 WHEELS = (2, 3, 4, 5)
 """Joints of the wheels: front left, front right, rear left, rear right."""
 CENTRE_OF_MASS = "0 0 0.09947"
-"""Of the base link. The empty platform is heavier behind and turns about its rear axle; the load
-that it carries here balances it."""
+"""Centre of mass of the base link. The empty platform is heavier behind and turns about its rear
+axle; the load that it carries here balances it."""
 LIGHT_INERTIAL = """
 <inertial>
   <mass value="0.5"/>

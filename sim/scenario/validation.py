@@ -48,8 +48,8 @@ def _check_lists(scenario: Scenario, where: str) -> None:
         for j, along_m in enumerate(wall.doors_m):
             if not wall.door_m / 2 < along_m < length_m - wall.door_m / 2:
                 raise BadConfiguration(
-                    f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at {along_m:g} m "
-                    f"does not fit into a wall of {length_m:g} m"
+                    f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at "
+                    f"{along_m:g} m does not fit into a wall of {length_m:g} m"
                 )
     for i, item in enumerate(scenario.items):
         if item.shape and item.shape not in (known := item_shapes(item.kind)):

@@ -141,6 +141,7 @@ class FakeOperations:
                 frame_age_s=0.05,
                 zones_version=self._counts["zones"],
                 beware_version=self._beware.version,
+                beware_enabled=len(self._beware.enabled),
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 loop=self._mission.loop,
@@ -269,7 +270,7 @@ class FakeOperations:
         """That mission."""
         if run_id != "run-1":
             raise NotKnown("no run has this id")
-        return {**self.runs()[0], "series": {"t_s": [0.0, 1.0]}}
+        return {**self.runs()[0], "series": {"t_s": [0.0, 1.0, 2.0], "speed_mps": [0.0, 0.3, 0.5]}}
 
     # ---------------------------------------------------------------------------------------------------------- inside
 

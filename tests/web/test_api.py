@@ -382,6 +382,46 @@ def test_the_map_follows_the_conventions_of_nav2(
     assert 0.196 < (255 - 205) / 255 < 0.65
 
 
+def test_an_empty_beware_list_needs_force_and_the_defaults_come_back(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    shipped = operations.beware.list.classes
+    refused = wrong(client.put("/api/v1/beware", json={"classes": []}), 409)
+    assert (
+        refused["code"] == "refused"
+        and "bewares of nothing" in refused["message"]
+        and "force=true" in refused["message"]
+    )
+    assert operations.beware.list.classes == shipped and operations.state().beware_enabled == len(
+        shipped
+    )
+    emptied = client.put("/api/v1/beware?force=true", json={"classes": []})
+    assert emptied.status_code == 200 and emptied.json()["classes"] == []
+    assert client.get("/api/v1/state").json()["beware_enabled"] == 0
+    restored = client.post("/api/v1/beware/defaults").json()
+    assert (
+        operations.beware.list.classes == shipped
+        and restored["version"] == emptied.json()["version"] + 1
+    )
+
+
+def test_edits_of_the_beware_list_are_undone_one_by_one(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    shipped = operations.beware.list.classes
+    assert not client.get("/api/v1/beware").json()["can_undo"]
+    assert "no edit" in wrong(client.post("/api/v1/beware/undo"), 409)["message"]
+    client.patch("/api/v1/beware/cup", json={"margin_m": 0.3})
+    client.patch("/api/v1/beware/cup", json={"enabled": False})
+    client.put("/api/v1/beware?force=true", json={"classes": []})
+    cup = client.post("/api/v1/beware/undo").json()["classes"][2]
+    assert (cup["name"], cup["margin_m"], cup["enabled"]) == ("cup", 0.3, False)
+    assert client.post("/api/v1/beware/undo").json()["classes"][2]["enabled"]
+    last = client.post("/api/v1/beware/undo")
+    assert operations.beware.list.classes == shipped and not last.json()["can_undo"]
+    assert last.json()["version"] == 6 and last.headers["etag"] == '"6"'
+
+
 def test_the_painted_map_tells_its_layers_apart(client: httpx.Client) -> None:
     client.post("/api/v1/zones", json=zone())
     data = np.frombuffer(client.get("/api/v1/map.png").content, np.uint8)
@@ -456,7 +496,7 @@ def test_reports_with_figures_that_are_none_are_still_json(client: httpx.Client)
     assert client.get("/api/v1/runs").json() == [
         {"id": "run-1", "scenario": "fake hall", "success": True, "spl": None}
     ]
-    assert client.get("/api/v1/runs/run-1").json()["series"] == {"t_s": [0.0, 1.0]}
+    assert client.get("/api/v1/runs/run-1").json()["series"]["t_s"] == [0.0, 1.0, 2.0]
 
 
 def test_health_and_metrics_read_the_state(client: httpx.Client) -> None:
@@ -497,6 +537,7 @@ def test_the_contract_is_in_the_openapi_document(client: httpx.Client) -> None:
         ("PUT", f"{v1}/beware"),
         ("PATCH", f"{v1}/beware/{{class_name}}"),
     }
+    expected |= {("POST", f"{v1}/beware/defaults"), ("POST", f"{v1}/beware/undo")}
     expected |= {("GET", f"{v1}/beware.toml")}
     expected |= {
         ("POST", f"{v1}/stop"),

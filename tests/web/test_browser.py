@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
+from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
 from web.drafts import ZoneDraft
@@ -276,6 +277,28 @@ def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(
     cup.get_by_label("Least confidence for cup in percent").press("Enter")
     expect(cup).to_have_attribute("data-version", "1")
     assert operations.beware.list.named("cup").min_confidence == 0.8
+
+
+def test_a_robot_that_bewares_of_nothing_is_said_and_defaults_and_undo_are_one_click(
+    page: Page, operations: FakeOperations
+) -> None:
+    shipped, warning = operations.beware.list.classes, page.get_by_test_id("bewares-of-nothing")
+    expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
+    expect(warning).to_be_hidden()
+    expect(page.get_by_test_id("beware-undo")).to_be_disabled()
+    operations.beware.replace(BewareList(classes=()))
+    expect(warning).to_contain_text("The robot bewares of nothing")
+    expect(page.get_by_test_id("beware-class")).to_have_count(0)
+    page.get_by_test_id("beware-defaults").click()
+    expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
+    expect(warning).to_be_hidden()
+    assert operations.beware.list.classes == shipped
+    for entry in shipped:
+        operations.beware.edit(entry.name, {"enabled": False})
+    expect(warning).to_be_in_viewport(ratio=1.0)
+    page.get_by_test_id("beware-undo").click()
+    expect(warning).to_be_hidden()
+    assert [entry.name for entry in operations.beware.list.enabled] == [shipped[-1].name]
 
 
 def test_a_network_that_does_not_run_is_said_on_the_page(

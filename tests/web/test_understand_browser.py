@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from app.insight.event_log import Journal
 from app.storage import Store
@@ -159,3 +159,35 @@ def test_curves_ages_and_the_page_of_runs(
     page.goto(f"{server.url}/runs")
     expect(page.get_by_test_id("run")).to_have_count(1)
     expect(page.get_by_test_id("report")).to_contain_text("fake hall")
+
+
+CONTRAST = """([part, property, ground]) => {
+  const colour = (element, name) => getComputedStyle(element)[name].match(/[0-9.]+/g).slice(0, 3).map((value) => value / 255);
+  const linear = (value) => (value <= 0.04 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+  const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  const pair = [[part, property], [ground, "backgroundColor"]];
+  const [low, high] = pair.map(([one, name]) => light(colour(document.querySelector(one), name))).sort((a, b) => a - b);
+  return (high + 0.05) / (low + 0.05);
+}"""
+"""Contrast of a colour with the background of another element, as the WCAG has it: 1 to 21."""
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_the_page_of_runs_has_its_theme_and_its_curves_are_seen(
+    theme: str,
+    browser: Browser,  # noqa: F811
+    server: ConsoleServer,
+) -> None:
+    context = browser.new_context(color_scheme=theme)  # type: ignore[arg-type]
+    page = context.new_page()  # noqa: F811
+    page.goto(f"{server.url}/runs")
+    expect(page.get_by_test_id("chart-speed_mps").locator(".curve")).to_have_count(1)
+    assert page.evaluate("document.documentElement.dataset.theme") == theme
+    assert page.locator(".curve").evaluate("(curve) => getComputedStyle(curve).stroke") != "none"
+    assert page.evaluate(CONTRAST, [".curve", "stroke", ".chart"]) >= 3
+    assert page.evaluate(CONTRAST, [".chart text", "fill", ".chart"]) >= 4.5
+    for text, ground in (("h1", "body"), ("td", ".card"), ("figcaption", ".chart")):
+        assert page.evaluate(CONTRAST, [text, "color", ground]) >= 4.5, text
+    page.get_by_test_id("theme").click()
+    assert page.evaluate("document.documentElement.dataset.theme") != theme
+    context.close()

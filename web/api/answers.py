@@ -119,7 +119,7 @@ def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
 def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
     """The list with the console's colours, and what finds each class."""
     classes = [_class_of(entry, str(operations.beware.finder(entry))) for entry in beware.classes]
-    return BewareOut(version=beware.version, classes=classes)
+    return BewareOut(version=beware.version, classes=classes, can_undo=operations.beware.can_undo)
 
 
 def track(points: npt.NDArray[np.float64]) -> list[tuple[float, float]]:

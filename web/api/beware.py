@@ -1,12 +1,12 @@
-"""The beware list: read it, replace it, switch one class off and on."""
+"""The beware list: read it, replace it, edit one class, undo an edit, restore the defaults."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, HTTPException, Path, Response
+from fastapi import APIRouter, HTTPException, Path, Query, Response
 
-from navcore.errors import Outdated
+from navcore.errors import Outdated, Refused
 from navcore.mission.beware_list import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
 from web.api.answers import beware_of
 from web.api.versions import ExpectedVersion, etag, outdated
@@ -19,6 +19,9 @@ from web.schemas.fields import MAX_NAME
 _REFUSALS: dict[int | str, dict[str, Any]] = {
     status: RESPONSES[status] for status in (409, 422, 503)
 }
+Force = Annotated[
+    bool, Query(description="Put an empty list in force, too: the robot then bewares of nothing")
+]
 
 
 def beware_router(operations: Operations) -> APIRouter:
@@ -42,9 +45,16 @@ def beware_router(operations: Operations) -> APIRouter:
 
     @router.put("/beware", response_model=BewareOut, responses=_REFUSALS)
     def replace_beware(
-        body: BewareListIn, response: Response, expected: ExpectedVersion
+        body: BewareListIn, response: Response, expected: ExpectedVersion, force: Force = False
     ) -> BewareOut | Response:
-        """Put another list in force; it acts at once on everything the robot has seen."""
+        """Put another list in force; it acts at once on everything the robot has seen.
+
+        An empty list is refused with 409, unless `force` is true.
+        """
+        if not body.classes and not force:
+            raise Refused(
+                "with an empty beware list the robot bewares of nothing; repeat with ?force=true to put it in force"
+            )
         entries = tuple(_entry(entry) for entry in body.classes)
         try:
             return answer(
@@ -53,6 +63,17 @@ def beware_router(operations: Operations) -> APIRouter:
             )
         except Outdated:
             return conflict(expected)
+
+    @router.post("/beware/defaults", response_model=BewareOut, responses=_REFUSALS)
+    def restore_defaults(response: Response) -> BewareOut:
+        """Put the list that is shipped with the console in force, as one edit that can be undone."""
+        return answer(operations.beware.restore_defaults(), response)
+
+    @router.post("/beware/undo", response_model=BewareOut, responses=_REFUSALS)
+    def undo(response: Response) -> BewareOut:
+        """Undo the newest edit of the list; the list before it is in force again, under a new
+        version."""
+        return answer(operations.beware.undo(), response)
 
     @router.patch(
         "/beware/{class_name:path}",

@@ -9,7 +9,6 @@ const form = element("account-form");
 
 element("account-button").onclick = () => { form.reset(); dialog.show(); element("account-present").focus(); };
 element("account-close").onclick = () => dialog.close();
-dialog.addEventListener("keydown", (event) => { if (event.key === "Escape") dialog.close(); });
 form.onsubmit = (event) => {
   event.preventDefault();
   attempt(async () => {

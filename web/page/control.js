@@ -36,7 +36,7 @@ function show(now) {
   const { you, holder, asking } = now;
   const viewer = you.role === "viewer";
   document.body.dataset.role = you.role;
-  for (const part of document.querySelectorAll(".left, [aria-label='Mode'], #beware")) part.inert = viewer;
+  for (const part of document.querySelectorAll(".left, [aria-label='Mode'], #beware, #beware-tools")) part.inert = viewer;
   const who = now.yours ? "you" : holder ? "other" : "nobody";
   element("control").dataset.who = who;
   const words = { you: "● You drive", other: `▲ ${holder?.name} drives`, nobody: "○ Nobody drives" }[who];

@@ -5,10 +5,11 @@ import { handKey, togglePad } from "./control.js";
 import { element, make } from "./dom.js";
 import { canRedo, canUndo, draft, drawing, finish, redo, remove, sent, setMode, setTool, shift, snapshot, undo } from "./draft.js";
 import { fit, redraw } from "./map.js";
+import { closeOverlay } from "./menus.js";
 import { letGo } from "./pointer.js";
 import { switchTheme } from "./theme.js";
 import { attempt } from "./toasts.js";
-import { closePanel, togglePanel } from "./users.js";
+import { togglePanel } from "./users.js";
 import { follow, view, zoom } from "./view.js";
 import { travel } from "./zones.js";
 
@@ -34,6 +35,7 @@ function nudge(dx, dy, event) { const step = NUDGE_M * (event.shiftKey ? 5 : 1);
 
 export function onKey(event) {
   if (event.code === "Space" && !takesBlanks(event.target)) { event.preventDefault(); event.stopPropagation(); if (!event.repeat) pressStop("console key"); return; }
+  if (event.key === "Escape" && closeOverlay()) { event.preventDefault(); return; }
   if (isText(event.target)) {
     if (event.key === "Escape") event.target.blur();
     return;
@@ -53,8 +55,8 @@ export function onKey(event) {
 
 const inControl = (event) => event.target?.matches?.("button, summary, a, input");
 const ALWAYS = {
-  Escape: () => { if (element("help").open) element("help").close(); else if (!closePanel()) { letGo(); setMode("navigate"); } },
-  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), b: () => togglePad(), u: () => togglePanel(), "?": () => help(),
+  Escape: () => { letGo(); setMode("navigate"); },
+  m: () => showView(), f: () => { follow(!view.follows); redraw(); }, w: () => fit(), "+": () => zoom(1.3), "-": () => zoom(1 / 1.3), d: () => switchTheme(), b: () => togglePad(), u: () => togglePanel(), "?": () => element("help").togglePopover(),
 };
 const WHILE_DRAWING = {
   Backspace: () => draft.mode === "draw" && undo(), Delete: () => remove(),
@@ -69,9 +71,6 @@ const ELSEWHERE = {
 // A focused button is pressed by the space key going up; here that key means stop and nothing else.
 export function swallowSpace(event) { handKey(event, false); if (event.code === "Space" && !takesBlanks(event.target)) { event.preventDefault(); event.stopPropagation(); } }
 
-function help() { if (element("help").open) element("help").close(); else element("help").showModal(); }
-
 element("help-keys").append(...LISTED.flatMap(([key, words]) => [make("dt", {}, ...key.split(" ").map((part) => make("kbd", {}, part))), make("dd", {}, words)]));
-element("help-button").onclick = help;
 window.addEventListener("keydown", onKey, true);
 window.addEventListener("keyup", swallowSpace, true);

@@ -1,6 +1,6 @@
 // The beware list and the legend beside the view.
 
-import { request } from "./api.js";
+import { post, request } from "./api.js";
 import { element, make, reconcile, setText, setValue } from "./dom.js";
 import { attempt } from "./toasts.js";
 
@@ -21,6 +21,8 @@ export function showBeware(beware, refetch) {
     finder.classList.toggle("lost", entry.found_by === "nothing");
   });
   setText(element("beware-version"), `version ${beware.version}`);
+  element("beware-undo").disabled = !beware.can_undo;
+  for (const way of ["undo", "defaults"]) element(`beware-${way}`).onclick = async () => { await attempt(() => post(`/beware/${way}`)); refetch(); };
 }
 
 function bewareItem(entry, refetch) {

@@ -1,4 +1,4 @@
-// The pointer on the map: look around, place goals with a heading, draw by corner or by hand, move what was drawn.
+// The pointer on the map: look around, place goals with a heading, draw by corner or by hand, move what was drawn. Two fingers zoom.
 
 import { clicked, draft, dragged, drawing, freeHand, grab, insert, ring, shift, snapshot, remove } from "./draft.js";
 import { offer, takeOffer } from "./goals.js";
@@ -10,6 +10,7 @@ import { canvas, onMap as clamped, pan, toPage, toWorld, view, zoom } from "./vi
 const CLICK_PX = 4;
 const GRAB_PX = 11;
 const HEADING_PX = 18;
+const fingers = new Map(); // pointer → where it touches the canvas
 let pressed = null;
 
 const onMap = (at) => clamped(at, world.map);
@@ -32,8 +33,20 @@ function aim(event) {
   return { what: "map" };
 }
 
+// Two fingers move the map with their middle and zoom it by their distance.
+function pinch(event) {
+  const span = () => { const [[ax, ay], [bx, by]] = fingers.values(); return { x: (ax + bx) / 2, y: (ay + by) / 2, size: Math.hypot(ax - bx, ay - by) }; };
+  const before = span();
+  fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  const after = span();
+  pan({ ...view }, after.x - before.x, after.y - before.y);
+  if (before.size > 0) zoom(after.size / before.size, after.x, after.y);
+}
+
 canvas.addEventListener("pointerdown", (event) => {
   if (!world.map) return;
+  fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  if (fingers.size > 1) { letGo(); return; } // what the first finger began was no click
   pressed = { ...aim(event), x: event.offsetX, y: event.offsetY, button: event.button, moved: false, from: { ...view } };
   pressed.at = toWorld(event.offsetX, event.offsetY);
   canvas.setPointerCapture(event.pointerId);
@@ -46,6 +59,7 @@ canvas.addEventListener("pointermove", (event) => {
   const at = toWorld(event.offsetX, event.offsetY);
   document.getElementById("where").textContent = `x ${at[0].toFixed(2)}  y ${at[1].toFixed(2)} m`;
   if (!world.map) return;
+  if (fingers.size === 2 && fingers.has(event.pointerId)) { pinch(event); return; }
   if (!pressed) { if (draft.mode === "goal" && event.pointerType === "mouse") hover(at); return; }
   const [dx, dy] = [event.offsetX - pressed.x, event.offsetY - pressed.y];
   pressed.moved ||= Math.hypot(dx, dy) > CLICK_PX;
@@ -62,6 +76,7 @@ canvas.addEventListener("pointermove", (event) => {
 });
 
 canvas.addEventListener("pointerup", (event) => {
+  fingers.delete(event.pointerId);
   if (!pressed) return;
   const { what, moved, at, button, index } = pressed;
   pressed = null;
@@ -75,7 +90,7 @@ canvas.addEventListener("pointerup", (event) => {
     else if (what !== "corner" || draft.mode === "draw") clicked(...at, onMap(at));
   } else if (!moved && button === 2 && drawing()) remove(draft.corners.findIndex((point) => near(point, event)));
 });
-canvas.addEventListener("pointercancel", () => { pressed = null; letGo(); });
+canvas.addEventListener("pointercancel", (event) => { fingers.delete(event.pointerId); pressed = null; letGo(); });
 canvas.addEventListener("pointerleave", () => { if (!pressed) letGo(); });
 canvas.addEventListener("contextmenu", (event) => event.preventDefault());
 canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(-event.deltaY / 500), event.offsetX, event.offsetY); }, { passive: false });

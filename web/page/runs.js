@@ -3,6 +3,7 @@
 import { get } from "./api.js";
 import { make } from "./dom.js";
 import { chart, COLUMNS, plot } from "./plots.js";
+import "./theme.js";
 import { attempt } from "./toasts.js";
 
 const element = (id) => document.getElementById(id);

@@ -19,7 +19,7 @@ export function start({ look, mark }) {
   shared.look = (place) => { look(place); show(marked.lines, place); };
   shared.mark = (lines) => show(lines, marked.place);
   shared.send = mark;
-  const strip = make("div", { class: "strip", role: "tablist", "aria-label": "Understand" });
+  const strip = make("div", { class: "drawer-tabs", role: "tablist", "aria-label": "Understand" });
   const body = make("div", { class: "drawer", id: "drawer", hidden: "" });
   for (const [name, [title, tab]] of Object.entries(TABS)) {
     buttons[name] = make("button", { role: "tab", "aria-selected": "false", "aria-controls": "drawer", "data-testid": `tab-${name}`, onclick: () => open(shared.open === name ? null : name) }, title);

@@ -29,7 +29,7 @@ export function togglePanel() {
 }
 
 // Whether it was open.
-export function closePanel() {
+function closePanel() {
   if (!panel.open) return false;
   panel.close();
   button.focus();
@@ -130,5 +130,3 @@ build();
 button.onclick = togglePanel;
 element("house-close").onclick = closePanel;
 for (const tab of panel.querySelectorAll("[data-house]")) tab.onclick = () => turnTo(tab.dataset.house);
-// In a text field too, where the page's keys are not heard.
-panel.addEventListener("keydown", (event) => { if (event.key === "Escape") closePanel(); });

@@ -52,6 +52,7 @@ class BewareListIn(Closed):
 
     classes: Annotated[list[BewareClassIn], Field(max_length=MAX_CLASSES)]
     version: int | None = Field(None, description="ignored; `If-Match` guards against lost edits")
+    can_undo: StrictBool | None = Field(None, description="ignored")
 
 
 class BewarePatchIn(Closed):
