@@ -1,4 +1,4 @@
-"""`python -m app` is `bewarenav`."""
+"""Entry point: `python -m app` is `bewarenav`."""
 
 from app.cli.main import main
 

@@ -1,8 +1,8 @@
-"""Numba decorators of the compiled kernels, and the folder that their machine code is cached in.
+"""Numba decorators of the compiled kernels, and the cache folder of their machine code.
 
-Numba notices that a function has changed, but not that a function or constant which is compiled
-into it has: after an update the old machine code would run on. So each version of the compiled
-sources has a cache folder of its own, unless NUMBA_CACHE_DIR names one.
+Numba detects changes of a function, but not of the functions and constants compiled into it: after
+an update the old machine code would still run. So each version of the compiled sources has its own
+cache folder, unless NUMBA_CACHE_DIR names one.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def compiled(function: Function) -> Function:
-    """Compile, keep the result on disk, let other threads run meanwhile."""
+    """Compile a function with a disk cache and without holding the interpreter lock."""
     return cast(Function, numba.njit(cache=True, nogil=True)(function))
 
 
 def lean(function: Function) -> Function:
-    """The same for functions that make no arrays: they need not count references, which would take
-    most of their time."""
+    """Compile a function that makes no arrays, without reference counting, which would take most of
+    its time."""
     return cast(Function, numba.njit(cache=True, nogil=True, _nrt=False)(function))  # type: ignore[call-overload]
 
 
 def inlined(function: Function) -> Function:
-    """The same for steps of an inner loop: compiled into their callers, since an array costs seven
-    arguments to hand on."""
+    """Compile a step of an inner loop into its callers, because passing an array takes seven
+    arguments."""
     return cast(
         Function,
         numba.njit(cache=True, nogil=True, _nrt=False, forceinline=True)(function),  # type: ignore[call-overload]
@@ -43,18 +43,18 @@ def inlined(function: Function) -> Function:
 
 
 def instruction(function: Callable[..., Any]) -> Any:
-    """Make a function that writes machine-independent code callable from compiled ones."""
+    """Make a generator of LLVM code callable from compiled functions."""
     return numba_intrinsic(function)
 
 
 _COMPILED = re.compile(rb"^@(numba\.njit|compiled|lean|inlined|instruction)\b", re.MULTILINE)
 _IMPORTED = re.compile(rb"^from (navcore\.[\w.]+) import", re.MULTILINE)
-_KEPT = 3
-"""So many versions' code is kept."""
+KEPT_VERSIONS = 3
+"""Number of versions whose code is kept."""
 
 
-def _version(package: Path) -> str:
-    """Of the files that hold compiled functions, and of those that they import from."""
+def source_version(package: Path) -> str:
+    """Return a hash of the files with compiled functions and of those they import from."""
     texts = {file: file.read_bytes() for file in sorted(package.rglob("*.py"))}
     holding = [file for file, text in texts.items() if _COMPILED.search(text)]
     imported = {name.decode() for file in holding for name in _IMPORTED.findall(texts[file])}
@@ -67,17 +67,17 @@ def _version(package: Path) -> str:
     ).hexdigest()
 
 
-def _keep_compiled_code(package: Path) -> None:
-    """Say where numba is to keep it; where nothing can be written numba finds a place by itself."""
+def set_cache_folder(package: Path) -> None:
+    """Set numba's cache folder; numba chooses one itself if this one cannot be written."""
     with suppress(OSError):
-        folder = package / "__pycache__" / f"compiled-{_version(package)}"
+        folder = package / "__pycache__" / f"compiled-{source_version(package)}"
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
         numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
         versions = sorted(folder.parent.glob("compiled-*"), key=lambda other: other.stat().st_mtime)
-        for old in versions[:-_KEPT]:
+        for old in versions[:-KEPT_VERSIONS]:
             shutil.rmtree(old, ignore_errors=True)
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    _keep_compiled_code(Path(__file__).parent)
+    set_cache_folder(Path(__file__).parent)

@@ -1,25 +1,25 @@
-"""What can be wrong with what the navigation is given.
+"""Exceptions for invalid input of the navigation.
 
     BewareNavError
-    ├── BadConfiguration    a file or a value of the operator: names the key, the value and what is allowed
+    ├── BadConfiguration    an invalid file or value; names key, value and allowed range
     ├── BadFrame            a camera frame that must not enter the map
-    ├── BadGeometry         a zone or a goal that is no place on the map
-    │   └── BlockedGoal     a goal where the robot cannot stand; knows the nearest place where it can
-    ├── Refused             an action that does not fit the present state, e.g. start without a goal
-    │   └── Outdated        an edit of a version that somebody else has changed meanwhile
-    ├── NotKnown            an id that names nothing
-    └── StorageFailed       the disk did not take it; what was stored before is intact
+    ├── BadGeometry         a zone or a goal that does not fit on the map
+    │   └── BlockedGoal     a goal in a blocked cell; has the nearest free position
+    ├── Refused             an action that the present state does not allow
+    │   └── Outdated        an edit of a version that has changed meanwhile
+    ├── NotKnown            an id that does not exist
+    └── StorageFailed       a failure of the disk; the older contents are intact
 
-Outcomes that are to be expected while driving (no path, no safe motion, a stop) are values, not
-exceptions.
+Expected outcomes of driving (no path, no safe motion, a stop) are values, not exceptions.
 """
 
 
 class BewareNavError(Exception):
-    """Any refusal of this project; its text says what was expected, what was given and what to do."""
+    """Base of all exceptions here; the text says what was expected, what was given and what to
+    do."""
 
 
-class BadConfiguration(BewareNavError):  # noqa: N818 - named after what is bad, as all of them
+class BadConfiguration(BewareNavError):  # noqa: N818 - named after what is bad, like all of them
     """A configuration value is unknown, missing or out of range."""
 
 
@@ -28,21 +28,21 @@ class BadFrame(BewareNavError):  # noqa: N818
 
 
 class BadGeometry(BewareNavError):  # noqa: N818
-    """A polygon or a point cannot stand on the map."""
+    """A polygon or a point does not fit on the map."""
 
 
 class BlockedGoal(BadGeometry):
-    """The robot cannot stand at the goal."""
+    """The robot's centre cannot be at the goal."""
 
     def __init__(self, text: str, nearest: tuple[float, float] | None) -> None:
-        """`nearest`: (x, y) in metres of the map frame of the nearest place where it can stand;
-        None without one."""
+        """`nearest`: (x, y) in metres of the map frame of the nearest free position; None without
+        one."""
         super().__init__(text)
         self.nearest = nearest
 
 
 class Refused(BewareNavError):  # noqa: N818
-    """The action does not fit the present state; nothing was changed."""
+    """The present state does not allow the action; nothing was changed."""
 
 
 class Outdated(Refused):
@@ -50,8 +50,8 @@ class Outdated(Refused):
 
 
 class NotKnown(BewareNavError):  # noqa: N818
-    """The id names nothing that is stored."""
+    """The id does not exist."""
 
 
 class StorageFailed(BewareNavError):  # noqa: N818
-    """The store could not be written or read; what was stored before is intact."""
+    """The disk could not be read or written; the older contents are intact."""

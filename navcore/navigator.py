@@ -1,4 +1,5 @@
-"""The whole loop, once per frame: read `Navigator.tick` and know the system (Algorithms 1 and 2)."""
+"""The whole loop, once per frame: read `Navigator.tick` and know the system (Algorithms 1 and
+2)."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from dataclasses import dataclass
 
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.perception import GroundConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import Motion
 from navcore.control.speed_limits import travel_time_s
@@ -66,7 +68,7 @@ class Stages:
 
     segment: Callable[[Segmenter, Frame, BewareList], Labels] = _segment
     """Label the pixels."""
-    estimate_ground: Callable[[Frame, float], FloatImage] = ground_heights
+    estimate_ground: Callable[[Frame, float, GroundConfig], FloatImage] = ground_heights
     """(H, W) height of the ground below each pixel; the number is the steepest slope of ground."""
     track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
         PeopleTracker.follow
@@ -109,7 +111,9 @@ class Navigator:
         """Recovery, waiting and keep-outs as of the newest tick."""
         self._stages = stages or Stages()
         self._profile, self._config, self._segmenter = profile, config, segmenter
-        self._tracker = PeopleTracker(non_cooperative=config.people.non_cooperative)
+        self._tracker = PeopleTracker(
+            non_cooperative=config.people.non_cooperative, config=config.perception
+        )
         self._mapper = Mapper(self.map, self._tracker, profile, config)
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
@@ -122,7 +126,9 @@ class Navigator:
         check_frame(frame)
         stages, beware, pose = self._stages, request.beware, frame.pose
         labels = stages.segment(self._segmenter, frame, beware)
-        ground_m = stages.estimate_ground(frame, self._config.points.max_slope)
+        ground_m = stages.estimate_ground(
+            frame, self._config.points.max_slope, self._config.perception.ground
+        )
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         stages.update_map(self._mapper, frame, labels, beware, ground_m)
         self.behaviour = self.behaviour.towards(request)

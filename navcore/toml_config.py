@@ -1,5 +1,5 @@
-"""Read dataclasses from TOML tables: unknown, missing, mistyped and out-of-range keys are refused
-by name."""
+"""Dataclasses from TOML tables: unknown, missing, mistyped and out-of-range keys are refused by
+name."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from navcore.errors import BadConfiguration
 
 T = TypeVar("T")
 _LARGEST_INT = 1 << 53
-"""Beyond this a float no longer tells integers apart; no setting needs one."""
+"""Largest integer; beyond it floats no longer represent every integer."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The document at `path`; raises `BadConfiguration` with file and line when it cannot be read."""
+    """Return the document of a file; raises `BadConfiguration` with file and line if it is
+    invalid."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -28,13 +29,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
 
-def from_table(kind: type[T], table: object, where: str, usual: T | None = None) -> T:
-    """Build the dataclass `kind` from a TOML table; what that leaves out is as in `usual`, or else
-    as it is by default.
+def from_table(kind: type[T], table: object, where: str, base: T | None = None) -> T:
+    """Return the dataclass `kind` of a TOML table; missing keys are as in `base`, or the defaults.
 
-    `where` is the key path shown in errors, e.g. `office.toml: people[0]`. Types follow the
-    annotations: float (an integer will do), int, bool, str, nested dataclasses, tuples of those,
-    `Literal` and optionals. Ranges live in the field's metadata (see `between`). Raises
+    `where` is the key path shown in errors, for example `office.toml: people[0]`. Types follow the
+    annotations: float (from an integer too), int, bool, str, nested dataclasses, tuples of those,
+    `Literal` and optionals. Ranges are in the field's metadata (see `ranged`). Raises
     `BadConfiguration`.
     """
     if not isinstance(table, dict):
@@ -54,27 +54,27 @@ def from_table(kind: type[T], table: object, where: str, usual: T | None = None)
                 table[name],
                 f"{where}.{name}",
                 field.metadata,
-                getattr(usual, name, None),
+                getattr(base, name, None),
             )
-        elif usual is not None:
-            values[name] = getattr(usual, name)
+        elif base is not None:
+            values[name] = getattr(base, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise BadConfiguration(f"{where}: key {name!r} is missing")
     return kind(**values)
 
 
 def ranged(low: float, high: float, **default: Any) -> Any:
-    """A dataclass field whose value must lie in [low, high]; for a tuple, every number in it."""
+    """Return a dataclass field for a number, or a tuple of numbers, in [low, high]."""
     return dataclasses.field(metadata={"low": low, "high": high}, **default)
 
 
 def _value(
-    hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any], usual: Any = None
+    hint: Any, value: object, where: str, metadata: typing.Mapping[str, Any], base: Any = None
 ) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType or origin is typing.Union:
         return _value(
-            next(a for a in arguments if a is not types.NoneType), value, where, metadata, usual
+            next(a for a in arguments if a is not types.NoneType), value, where, metadata, base
         )
     if origin is typing.Literal:
         if value not in arguments:
@@ -93,7 +93,7 @@ def _value(
             for i, (a, v) in enumerate(zip(inner, value, strict=True))
         )
     if dataclasses.is_dataclass(hint):
-        return from_table(hint, value, where, usual)  # type: ignore[arg-type]
+        return from_table(hint, value, where, base)  # type: ignore[arg-type]
     if (
         hint is float
         and isinstance(value, int)

@@ -1,4 +1,4 @@
-"""Compile everything that is compiled, before a robot waits for it."""
+"""Warm-up: compiles all kernels before the robot needs them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
-from navcore.control import dynamic_window as dodging
+from navcore.control import dynamic_window
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
-from navcore.control.primitives import falco
-from navcore.control.social import NOBODY, clear_of_people
-from navcore.geometry.camera import Intrinsics
+from navcore.control.social import NO_PEOPLE, clear_of_people
+from navcore.geometry.camera import Intrinsics, pixel_rays
+from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
@@ -23,41 +23,37 @@ from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.labels import Labels, LabelSource, Segmenter
-from navcore.perception.overhang_filter import overhung
+from navcore.perception.overhang_filter import overhung_regions
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import near_points, time_to_contact
 
 WALL_M = 2.0
-"""So far before the first picture's robot stands a wall, with a thing at its foot."""
+"""Distance in metres from the first pose to the wall, which has a low object at its foot."""
 
 
 def warm_up(segmenter: Segmenter | None = None) -> None:
-    """Drive a made-up robot towards a made-up wall: loads the compiled code from its cache, or
-    compiles it.
+    """Drive a simulated robot towards a synthetic wall, which loads the compiled code from its
+    cache or compiles it.
 
-    The segmenter that is to drive runs too, by default the colour rules: a network's first pictures
-    take longest.
+    The given segmenter runs too, by default the colour rules: a network's first images take
+    longest.
     """
     beware = default_beware_list()
     for number in range(2):
-        (segmenter or ColourSegmenter()).segment(
-            _picture(stamp_ns=number, x_m=0.5 * number), beware
-        )
+        (segmenter or ColourSegmenter()).segment(_image(stamp_ns=number, x_m=0.5 * number), beware)
     _warm_kernels()
 
 
 @cache
 def _warm_kernels() -> None:
     beware, goal = default_beware_list(), (1.0, 1.0)
-    frames = [
-        _picture(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))
-    ]
+    frames = [_image(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))]
     navigator = Navigator(
         spec=GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05),
         profile=HUSKY,
-        segmenter=_Doubtful(),
+        segmenter=_UnsureSegmenter(),
         config=NavigatorConfig(map=MappingConfig(budget_mb=0.01)),
     )
     for frame in frames:
@@ -66,7 +62,7 @@ def _warm_kernels() -> None:
         id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
     )
     navigator.tick(frame, NavigationRequest(goal=None, leave=True, beware=beware, zones=(here,)))
-    # What such a drive seldom or never meets.
+    # Kernels that such a drive seldom or never reaches.
     spec, people = navigator.map.spec, NavigatorConfig().people
     viewpoint_before_gap(
         decision.occupancy,
@@ -79,31 +75,34 @@ def _warm_kernels() -> None:
     navigator.preview(decision.occupancy, frame.pose, goal)
     tight = ManoeuvreProblem(
         obstacles=np.array([[WALL_M, 0.0]]),
-        reach_m=0.04,
+        cell_radius_m=0.04,
         unseen=np.empty((0, 2)),
         unseen_clearance_m=0.0,
         profile=HUSKY,
-        room_m=0.06,
+        clearance_m=0.06,
     )
     manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
-    near_points(_picture(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # ground that rises
+    near_points(_image(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # rising ground
     time_to_contact(near_points(frame), Twist(v_mps=0.5, w_radps=0.1), HUSKY)
-    overhung(
-        _Doubtful().segment(frame, beware).class_ids, frame, heights_above_floor(frame), beware
+    arc_position(0.5, 0.1, 0.2)
+    overhung_regions(
+        _UnsureSegmenter().segment(frame, beware).class_ids,
+        frame,
+        heights_above_floor(frame),
+        beware,
     )
     poses = np.zeros((1, 2, 3))
-    somebody = dataclasses.replace(NOBODY, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
-    clear_of_people(somebody, poses, poses[..., 0].copy(), HUSKY, people)
-    dodging.warm(HUSKY)
-    falco.warm()
+    person = dataclasses.replace(NO_PEOPLE, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
+    clear_of_people(person, poses, poses[..., 0].copy(), HUSKY, people)
+    dynamic_window.warm(HUSKY)
 
 
-class _Doubtful:
-    """Takes all that is red for a low thing, and is not sure of it: what a network's labels go
-    through is compiled too."""
+class _UnsureSegmenter:
+    """Labels red pixels as a low object with little confidence, so that the kernels for a network's
+    labels are compiled too."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """The same class wherever it is red."""
+        """Return the same class for all red pixels."""
         low = max(entry.class_id for entry in beware.classes if entry.max_height_m)
         class_ids = np.where(frame.rgb[..., 0] > 0, np.uint8(low), np.uint8(NOTHING))
         return Labels(
@@ -111,32 +110,26 @@ class _Doubtful:
             confidence=np.where(class_ids > 0, np.float32(0.7), np.float32(1.0)),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
-        """Nothing in earnest."""
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return that no class is detected."""
         return LabelSource.NOTHING
 
 
-def _picture(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
-    """A wall, grey above and red at its foot, and the floor before it."""
+def _image(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
+    """Return the image of a wall, grey above and red at its foot, with the floor before it."""
     lens, mount = (
         Intrinsics(width=160, height=120, fx=80.0, fy=80.0, cx=79.5, cy=59.5),
         HUSKY.camera.T_base_camera,
     )
     columns, rows = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
-    rays = (
-        np.stack(
-            [(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)],
-            axis=-1,
-        )
-        @ mount[:3, :3].T
-    )
+    rays = pixel_rays(rows, columns, lens) @ mount[:3, :3].T
     with np.errstate(divide="ignore"):
         floor_m = np.where(rays[..., 2] < 0, (mount[2, 3] - floor_z_m) / -rays[..., 2], np.inf)
     wall_m = (WALL_M - x_m - mount[0, 3]) / rays[..., 0]
     depth_m = np.minimum(floor_m, wall_m).astype(np.float32)
     rgb = np.zeros((*depth_m.shape, 3), dtype=np.uint8)
     rgb[(wall_m < floor_m) & (rows > lens.height // 2), 0] = 200
-    # Read-only as the real ones are: to the compiler that is a type of its own.
+    # Read-only like real ones: to the compiler that is a type of its own.
     depth_m.flags.writeable = rgb.flags.writeable = False
     pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
     return Frame(

@@ -54,12 +54,12 @@ class Simulator:
         camera_rate_hz: float = 10.0,
         errors: StereoErrors | None = None,
         robot: RobotProfile = HUSKY,
-        as_found: bool = False,
+        randomised: bool = False,
     ) -> None:
         """Build the world. `seed` ≥ 0 decides the small displacements of chairs and items, where
         people are, and the sensor errors.
 
-        `camera_size` is (columns, rows). `as_found`: the scenario already is what a seed has made
+        `camera_size` is (columns, rows). `randomised`: the scenario already is what a seed has made
         of it, and every object stays where the scenario puts it. Raises `BadConfiguration`.
         """
         if not 0 < camera_rate_hz <= STEPS_PER_S:
@@ -69,7 +69,7 @@ class Simulator:
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.profile, self._chassis = robot, chassis_for(robot)
-        self.scenario = scenario if as_found else randomise(scenario, seed)
+        self.scenario = scenario if randomised else randomise(scenario, seed)
         """The scenario after the seed has varied it."""
         with quiet_stdout():
             self.client: int = pybullet.connect(
@@ -86,7 +86,7 @@ class Simulator:
             except BaseException:
                 pybullet.disconnect(physicsClientId=self.client)
                 raise
-        self._steps, self._frames, self.camera_rate_hz = 0, 0, camera_rate_hz
+        self._steps, self._frames, self._camera_rate_hz = 0, 0, camera_rate_hz
         self._yaw_rate_radps = 0.0
         self._faults = FaultSchedule(scenario.faults, (seed, Source.FAULTS))
         self._frame: Frame | None = None
@@ -128,7 +128,7 @@ class Simulator:
             period_s=PERIOD_S,
             odometry=self.odometry(),
         )
-        if self._steps * PERIOD_S * self.camera_rate_hz >= self._frames:
+        if self._steps * PERIOD_S * self._camera_rate_hz >= self._frames:
             self._frames += 1
             self._frame = self._faults.frame(self.capture(), self._steps * PERIOD_S) or self._frame
 
@@ -153,15 +153,15 @@ class Simulator:
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
         """Return class → (H, W) mask of the pixels of a frame taken now that show beware objects
         and people: for oracles and tests."""
-        bodies = self.camera.bodies(self.true_pose())
+        body_ids = self.camera.body_ids(self.true_pose())
         shown: dict[str, npt.NDArray[np.bool_]] = {}
         for body, name in self._class_of.items():
-            pixels = bodies == body
+            pixels = body_ids == body
             shown[name] = shown[name] | pixels if name in shown else pixels
         return shown
 
     def send(self, twist: Twist) -> None:
-        """Command a velocity; it is clipped to the limits of the platform and expires after 0.25 s."""
+        """Command a velocity; it is clipped to the platform limits and expires after 0.25 s."""
         self._driver.command(twist, self.now_ns())
 
     def odometry(self) -> Pose2:
@@ -177,7 +177,7 @@ class Simulator:
         return self._robot.pose()
 
     def moving_poses(self) -> tuple[Pose2, ...]:
-        """Return the true T_map_body of each person, then of each mover: for referee and tests."""
+        """Return the true T_map_body of people, then movers: for referee and tests."""
         return tuple(self._crowd.poses())
 
     @property

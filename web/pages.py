@@ -21,8 +21,8 @@ def pages_router() -> APIRouter:
     """`/`, its files, and the description of the API."""
     router = APIRouter(include_in_schema=False)
     files = {
-        path.name: path.read_bytes()
-        for path in sorted(FOLDER.iterdir())
+        path.relative_to(FOLDER).as_posix(): path.read_bytes()
+        for path in sorted(FOLDER.rglob("*"))
         if path.suffix in (*_TYPES, ".svg")
     }
     tags = {name: f'"{hashlib.sha256(data).hexdigest()[:16]}"' for name, data in files.items()}
@@ -51,7 +51,7 @@ def pages_router() -> APIRouter:
         """The API's description, drawn from `/openapi.json` without anything from elsewhere."""
         return file(request, "docs.html")
 
-    @router.get("/page/{name}")
+    @router.get("/page/{name:path}")
     async def static(request: Request, name: str) -> Response:
         """Scripts and styles."""
         return file(request, name)

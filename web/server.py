@@ -11,31 +11,29 @@ from collections.abc import Sequence
 import uvicorn
 from fastapi import FastAPI
 
-from web import problems
-from web.access import Access
-from web.access.attendance import Attendance, Unattended
-from web.access.audit import Auditor
-from web.api.access import access_router
 from web.api.audit import audit_router
 from web.api.beware import beware_router
 from web.api.control import control_router
-from web.api.drawing import drawing_router
+from web.api.detections import sightings_router
 from web.api.events import events_router
-from web.api.explain import explain_router
 from web.api.health import health_router
-from web.api.journal import journal_router
-from web.api.maps import maps_router
+from web.api.insight import explain_router, journal_router
+from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
-from web.api.poses import poses_router
-from web.api.sightings import sightings_router
+from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
+from web.api.zone_drafts import drawing_router
 from web.api.zones import zones_router
-from web.guard import Guard
-from web.listening import reserve
+from web.auth.access import Access
+from web.auth.audit import Auditor
+from web.auth.presence import Attendance, Unattended
+from web.gateway import problems
+from web.gateway.guard import Guard
+from web.gateway.problems import JsonResponse
+from web.interface.operations import Operations
 from web.pages import pages_router
-from web.port import Operations
-from web.problems import JsonResponse
-from web.proxy import viewer_router
+from web.port import reserve
+from web.viewer.proxy import viewer_router
 from web.viewer.viewer import Viewer
 
 log = logging.getLogger(__name__)

@@ -1,9 +1,9 @@
-"""What a live map costs the console: a map of 150 m × 150 m in cells of 5 cm with two million
-points, seen by one 3D view.
+"""Benchmark of the console: a map of 150 m × 150 m in cells of 5 cm with two million points, shown
+in one 3D view.
 
-The whole way is measured, through viser and the one door: from the moment a changed map is there to
-the moment its message has arrived at a client on this machine. Each change is one look of the
-camera: what lies in 5 m before the robot is measured anew.
+The latency is measured end to end, through viser and the gateway: from the moment a changed map is
+available to the moment its message has arrived at a client on this machine. Each change is one
+camera frame: the points within 5 m ahead of the robot are measured again.
 """
 
 from __future__ import annotations
@@ -29,22 +29,27 @@ from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Phase
 from navcore.robot.profile import HUSKY, RobotProfile
-from web.port import Operations
+from web.interface.operations import Operations
+from web.interface.snapshots import Cloud, Picture, State
 from web.server import ConsoleServer
-from web.snapshots import Cloud, Picture, State
 
 SIDE_M, CELL_M, POINTS = 150.0, 0.05, 2_000_000
-LOOK_M = 5.0
+"""Side of the map, cell size, and number of points."""
+VIEW_M = 5.0
+"""Side of the square that one camera frame measures again."""
 CHANGES = 60
+"""Number of measured changes."""
 PERIOD_S = 0.5
-PATIENCE_S = 60.0
+"""Time from one change to the next."""
+TIMEOUT_S = 60.0
+"""Time after which a missing message ends the benchmark."""
 SPEC = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
-NOWHERE: npt.NDArray[np.float64] = np.empty((0, 2))
+NO_POINTS: npt.NDArray[np.float64] = np.empty((0, 2))
 
 
 @dataclass(slots=True)
 class _World:
-    """As much of a system as the 3D view looks at; `look` changes the map as a picture does."""
+    """The part of a robot service that the 3D view reads; `observe` changes the map."""
 
     profile: RobotProfile = HUSKY
     robot_urdf: None = None
@@ -59,48 +64,48 @@ class _World:
     _picture: Picture | None = None
 
     def build(self) -> None:
-        """Two million points, most of them low, and the cells they lie in."""
+        """Build two million points, most of them low, and their cells."""
         xy = self._generator.uniform(-SIDE_M / 2 + 1, SIDE_M / 2 - 1, (POINTS, 2))
         points = np.column_stack([xy, self._generator.exponential(0.5, POINTS)]).astype(np.float32)
         rgb = self._generator.integers(0, 255, (POINTS, 3), dtype=np.uint8)
         self._cloud = Cloud(
             serial=1, points_map=points, rgb=rgb, class_ids=np.zeros(POINTS, dtype=np.uint8)
         )
-        held = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+        occupied = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
         cells = np.floor((xy[::40] + SIDE_M / 2) / CELL_M).astype(np.int64)
-        held[cells[:, 1], cells[:, 0]] = True
-        self._paint(held)
+        occupied[cells[:, 1], cells[:, 0]] = True
+        self._set_map(occupied)
 
-    def look(self) -> None:
-        """The robot goes on by half a metre and measures what is before it anew."""
+    def observe(self) -> None:
+        """Move the robot by half a metre and measure the area around it again."""
         cloud, picture = self._cloud, self._picture
         assert cloud is not None and picture is not None
         self._serial += 1
         self._at = (self._at[0] + 0.5, self._at[1] + 0.3)
         points, rgb = cloud.points_map.copy(), cloud.rgb.copy()
-        near = np.flatnonzero((np.abs(points[:, :2] - np.array(self._at)) < LOOK_M / 2).all(axis=1))
+        near = np.flatnonzero((np.abs(points[:, :2] - np.array(self._at)) < VIEW_M / 2).all(axis=1))
         points[near] += self._generator.normal(0, 0.01, (len(near), 3)).astype(np.float32)
         rgb[near] = self._generator.integers(0, 255, (len(near), 3), dtype=np.uint8)
-        held = picture.occupancy.masks[0].bools.copy()
+        occupied = picture.occupancy.masks[0].bools.copy()
         row, col = SPEC.cell(*self._at)
-        reach = round(LOOK_M / 2 / CELL_M)
-        held[row - reach : row + reach, col - reach : col + reach] = (
+        reach = round(VIEW_M / 2 / CELL_M)
+        occupied[row - reach : row + reach, col - reach : col + reach] = (
             self._generator.random((2 * reach, 2 * reach)) < 0.02
         )
-        self._paint(held)
+        self._set_map(occupied)
         self._cloud = Cloud(
             serial=self._serial, points_map=points, rgb=rgb, class_ids=cloud.class_ids
         )
 
-    def _paint(self, held: npt.NDArray[np.bool_]) -> None:
-        geometric, nothing = CellMask.of(held), CellMask.of(np.zeros_like(held))
+    def _set_map(self, occupied: npt.NDArray[np.bool_]) -> None:
+        geometric, nothing = CellMask.of(occupied), CellMask.of(np.zeros_like(occupied))
         occupancy = Costmap(
             spec=SPEC,
             layers={0: geometric},
             margins_m={},
             zones=nothing,
             wide_zones=(),
-            free=CellMask.of(~held),
+            free=CellMask.of(~occupied),
             version=self._serial,
         )
         pose = Pose2(x_m=self._at[0], y_m=self._at[1], yaw_rad=0.0)
@@ -115,13 +120,13 @@ class _World:
             occupancy=occupancy,
             seen_mask=geometric,
             grid_version=self._serial,
-            path=NOWHERE,
-            waypoints=NOWHERE,
-            driven=NOWHERE,
+            path=NO_POINTS,
+            waypoints=NO_POINTS,
+            driven=NO_POINTS,
         )
 
     def state(self) -> State:
-        """A robot that stands."""
+        """Return the state of a robot that stands."""
         return State(
             stamp_s=0.0,
             scenario="bench",
@@ -150,16 +155,16 @@ class _World:
         )
 
     def picture(self) -> Picture | None:
-        """The newest map."""
+        """Return the newest map."""
         return self._picture
 
     def cloud(self) -> Cloud | None:
-        """The newest points."""
+        """Return the newest points."""
         return self._cloud
 
 
 def console_table(changes: int = CHANGES) -> Table:
-    """Look about so often, and say what it cost."""
+    """Change the map `changes` times; return a table of latency and traffic."""
     world = _World()
     world.build()
     server = ConsoleServer(cast(Operations, world), port=0)
@@ -173,7 +178,7 @@ def console_table(changes: int = CHANGES) -> Table:
     table = Table(
         "what",
         "figure",
-        title=f"live map, {SIDE_M:g} m × {SIDE_M:g} m, {POINTS / 1e6:g} million points, one 3D view",
+        title=f"live map, {SIDE_M:g} m × {SIDE_M:g} m, {POINTS / 1e6:g} million points, one view",
     )
     table.add_row("the whole scene, once", f"{whole / 1e6:.2f} MB")
     table.add_row(
@@ -188,8 +193,8 @@ def console_table(changes: int = CHANGES) -> Table:
 def _measured(
     server: ConsoleServer, world: _World, changes: int
 ) -> tuple[int, list[float], list[int]]:
-    """Bytes of the first picture of everything; then for each change milliseconds until its points
-    have come, and bytes."""
+    """Return the bytes of the whole scene, and of each change its milliseconds until the points
+    have arrived and its bytes."""
     address = server.url.replace("http", "ws") + "/viewer"
     with connect(address, subprotocols=[SUBPROTOCOL], proxy=None, max_size=None) as client:
         client.send(camera())
@@ -197,12 +202,12 @@ def _measured(
         latency_ms, sent = [], []
         for _ in range(changes):
             began = time.perf_counter()
-            world.look()
-            swapped = time.perf_counter()
+            world.observe()
+            changed = time.perf_counter()
             total = _read_until(
                 client, lambda names: any(name.startswith("/cloud/") for name in names)
             )
-            latency_ms.append((time.perf_counter() - swapped) * 1e3)
+            latency_ms.append((time.perf_counter() - changed) * 1e3)
             sent.append(
                 total + _read_for(client, max(PERIOD_S - (time.perf_counter() - began), 0.05))
             )
@@ -212,7 +217,7 @@ def _measured(
 def _read_until(client: Connection, wanted: Callable[[set[str]], bool]) -> int:
     total = 0
     while True:
-        frame = cast(bytes, client.recv(timeout=PATIENCE_S))
+        frame = cast(bytes, client.recv(timeout=TIMEOUT_S))
         total += len(frame)
         if wanted(names_in(frame)):
             return total
@@ -229,7 +234,7 @@ def _read_for(client: Connection, seconds: float) -> int:
 
 
 def _read_until_quiet(client: Connection) -> int:
-    """Everything there is at first: until nothing has come for two seconds."""
+    """Read the whole scene: until nothing has arrived for two seconds. Returns its bytes."""
     total = _read_until(client, lambda names: any(name.startswith("/cloud/") for name in names))
     while (more := _read_for(client, 2.0)) > 0:
         total += more

@@ -1,7 +1,6 @@
-"""Figures of this machine: how long each stage of a tick takes, and how much faster than real time
-the whole loop runs.
+"""Benchmark of this machine: durations of the stages of a tick, and the real-time factor.
 
-Absolute times belong to the machine they were taken on; compare only figures of one run.
+Absolute times belong to the machine they were taken on; compare only values of one run.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
 from rich.console import Console as Terminal
 from rich.table import Table
@@ -17,6 +17,7 @@ from app.bench.console import console_table
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
+from app.bench.training import training_table
 from app.episode.episode import Episode
 from app.runtime.segmentation import measure_segmenter
 from app.runtime.stage_timer import STAGES, TICK
@@ -25,7 +26,8 @@ from navcore.warmup import warm_up
 from sim.scenario.load import load_scenario
 
 TICKS = 300
-WHAT = {
+"""Number of measured ticks on the large map."""
+DESCRIPTIONS = {
     "tick": "frame → twist, everything",
     "segment": "segmentation",
     "estimate_ground": "ground heights",
@@ -39,8 +41,13 @@ WHAT = {
 }
 
 
-def run_bench(parts: Sequence[BenchPart], scenario: str, seconds: float) -> None:
-    """Measure these parts, one after the other, and print a table of each."""
+def run_bench(
+    parts: Sequence[BenchPart], scenario: str, seconds: float, *, maps: Path | None = None
+) -> None:
+    """Measure the given parts one after the other and print a table of each.
+
+    `seconds` is the simulated time of the drive, `maps` a folder of published maps to plan on.
+    """
     terminal = Terminal()
     if BenchPart.DRIVE in parts:
         _drive(terminal, scenario, seconds)
@@ -49,14 +56,16 @@ def run_bench(parts: Sequence[BenchPart], scenario: str, seconds: float) -> None
     if BenchPart.SEGMENT in parts:
         terminal.print(_engines())
     if BenchPart.PLAN in parts:
-        run_planning_bench(terminal)
+        run_planning_bench(terminal, maps)
     if BenchPart.CONSOLE in parts:
         terminal.print(console_table())
+    if BenchPart.TRAIN in parts:
+        terminal.print(training_table())
 
 
 def _engines() -> Table:
-    what, trials = measure_segmenter()
-    table = Table("engine", "p50 ms", "p99 ms", "pixels as torch f32", title=what)
+    title, trials = measure_segmenter()
+    table = Table("engine", "p50 ms", "p99 ms", "pixels as torch f32", title=title)
     for trial in trials:
         if trial.failure is not None:
             table.add_row(trial.name, "–", "–", trial.failure)
@@ -68,7 +77,7 @@ def _engines() -> Table:
 
 
 def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
-    """Drive the scenario's own mission for some simulated seconds."""
+    """Drive the scenario's own mission for `seconds` of simulated time."""
     warm_up()
     start = time.perf_counter()
     episode = Episode(
@@ -87,18 +96,19 @@ def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
             title=f"{scenario}, {platform.machine()}",
         )
         for stage in (TICK, *STAGES):
-            figures = episode.timer.summary(stage)
+            durations = episode.timer.summary(stage)
             count = len(episode.timer.ms[stage])
             table.add_row(
                 stage,
-                WHAT[stage],
+                DESCRIPTIONS[stage],
                 str(count),
-                *(f"{figures[key]:.2f}" for key in ("p50", "p99", "max")),
+                *(f"{durations[key]:.2f}" for key in ("p50", "p99", "max")),
             )
     finally:
         episode.close()
     terminal.print(table)
     speed = report["sim_time_s"] / report["wall_time_s"]
     terminal.print(
-        f"{speed:.2f} simulated seconds per second (physics, camera and navigation in one thread); built in {built_s:.1f} s"
+        f"{speed:.2f} simulated seconds per second (physics, camera and navigation in one thread); "
+        f"built in {built_s:.1f} s"
     )

@@ -6,10 +6,11 @@ from enum import StrEnum
 
 
 class BenchPart(StrEnum):
-    """What `bench` can measure."""
+    """A part of the benchmark; the values are the arguments of `bench`."""
 
     DRIVE = "drive"
     TICK = "tick"
     SEGMENT = "segment"
     PLAN = "plan"
     CONSOLE = "console"
+    TRAIN = "train"

@@ -1,5 +1,5 @@
-"""A* as the textbook has it, compiled: the peer of the planner in the bench, and what knows the
-lengths of its own maps."""
+"""Textbook A*, compiled: a peer of the planner in the benchmark, and the reference for path
+lengths."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from navcore.grid.grid import BoolGrid, Cell
 
 
 def length_by_astar(blocked: BoolGrid, start: Cell, goal: Cell) -> float:
-    """The peer: an exact A* over the eight neighbours with a binary heap, compiled like the
-    project's own search."""
+    """Return the exact path length in cells by A* over eight neighbours with a binary heap."""
     return float(_astar(blocked.view(np.uint8), start[0], start[1], goal[0], goal[1]))
 
 
@@ -22,8 +21,7 @@ _MOVE_COL = np.array([1, -1, 0, 0, 1, -1, 1, -1], dtype=np.int64)
 
 @numba.njit(cache=True, nogil=True)
 def _octile(rows: int, cols: int) -> float:
-    """Length of the shortest path between two cells on an empty grid; consistent, so no cell is
-    expanded twice."""
+    """Return the path length on an empty grid: consistent, so no cell is expanded twice."""
     low, high = min(rows, cols), max(rows, cols)
     return (high - low) + low * 1.4142135623730951
 

@@ -1,8 +1,9 @@
-"""How fast plans are made on this machine, beside other planners in the same run, each on one core.
+"""Benchmark of the planner beside other planners in the same run, each on one core.
 
-Published maps are read from a folder laid out like `shared/data/maps`; without it two forests are
-made. The peers pyastar2d and scikit-image are measured if they are installed (`pip install
-pyastar2d scikit-image`); the project does not need them.
+Published maps are read from a folder with `movingai/*/*.map` (and their `.scen`), `ros/*.npz` and
+`synthetic/*.npz`; without it two forests are made. The peers pyastar2d and scikit-image are
+measured if they are installed (`pip install pyastar2d scikit-image`); the project does not need
+them.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.bench.plain_astar import length_by_astar
+from navcore.errors import BadConfiguration
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell, inflate
 from navcore.grid.inflation import InflatedGrid
@@ -33,30 +35,35 @@ from navcore.planning.replanner import Replanner
 from navcore.planning.search.open_list import SearchWorkspace
 
 PEER_QUERIES = 8
+"""Number of queries per map that the peers answer."""
 VIEW_CELLS = 50
+"""Half the side of the square that the driving robot sees, cells."""
 STRIDE_CELLS = 2
+"""Cells that the robot drives from frame to frame."""
+CHECK_EVERY = 50
+"""Frames from one check of the path length to the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """A grid and queries on it."""
+    """A grid and queries with known path lengths."""
 
     name: str
-    """What the table calls it."""
+    """Name of the map in the table."""
     blocked: BoolGrid
-    """(rows, cols) where there is no way."""
+    """(rows, cols) cells where the robot's centre may not be."""
     queries: tuple[tuple[Cell, Cell, float], ...]
-    """Start, goal and the known optimal length, each."""
+    """Start, goal and known optimal length in cells of each query."""
     decimals: int
-    """So many of the known lengths' are right …"""
+    """Number of correct decimals of the known lengths."""
     occupied: BoolGrid | None = None
-    """(rows, cols) before inflation, if known …"""
+    """(rows, cols) occupied cells before inflation; None if unknown."""
     radius: int = 0
-    """… and the disc's radius in cells."""
+    """Radius of the inflation disc, cells."""
 
     def tolerance(self, length: float) -> float:
-        """How far a known length may be off, in cells: … but no more than six digits in all, which
-        is what `%g` writes."""
+        """Return the error of a known length, cells: by its decimals, and by the six significant
+        digits that `%g` writes."""
         return max(
             math.pow(10.0, -self.decimals),
             math.pow(10.0, math.floor(math.log10(max(length, 1.0))) - 5),
@@ -64,20 +71,23 @@ class Problem:
 
 
 def run_planning_bench(terminal: Terminal, maps: FilePath | None = None) -> None:
-    """Measure planners on the given maps, replanning on changing ones, and the way from a raw grid
-    to a path; print tables."""
-    folder = maps or FilePath(__file__).parents[2] / "shared" / "data" / "maps"
-    problems = (
-        list(published(folder)) if folder.is_dir() else [forest(1500, 0.08), forest(3000, 0.08)]
-    )
+    """Measure queries, replanning on changing maps, and planning from a raw grid; print tables.
+
+    `maps` is the folder of published maps; raises `BadConfiguration` for a folder without maps.
+    """
+    problems = [forest(1500, 0.08), forest(3000, 0.08)] if maps is None else list(published(maps))
+    if not problems:
+        raise BadConfiguration(
+            f"--maps {maps}: no movingai/*/*.map, ros/*.npz or synthetic/forest*.npz is there"
+        )
     terminal.print(compare(problems))
-    grown = [problem for problem in problems if problem.occupied is not None]
-    terminal.print(replanning(grown, folder))
-    terminal.print(from_raw([*grown, forest(3000, 0.08)]))
+    inflated = [problem for problem in problems if problem.occupied is not None]
+    terminal.print(replanning(inflated, maps))
+    terminal.print(from_raw([*inflated, forest(3000, 0.08)]))
 
 
 def published(folder: FilePath) -> Iterator[Problem]:
-    """Every map in the folder for which lengths are known."""
+    """Yield every map in the folder with known path lengths."""
     for file in sorted(folder.glob("movingai/*/*.map")):
         rows = file.read_text().splitlines()[4:]
         lines = [
@@ -118,7 +128,7 @@ def _stored(name: str, stored: Any) -> Problem:
 
 
 def forest(side: int, trees_per_m2: float) -> Problem:
-    """150 m × 150 m of trees, seeded; the known length of its one query is that of the plain A*."""
+    """Return 150 m × 150 m of seeded trees with one query, whose length the plain A* gives."""
     generator = np.random.default_rng(20261120)
     canvas = np.zeros((side, side), dtype=np.uint8)
     per_m = side / 150
@@ -141,7 +151,7 @@ def forest(side: int, trees_per_m2: float) -> Problem:
 
 
 def peers() -> dict[str, Callable[[BoolGrid], Callable[[Cell, Cell], object]]]:
-    """Each planner as a function that takes a grid and gives a function that takes a query."""
+    """Return each peer as a function from a grid to a function that answers a query."""
     found: dict[str, Callable[[BoolGrid], Callable[[Cell, Cell], object]]] = {
         "numba A*": lambda blocked: lambda start, goal: length_by_astar(blocked, start, goal)
     }
@@ -172,7 +182,7 @@ def _mcp(blocked: BoolGrid) -> Callable[[Cell, Cell], object]:
 
 
 def compare(problems: list[Problem]) -> Table:
-    """All queries of all maps, and a sample of them with every peer."""
+    """Measure all queries of all maps, and a sample of them with every peer."""
     planners = peers()
     table = Table(
         "map",
@@ -183,7 +193,10 @@ def compare(problems: list[Problem]) -> Table:
         "plan() µs",
         *(f"{name} ÷" for name in planners),
     )
-    table.title = "Queries: packed map and memory kept, plan() from the bool grid, and how many times longer peers take"
+    table.title = (
+        "Queries: packed map and memory kept, plan() from the bool grid, "
+        "and how many times longer peers take"
+    )
     ratios: dict[str, list[float]] = {name: [] for name in planners}
     for problem in problems:
         space = FreeSpace.of(problem.blocked)
@@ -225,8 +238,7 @@ def _all_queries(
 
 
 def _best(action: Callable[[], object], times: int = 2) -> float:
-    """Microseconds of the fastest of several runs: what the work costs when nothing else is in its
-    way."""
+    """Return the microseconds of the fastest of several runs: the cost on an idle machine."""
     best = float("inf")
     for _ in range(times):
         before = time.perf_counter()
@@ -235,24 +247,27 @@ def _best(action: Callable[[], object], times: int = 2) -> float:
     return 1e6 * best
 
 
-def replanning(problems: list[Problem], folder: FilePath) -> Table:
-    """A drive through each map that is seen as it is driven, unknown cells counting as free.
+def replanning(problems: list[Problem], maps: FilePath | None) -> Table:
+    """Measure a drive through each map that is seen while driving, unknown cells counting as free.
 
-    Then the same with a map in hand that is out of date, so that cells are freed as well, by a
-    robot that strays from its path.
+    Then the same with an outdated prior map, so that cells are freed as well, by a robot that
+    leaves its path; and the recorded sequences in the folder of maps.
     """
     table = Table("drive", "frames", "searches", "wrong", "mean µs", "p50", "p95", "p99", "max")
-    table.title = "Replanning on a changed map: inflation where cells changed, certificate or search; every frame"
+    table.title = (
+        "Replanning on a changed map: inflation where cells changed, certificate or search; "
+        "every frame"
+    )
     _explore(forest(300, 0.02))
     for problem in problems:
         _add_drive(table, problem.name, *_explore(problem))
     for problem in problems:
         _add_drive(
-            table, f"{problem.name}, out of date, strays", *_explore(problem, out_of_date=True)
+            table, f"{problem.name}, outdated map, leaves path", *_explore(problem, outdated=True)
         )
-    for file in sorted(folder.glob("synthetic/seq*.npz")):
+    for file in sorted(maps.glob("synthetic/seq*.npz")) if maps is not None else ():
         with np.load(file) as stored:
-            _replay(stored)  # loads the compiled code that only this needs
+            _replay(stored)  # loads compiled code that only this drive needs
             _add_drive(table, f"{file.stem}, recorded", *_replay(stored))
     return table
 
@@ -264,30 +279,30 @@ def _add_drive(table: Table, name: str, took: list[float], searches: int, wrong:
     )
 
 
-def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float], int, int]:
-    """Microseconds a frame, searches, and wrong lengths among every 50th frame.
+def _explore(problem: Problem, *, outdated: bool = False) -> tuple[list[float], int, int]:
+    """Return microseconds per frame, number of searches, and wrong lengths among every 50th frame.
 
-    `out_of_date`: the map in hand has boxes all over that are seen to be gone when the robot comes
-    near; and every fourth frame the robot stands beside its path.
+    `outdated`: the prior map has boxes all over that are cleared when the robot comes near, and
+    every fourth frame the robot stands beside its path.
     """
     assert problem.occupied is not None
     start, goal, _ = max(problem.queries, key=lambda query: query[2])
     rows, cols = problem.blocked.shape
     grid, rng = InflatedGrid(rows, cols), np.random.default_rng(rows)
     hidden = problem.occupied.copy()
-    gone = (
+    stale = (
         _boxes(rng, hidden.shape, (start, goal), clear=2 * problem.radius)
-        if out_of_date
+        if outdated
         else np.zeros_like(hidden)
     )
-    grid.update({problem.radius: gone})
+    grid.update({problem.radius: stale})
     replanner, took, wrong = Replanner(grid.space), list[float](), 0
     replanner.plan(start, goal)
     while start != goal:
         top, left = max(start[0] - VIEW_CELLS, 0), max(start[1] - VIEW_CELLS, 0)
         view = slice(top, start[0] + VIEW_CELLS), slice(left, start[1] + VIEW_CELLS)
-        freed, seen = (np.argwhere(mask[view]) + np.array([top, left]) for mask in (gone, hidden))
-        hidden[view] = gone[view] = False
+        freed, seen = (np.argwhere(mask[view]) + np.array([top, left]) for mask in (stale, hidden))
+        hidden[view] = stale[view] = False
         before = time.perf_counter()
         if len(freed):
             grid.set_cells(problem.radius, freed, False)
@@ -295,9 +310,11 @@ def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float
         outcome = replanner.plan(start, goal)
         took.append(1e6 * (time.perf_counter() - before))
         assert isinstance(outcome, Path)
-        wrong += len(took) % 50 == 0 and _differs(outcome, plan(grid.space.blocked(), start, goal))
+        wrong += len(took) % CHECK_EVERY == 0 and _differs(
+            outcome, plan(grid.space.blocked(), start, goal)
+        )
         start = _cell(outcome.cells[min(STRIDE_CELLS, len(outcome.cells) - 1)])
-        if out_of_date and len(took) % 4 == 0:
+        if outdated and len(took) % 4 == 0:
             start = _beside(grid.space, start, rng)
     return took, replanner.searches, wrong
 
@@ -305,8 +322,8 @@ def _explore(problem: Problem, *, out_of_date: bool = False) -> tuple[list[float
 def _boxes(
     rng: np.random.Generator, shape: tuple[int, ...], away_from: tuple[Cell, ...], *, clear: int
 ) -> BoolGrid:
-    """(rows, cols) with boxes of a few cells, one in each 64 × 64 cells, none within `clear` of the
-    given cells."""
+    """Return (rows, cols) with a box of a few cells per 64 × 64 cells, none within `clear` cells of
+    `away_from`."""
     boxes = np.zeros(shape, dtype=np.bool_)
     for row, col in rng.integers(0, shape, size=(shape[0] * shape[1] // 64**2, 2)):
         boxes[row : row + 6, col : col + 6] = True
@@ -316,7 +333,7 @@ def _boxes(
 
 
 def _beside(space: FreeSpace, cell: Cell, rng: np.random.Generator) -> Cell:
-    """A free cell next to one, or the cell itself."""
+    """Return a random free neighbour of a cell, or the cell itself."""
     row, col = (int(step) for step in rng.integers(-1, 2, size=2))
     near = cell[0] + row, cell[1] + col
     return near if space.contains(near) and space.is_free(near) else cell
@@ -331,8 +348,8 @@ def _cell(cell: npt.NDArray[np.int64]) -> Cell:
 
 
 def _replay(stored: Any) -> tuple[list[float], int, int]:
-    """The recorded blocked cells (its disc of 4.5 cells has no radius in whole cells); its starts
-    are (col, row)."""
+    """Replay recorded blocked cells, whose disc of 4.5 cells is no whole radius; starts are
+    (col, row)."""
     rows, cols = (int(side) for side in stored["shape"])
     goal = _cell(stored["goal"])
     space = FreeSpace.of(np.zeros((rows, cols), dtype=np.bool_))
@@ -355,8 +372,8 @@ def _replay(stored: Any) -> tuple[list[float], int, int]:
 
 
 def from_raw(problems: list[Problem]) -> Table:
-    """Everything anew: packing, inflation, marks and search, in memory that is kept; beside
-    OpenCV's dilation and the A*."""
+    """Measure packing, inflation, marks and search from scratch in reused memory, beside OpenCV's
+    dilation and A*."""
     table = Table("map", "grid ms", "search ms", "both ms", "dilate + A* ms")
     table.title = "From an occupied grid that changed everywhere to the path across it"
     for problem in problems:

@@ -1,8 +1,8 @@
-"""How long a tick takes without the segmentation, on a map of 150 m × 150 m in cells of 5 cm, with
-pictures of 640 × 480.
+"""Benchmark of a tick without segmentation: a map of 150 m × 150 m in cells of 5 cm, images of
+640 × 480.
 
 The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray
-is met with each near trunk.
+is intersected with each near trunk.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from rich.table import Table
 from app.runtime.stage_timer import TICK, StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception import ObservationConfig
+from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
 from navcore.mapping.voxels import depth_view, measured_voxels
@@ -32,25 +33,27 @@ from navcore.robot.profile import HUSKY
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 
 SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500
+"""Side of the map, cell size, and number of trunks."""
 SIZE = (640, 480)
+"""Columns and rows of the images."""
 STEP_M, STEP_RAD = 0.1, 0.15
-"""How far the robot goes from picture to picture: at 10 Hz, 1 m/s and 1.5 rad/s."""
+"""Motion of the robot between images: at 10 Hz, 1 m/s and 1.5 rad/s."""
 WARM_UP = 12
-"""The first ticks are not counted."""
+"""Number of first ticks that are not measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """Durations of a part of the tick."""
+    """Durations of one stage of the tick."""
 
     what: str
-    """In words."""
+    """Name of the stage in the table."""
     ms: list[float]
-    """One for each tick."""
+    """Duration of the stage in each tick, milliseconds."""
 
 
 def tick_table(ticks: int) -> Table:
-    """Drive through the forest for so many pictures; the figures of every stage."""
+    """Drive through the forest for `ticks` images; return a table of the durations per stage."""
     table = Table(
         "stage",
         "mean ms",
@@ -62,8 +65,8 @@ def tick_table(ticks: int) -> Table:
     )
     for stage in _measured(ticks):
         durations = np.array(stage.ms)
-        figures = [durations.mean(), *np.percentile(durations, [50, 95, 99]), durations.max()]
-        table.add_row(stage.what, *(f"{figure:.2f}" for figure in figures))
+        statistics = [durations.mean(), *np.percentile(durations, [50, 95, 99]), durations.max()]
+        table.add_row(stage.what, *(f"{value:.2f}" for value in statistics))
     return table
 
 
@@ -84,7 +87,7 @@ def _measured(ticks: int) -> list[Stage]:
         if number == WARM_UP:
             for durations in timer.ms.values():
                 durations.clear()
-        frame = forest.picture(pose, number)
+        frame = forest.frame(pose, number)
         route = tick(frame, order).route
         cells_ms.append(_depth_to_cells_s(frame, spec) * 1e3)
         if route is None or len(route.track) < 2:
@@ -100,7 +103,7 @@ def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Lab
 
 
 class _Forest:
-    """Trunks on a plain, and what a D455 sees of them."""
+    """Trunks on a plain, and the images that a D455 takes of them."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng, self._lens = rng, d455_intrinsics(SIZE)
@@ -112,14 +115,12 @@ class _Forest:
         clear = np.hypot(*(self._trunks[:, None, :2] - ends).transpose(2, 0, 1)).min(axis=1) > 3.0
         self._trunks = self._trunks[clear]
 
-    def picture(self, pose: Pose2, number: int) -> Frame:
-        """The picture from a pose, with noise that grows with the square of the distance."""
+    def frame(self, pose: Pose2, number: int) -> Frame:
+        """Return the frame from a pose, with depth noise that grows with the squared distance."""
         eye = pose.matrix() @ T_BASE_CAMERA
         near = self._trunks[np.hypot(*(self._trunks[:, :2] - eye[:2, 3]).T) < 9.0]
         lens = self._lens
-        depth = _trace(
-            near, eye, np.array([lens.fx, lens.fy, lens.cx, lens.cy]), lens.height, lens.width
-        )
+        depth = _trace(near, eye, lens.pinhole, lens.height, lens.width)
         depth += 0.002 * depth**2 * self._rng.standard_normal(depth.shape, dtype=np.float32)
         rgb = np.full((lens.height, lens.width, 3), 120, dtype=np.uint8)
         rgb.flags.writeable = depth.flags.writeable = False
@@ -138,17 +139,15 @@ class _Forest:
 def _trace(
     trunks: npt.NDArray[np.float64],
     t: npt.NDArray[np.float64],
-    lens: npt.NDArray[np.float64],
+    lens: Pinhole,
     height: int,
     width: int,
 ) -> npt.NDArray[np.float32]:
-    """(H, W) depth of the floor or of the nearest trunk, 0 beyond 8 m."""
+    """Return the depth (H, W) of the floor or the nearest trunk, metres, 0 beyond 8 m."""
     depth = np.zeros((height, width), dtype=np.float32)
     for i in range(height):
         for j in range(width):
-            a, b = (j - lens[2]) / lens[0], (i - lens[3]) / lens[1]
-            dx, dy = t[0, 0] * a + t[0, 1] * b + t[0, 2], t[1, 0] * a + t[1, 1] * b + t[1, 2]
-            dz = t[2, 0] * a + t[2, 1] * b + t[2, 2]
+            dx, dy, dz = ray_direction(t, column_slope(j, lens), row_slope(i, lens))
             nearest = -t[2, 3] / dz if dz < -1e-9 else np.inf
             for k in range(len(trunks)):
                 x, y = t[0, 3] - trunks[k, 0], t[1, 3] - trunks[k, 1]
@@ -169,15 +168,15 @@ def _trace(
 def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
     rules = ObservationConfig()
     start = time.perf_counter()
-    looked = depth_view(frame, spec, rules.max_range_m)
+    view = depth_view(frame, spec, rules.max_range_m)
     measured_voxels(
-        looked, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
+        view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
     )
     return time.perf_counter() - start
 
 
 def _ahead(pose: Pose2, track: npt.NDArray[np.float64]) -> Pose2:
-    """A step along the track, turning towards it no faster than a robot can."""
+    """Return the pose one step further along the track, turning by `STEP_RAD` at most."""
     toward = track[min(4, len(track) - 1)] - (pose.x_m, pose.y_m)
     turn = wrap_angle(math.atan2(toward[1], toward[0]) - pose.yaw_rad)
     yaw = pose.yaw_rad + max(-STEP_RAD, min(STEP_RAD, turn))

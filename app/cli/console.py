@@ -53,9 +53,9 @@ class ConsoleSettings:
 
 def console(settings: ConsoleSettings) -> None:
     """Start the operator console with the simulated robot, or with a recording."""
-    from app.console.port import taken_port
+    from web.port import reserve
 
-    listener = taken_port(settings.host, settings.port)  # before the slow imports
+    listener = reserve(settings.host, settings.port)  # before the slow imports
     from app.console.application import ConsoleOptions, run_console
 
     if settings.kept is not None:

@@ -21,7 +21,7 @@ from app.cli.options import takes_options
 from navcore.errors import BadConfiguration
 
 if TYPE_CHECKING:  # at run time these would make every command wait for torch and the simulator
-    from navcore.learning.data.importers import Labelled
+    from navcore.learning.data.importers import ImportedSample
     from sim.dataset.generate import LabelledImage, Split
 
 POSES_PER_WORLD = 8
@@ -157,7 +157,7 @@ def info(folder: Annotated[Path, typer.Argument(help="A data set folder.")]) -> 
     dataset = load_dataset(folder)
     card = dataset.card
     sizes = ", ".join(f"{width}×{height}" for height, width in card.sizes) or "not told"
-    typer.echo(f"{len(dataset)} pictures, sizes {sizes}")
+    typer.echo(f"{len(dataset)} images, sizes {sizes}")
     typer.echo(f"depth: {card.depth}\nsource: {dict(card.source)}")
     table = Table(
         "class",
@@ -233,7 +233,7 @@ def labelme(
 
 
 def _write(
-    images: Iterable[Labelled],
+    images: Iterable[ImportedSample],
     class_names: tuple[str, ...],
     out: Path,
     *,
@@ -258,7 +258,7 @@ def _write(
 
 
 def _summary(out: Path, train: int, valid: int, test: int) -> str:
-    return f"{out}: {train} pictures to train, {valid} to validate and {test} to test with"
+    return f"{out}: {train} images to train, {valid} to validate and {test} to test with"
 
 
 def _jobs(
@@ -271,7 +271,7 @@ def _jobs(
     most = POSES_PER_WORLD * WORLDS_PER_JOB
     if max(counts.values()) > most * SHARDS_PER_SPLIT:
         raise BadConfiguration(
-            f"a split of {max(counts.values())} pictures, allowed up to {most * SHARDS_PER_SPLIT}"
+            f"a split of {max(counts.values())} images, allowed up to {most * SHARDS_PER_SPLIT}"
         )
     return [
         Job(

@@ -27,7 +27,7 @@ from app.cli.options import (
     point,
     prepare,
 )
-from app.episode.ablation import Ablation
+from app.episode.ablations import Ablation
 
 if TYPE_CHECKING:
     from app.episode.episode import Episode
@@ -71,6 +71,7 @@ def drive(settings: DriveSettings) -> None:
     from app.runtime.map_persistence import load_map, save_map
     from app.runtime.segmentation import compose
     from navcore.config.navigator import load_config
+    from navcore.config.perception import DEFAULT_PERCEPTION
     from navcore.robot.profile import HUSKY
     from sim.scenario.load import load_scenario
 
@@ -88,13 +89,14 @@ def drive(settings: DriveSettings) -> None:
     )
     beware = beware_list(settings.beware)
     config = None if settings.navigation is None else load_config(settings.navigation)
+    tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because trying the engines takes seconds and the checks above take none.
-    perception = compose(settings.segmentation.choice())
+    perception = compose(settings.segmentation.choice(), config=tuning)
     episode = episode_of(
         task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
     )
     try:
-        keyframes, world = Keyframes(episode), episode.pilot.navigator.map
+        keyframes, world = Keyframes(episode), episode.controller.navigator.map
         load_map(world, beware, prior=settings.prior, kept=settings.kept)
         result = _run(episode)
         if settings.report is not None:

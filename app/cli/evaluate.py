@@ -20,7 +20,7 @@ from app.cli.options import (
     ZonesOption,
     beware_list,
 )
-from app.episode.ablation import Ablation
+from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from app.episode.ablation import Ablation
+from app.episode.ablations import Ablation
 from app.runtime.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list

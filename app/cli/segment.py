@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from navcore.learning.data.card import Sample
-    from navcore.learning.training.evaluation import Looking
+    from navcore.learning.training.evaluation import InferenceSettings
     from navcore.perception.esanet.network.preprocess import Size
     from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 
@@ -65,7 +65,7 @@ def segment(settings: SegmentSettings) -> None:
     has labels."""
     import torch
 
-    from navcore.learning.training.evaluation import Looking
+    from navcore.learning.training.evaluation import InferenceSettings
     from navcore.perception.esanet.weights.weights_file import load
 
     data, rgb, depth, out = settings.data, settings.rgb, settings.depth, settings.out
@@ -73,16 +73,18 @@ def segment(settings: SegmentSettings) -> None:
         raise BadConfiguration("segment: say either --rgb and --depth, or --data")
     trained = load(settings.weights)
     trained.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    looking = Looking(size=_size(settings.size, trained), mirrored_too=settings.mirrored_too)
+    inference = InferenceSettings(
+        size=_size(settings.size, trained), mirrored_too=settings.mirrored_too
+    )
     if data is not None:
-        _label_data_set(trained, looking, data, settings.split, out)
+        _label_data_set(trained, inference, data, settings.split, out)
     elif rgb is not None and depth is not None:
-        _label_image(trained, looking, rgb, depth, settings.units_per_m, out)
+        _label_image(trained, inference, rgb, depth, settings.units_per_m, out)
 
 
 def _label_image(
     trained: TrainedNetwork,
-    looking: Looking,
+    inference: InferenceSettings,
     rgb: Path,
     depth: Path,
     units_per_m: float,
@@ -101,7 +103,7 @@ def _label_image(
     check_sample(
         sample.rgb, sample.depth, sample.labels, trained.card.num_classes, f"{rgb}, {depth}"
     )
-    (classes,) = predict(trained.network, [sample], looking, trained.card.depth)
+    (classes,) = predict(trained.network, [sample], inference, trained.card.depth)
     for index in np.argsort(-np.bincount(classes.ravel(), minlength=trained.card.num_classes)):
         share = float((classes == index).mean())
         if share:
@@ -111,7 +113,7 @@ def _label_image(
 
 
 def _label_data_set(
-    trained: TrainedNetwork, looking: Looking, data: Path, split: str, out: Path | None
+    trained: TrainedNetwork, inference: InferenceSettings, data: Path, split: str, out: Path | None
 ) -> None:
     import numpy as np
 
@@ -130,7 +132,7 @@ def _label_data_set(
     confusion = np.zeros((card.num_classes, card.num_classes), dtype=np.int64)
     for index in range(dataset.count(chosen)):
         sample = dataset.read(chosen, index)
-        (classes,) = predict(trained.network, [sample], looking, card.depth)
+        (classes,) = predict(trained.network, [sample], inference, card.depth)
         confusion += confusion_matrix(sample.labels, classes, card.num_classes)
         if out is not None:
             _draw(out, dataset.name(chosen, index), sample, classes)

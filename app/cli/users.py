@@ -17,7 +17,7 @@ from navcore.errors import NotKnown
 
 if TYPE_CHECKING:
     from app.storage.users import UserTable
-    from web.access.users import User
+    from web.auth.users import User
 
 users_cli = typer.Typer(help="Accounts that may log in to the console.", no_args_is_help=True)
 DataOption = Annotated[
@@ -35,8 +35,8 @@ NameArgument = Annotated[str, typer.Argument(metavar="NAME")]
 @users_cli.command("add")
 def add(name: NameArgument, role: RoleOption = "operator", data: DataOption = Path("data")) -> None:
     """Add a user; the password is prompted for, or read from standard input."""
-    from web.access.roles import Role
-    from web.access.users import new_user
+    from web.auth.roles import Role
+    from web.auth.users import new_user
 
     with _users(data) as users:
         users.add(new_user(name, Role(role), _password()))
@@ -64,7 +64,7 @@ def remove(name: NameArgument, data: DataOption = Path("data")) -> None:
 @users_cli.command("password")
 def password(name: NameArgument, data: DataOption = Path("data")) -> None:
     """Set a new password for a user and end their sessions."""
-    from web.access.users import hash_password
+    from web.auth.users import hash_password
 
     with _users(data) as users:
         users.change(name, password_hash=hash_password(_password()))
@@ -78,7 +78,7 @@ def change_role(
     data: DataOption = Path("data"),
 ) -> None:
     """Change the role of a user and end their sessions."""
-    from web.access.roles import Role
+    from web.auth.roles import Role
 
     with _users(data) as users:
         users.change(name, role=Role(role))
@@ -89,7 +89,7 @@ def change_role(
 def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
     """Print a bearer token for a program that acts as NAME; it is shown only once and replaces the
     previous one."""
-    from web.access.users import new_token
+    from web.auth.users import new_token
 
     token, token_hash = new_token()
     with _users(data) as users:

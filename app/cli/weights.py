@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:  # at run time these would make every command wait for torch
-    from navcore.learning.training.batches import Pictures
-    from navcore.learning.training.evaluation import Looking
+    from navcore.learning.training.batches import CachedSplit
+    from navcore.learning.training.evaluation import InferenceSettings
     from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 
 weights_cli = typer.Typer(
@@ -60,8 +60,8 @@ def calibrate(
     from navcore.learning.training.calibration import calibrate as shift
     from navcore.perception.esanet.weights import weights_file as weights
 
-    trained, pictures, looking = _opened(source, target, data, split)
-    offsets, temperature = shift(trained.network, pictures, looking)
+    trained, images, inference = _opened(source, target, data, split)
+    offsets, temperature = shift(trained.network, images, inference)
     weights.save(trained.network, trained.card, target)
     for name, offset in zip(trained.card.class_names, offsets, strict=True):
         typer.echo(f"{name}: {offset:+.3f}")
@@ -88,8 +88,8 @@ def quantise(
     from navcore.learning.training.quantisation import quantise as measure
     from navcore.perception.esanet.weights import weights_file as weights
 
-    trained, pictures, looking = _opened(source, target, data, split)
-    found = measure(trained.network, pictures, looking)
+    trained, images, inference = _opened(source, target, data, split)
+    found = measure(trained.network, images, inference)
     typer.echo(
         f"mean IoU in eight bits: {found.mean_iou_in_bytes:.4f}, without: {found.mean_iou:.4f}"
     )
@@ -116,27 +116,33 @@ def info(
 
 def _opened(
     source: Path, target: Path, data: Path, split: str
-) -> tuple[TrainedNetwork, Pictures, Looking]:
+) -> tuple[TrainedNetwork, CachedSplit, InferenceSettings]:
     """Open a network and the images of a split, with how the network is run on them.
 
     Raises `BadConfiguration` where they do not fit.
     """
     from navcore.errors import BadConfiguration
+    from navcore.learning.data.card import SPLITS
     from navcore.learning.data.dataset import dataset_for
-    from navcore.learning.training.batches import Pictures
-    from navcore.learning.training.evaluation import Looking
+    from navcore.learning.training.batches import CachedSplit
+    from navcore.learning.training.evaluation import InferenceSettings
     from navcore.perception.esanet.weights import weights_file as weights
 
     weights.check_name(target)  # before minutes of work, not after
     trained = weights.load(source)
     if trained.card.size is None:
         raise BadConfiguration(f"{source} does not say at what size it was trained")
-    if split not in ("train", "valid", "test"):
+    chosen = next((known for known in SPLITS if known == split), None)
+    if chosen is None:
         raise BadConfiguration(f"--split {split!r}: expected train, valid or test")
     dataset = dataset_for(data, class_names=trained.card.class_names, depth=trained.card.depth)
-    if not dataset.count(split):  # type: ignore[arg-type]
+    if not dataset.count(chosen):
         raise BadConfiguration(f"--split {split}: the data set has no such images")
-    return trained, Pictures(dataset, split, cache_mb=0), Looking(size=trained.card.size)  # type: ignore[arg-type]
+    return (
+        trained,
+        CachedSplit(dataset, chosen, cache_mb=0),
+        InferenceSettings(size=trained.card.size),
+    )
 
 
 def _say(card: WeightsCard) -> None:

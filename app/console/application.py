@@ -1,5 +1,5 @@
-"""The operator console of a robot, simulated or recorded: builds the parts, joins them, takes them
-down in the right order."""
+"""The operator console of a simulated or recorded robot: composes its parts, and ends them in the
+right order."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
-from app.console.port import taken_port
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.loop import ControlLoop, PeriodicThread
 from app.runtime.map_persistence import load_map, save_map
+from app.runtime.operator_state import OperatorState
 from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import OperatorState, RobotController
+from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.runtime.stage_timer import StageTimer
@@ -36,77 +36,80 @@ from navcore.navigator import Navigator, Stages
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.robot.husky import husky_urdf
-from web.access import Access
-from web.access.attendance import Unattended
-from web.access.roles import Role
-from web.access.users import new_user
+from web.auth.access import Access
+from web.auth.presence import Unattended
+from web.auth.roles import Role
+from web.auth.users import new_user
+from web.port import reserve
 from web.server import ConsoleServer
 
 EXPIRY_S = 1.0
-"""How often the zones' expiry is looked at."""
+"""Time between two checks of the zones' expiry, seconds."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+"""Addresses that need no login."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunningConsole:
-    """A console that runs."""
+    """A running console."""
 
     url: str
-    """Where a browser finds it."""
+    """URL of the console page."""
     operations: LiveOperations
-    """The system behind it."""
+    """The console's operations on the robot."""
     password: str | None = None
-    """Of the first admin, who has just been made; nobody can look it up later."""
+    """Password of the admin account that was just created; None when it existed. Only its hash is
+    stored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsoleOptions:
-    """What a console is started with."""
+    """Options of a console."""
 
     scenario: str
     """Name of a built-in world, or a world file."""
     recording: Path | None = None
-    """Folder of a recording that plays instead of the simulated robot."""
+    """Folder of a recording that is played instead of the simulation; None for the simulation."""
     level: bool = False
-    """Its world has z up and the floor at 0: look for none."""
+    """Whether the recording's world frame has z up and the floor at 0, so that no floor is fitted."""
     data: Path
-    """Folder for all that is kept."""
+    """Data folder."""
     host: str = "127.0.0.1"
-    """Address to listen on; any but loopback asks for a login."""
+    """Address to listen on; any but loopback requires a login."""
     port: int = 8000
-    """0 for a free one."""
+    """TCP port; 0 for a free one."""
     seed: int = 0
-    """Of the simulator."""
+    """Seed of the simulator."""
     choice: SegmenterChoice = field(default_factory=SegmenterChoice)
-    """What labels the pictures."""
+    """Options of the segmenter."""
     prior: Path | None = None
-    """A Nav2 map whose obstacles count until they are seen free."""
+    """Nav2 map whose obstacles count until they are seen free; None without one."""
     kept: Path | None = None
-    """The map of an earlier session; it is written again at the end."""
+    """Map file that is loaded at the start, if it exists, and written at the end; None without."""
     navigation: Path | None = None
-    """How the navigation is set, as of `load_config`; None for as it comes."""
+    """Configuration file of the navigation, see `load_config`; None for the defaults."""
     login: bool = False
-    """Ask for a login on loopback too."""
+    """Whether a login is required on loopback too."""
     unattended: Unattended = "go on"
-    """What a mission does when whoever was in control has gone silent."""
+    """Behaviour of a mission when the user in control has gone silent."""
 
 
 @contextmanager
 def console(
     options: ConsoleOptions, *, listener: socket.socket | None = None
 ) -> Iterator[RunningConsole]:
-    """Start simulator, loop and server; stop them in the reverse order, so that the wheels stand
-    before anything goes."""
+    """Start robot, control loop and server; at the end, the loop stops first, so that the robot
+    stands before anything else ends."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     with ExitStack() as stack:
-        listener = stack.enter_context(listener or taken_port(options.host, options.port))
+        listener = stack.enter_context(listener or reserve(options.host, options.port))
         config = (
             NavigatorConfig() if options.navigation is None else load_config(options.navigation)
         )
         store = Store(options.data)
         stack.callback(store.close)
-        perception = compose(options.choice)
+        perception = compose(options.choice, config=config.perception)
         warm_up(perception.segmenter)
         back_end = _back_end(options, config)
         robot = back_end.robot
@@ -115,19 +118,24 @@ def console(
         faults = FaultInjector(lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
         faults.take_time(time.sleep)
         stages = faults.wrap(Stages()) if back_end.faults else Stages()
-        pilot = _pilot(store, back_end.spec, perception, config, stages)
-        load_map(pilot.navigator.map, pilot.intent.beware, prior=options.prior, kept=options.kept)
+        controller = _controller_of(store, back_end.spec, perception, config, stages)
+        load_map(
+            controller.navigator.map,
+            controller.intent.beware,
+            prior=options.prior,
+            kept=options.kept,
+        )
         stack.callback(
-            lambda: save_map(pilot.navigator.map, pilot.intent.beware, options.kept)
+            lambda: save_map(controller.navigator.map, controller.intent.beware, options.kept)
         )  # when the loop has stopped
         recorder = Recorder(
-            pilot=pilot, store=store, referee=back_end.referee, scenario=back_end.name
+            controller=controller, store=store, referee=back_end.referee, scenario=back_end.name
         )
         stack.callback(recorder.close)
-        recorder.watch_zones(pilot.intent.zones)
+        recorder.watch_zones(controller.intent.zones)
         operations = LiveOperations(
             robot=robot,
-            pilot=pilot,
+            controller=controller,
             store=store,
             recorder=recorder,
             world=back_end.name,
@@ -142,7 +150,10 @@ def console(
         operations.insight.start()
         stack.callback(operations.insight.stop)
         loop = ControlLoop(
-            robot, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict
+            robot,
+            controller,
+            on_decision=operations.note_decision,
+            on_verdict=operations.note_verdict,
         )
         loop.start()
         stack.callback(loop.stop)
@@ -159,13 +170,13 @@ def console(
         )
         server.start()
         stack.callback(server.stop)
-        stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
+        stack.callback(loop.stop)  # again, to be first: the robot stands before anything else ends
         yield RunningConsole(url=server.url, operations=operations, password=password)
 
 
 def _first_admin(store: Store) -> str | None:
-    """Where nobody can log in yet, somebody can from now on: the password, which is kept as a hash
-    only."""
+    """Create an admin account if there is no user; returns its password, of which only the hash is
+    stored."""
     if store.users.all():
         return None
     password = secrets.token_urlsafe(12)
@@ -179,10 +190,10 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
     return simulated(options.scenario, seed=options.seed, profile=HUSKY)
 
 
-def _pilot(
+def _controller_of(
     store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig, stages: Stages
 ) -> RobotController:
-    """A pilot that remembers the zones and the beware list of the last session, and stands."""
+    """Return a controller with the zones and the beware list of the last session; it stands."""
     timer = StageTimer()
     navigator = Navigator(
         spec=spec,
@@ -198,7 +209,7 @@ def _pilot(
 
 
 def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:
-    """Serve until the process is asked to end."""
+    """Serve until the process is told to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())

@@ -1,5 +1,4 @@
-"""What the console can be put before: the simulated robot in a world, or a recording that plays as
-one."""
+"""Back ends of the console: the simulated robot, or a recording that is played as a robot."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ from app.replay.recording import open_recording
 from app.replay.robot import ReplayRobot, map_around
 from app.replay.run import RESOLUTION_M
 from app.runtime.loop import LiveRobot
-from app.runtime.recorder import Referee
+from app.runtime.run_report import Referee
 from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec
@@ -25,23 +24,22 @@ from sim.sensors.faults import Fault
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BackEnd:
-    """A robot with what the console must know of where it is."""
+    """A robot and its world."""
 
     robot: LiveRobot
-    """Its senses and wheels."""
+    """Camera, odometry and wheels."""
     spec: GridSpec
-    """Of the map."""
+    """Grid of the map."""
     name: str
-    """Of the world, for the operator."""
+    """Name of the world, for the operator."""
     referee: Referee | None = None
-    """Who judges from outside."""
+    """External judge of the runs; None without one."""
     faults: tuple[Fault, ...] = ()
-    """What the world breaks, and when."""
+    """Scheduled faults of the world."""
 
 
 def simulated(scenario: str, *, seed: int, profile: RobotProfile) -> BackEnd:
-    """The simulated robot in a process of its own; raises `SimulatorFailed` when it does not come
-    up."""
+    """Start the simulated robot in a process of its own; raises `SimulatorFailed`."""
     world = load_scenario(scenario)
     robot = SimulatorProcess(scenario, seed=seed, profile=profile)
     return BackEnd(
@@ -50,10 +48,10 @@ def simulated(scenario: str, *, seed: int, profile: RobotProfile) -> BackEnd:
 
 
 def recorded(folder: Path, *, config: NavigatorConfig, level: bool = False) -> BackEnd:
-    """A recording that plays back and forth; its wheels are nowhere. `level`: its world has z up
-    and the floor at 0.
+    """Open a recording, which is played forwards and backwards and ignores commands.
 
-    Raises `BadConfiguration` naming the file for what is no recording.
+    `level`: its world frame has z up and the floor at 0. Raises `BadConfiguration` naming the file
+    that is not a recording.
     """
     recording = open_recording(folder)
     T_map_world = np.eye(4) if level else find_floor(recording)

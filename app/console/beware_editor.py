@@ -1,44 +1,43 @@
-"""The operator's edits of the beware list: on the disk first, then in force; every edit can be
-undone."""
+"""The operator's edits of the beware list: stored, then in force; every edit can be undone."""
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
+from typing import Protocol
 
+from app.runtime.operator_state import StateHolder
 from navcore.errors import Outdated, Refused
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
-from navcore.perception.labels import LabelSource
+from navcore.perception.labels import LabelSource, Segmenter
 
 MAX_UNDO = 100
 
 
+class BewareStore(Protocol):
+    """Storage of beware lists; `app.storage.Store` is one."""
+
+    def beware_versions(self) -> tuple[BewareList, ...]:
+        """Return every list that was ever saved, newest first."""
+
+    def save_beware(self, beware: BewareList) -> None:
+        """Store the list in force; earlier lists are kept."""
+
+
 class BewareEditor:
-    """Satisfies `web.port.BewareEdits`. Safe from any thread: one edit at a time."""
+    """Satisfies the console's port `BewareEdits`. Safe from any thread: one edit at a time."""
 
-    def __init__(
-        self,
-        *,
-        present: Callable[[], BewareList],
-        save: Callable[[BewareList], None],
-        put: Callable[[BewareList], None],
-        finds: Callable[[BewareClass], LabelSource],
-        earlier: Iterable[BewareList] = (),
-    ) -> None:
-        """`present` is the list in force, `save` stores another, `put` puts it in force; `finds`
-        asks the segmenter.
-
-        `earlier`: the lists that were in force before the present one, oldest first.
-        """
-        self._present, self._save, self._put, self._finds = present, save, put, finds
-        self._earlier = deque(earlier, maxlen=MAX_UNDO)
+    def __init__(self, holder: StateHolder, *, store: BewareStore, segmenter: Segmenter) -> None:
+        self._holder, self._store, self._segmenter = holder, store, segmenter
+        self._earlier = deque(reversed(store.beware_versions()[1:]), maxlen=MAX_UNDO)
         self._editing = threading.Lock()
 
     @property
     def list(self) -> BewareList:
         """The list in force."""
-        return self._present()
+        return self._holder.intent.beware
 
     @property
     def can_undo(self) -> bool:
@@ -46,50 +45,50 @@ class BewareEditor:
         return bool(self._earlier)
 
     def finder(self, entry: BewareClass) -> LabelSource:
-        """What finds an entry in the pictures."""
-        return self._finds(entry)
+        """Return which part of the segmenter detects an entry of the list."""
+        return self._segmenter.source_of(entry)
 
     def edit(
         self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
     ) -> BewareList:
         """Change fields of one class."""
         with self._editing:
-            return self._changed(self._expected(expected_version).edited(name, **changes))
+            return self._change(self._expected(expected_version).edited(name, **changes))
 
     def replace(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
-        """Put another list in force."""
+        """Replace the list in force."""
         with self._editing:
-            return self._changed(self._expected(expected_version).replaced(beware.classes))
+            return self._change(self._expected(expected_version).replaced(beware.classes))
 
     def restore_defaults(self) -> BewareList:
-        """Put the shipped list in force."""
+        """Replace the list in force by the shipped one."""
         with self._editing:
-            return self._changed(self._present().replaced(default_beware_list().classes))
+            return self._change(self.list.replaced(default_beware_list().classes))
 
     def undo(self) -> BewareList:
-        """Put the list before the newest edit in force, as another version."""
+        """Restore the list before the newest edit, as a new version."""
         with self._editing:
             if not self._earlier:
                 raise Refused("there is no edit of the beware list to undo")
-            beware = self._kept(self._present().replaced(self._earlier[-1].classes))
+            beware = self._apply(self.list.replaced(self._earlier[-1].classes))
             self._earlier.pop()
             return beware
 
     def _expected(self, version: int | None) -> BewareList:
-        beware = self._present()
+        beware = self.list
         if version is not None and version != beware.version:
             raise Outdated(
                 f"the beware list is at version {beware.version}, the edit was made on {version}"
             )
         return beware
 
-    def _changed(self, beware: BewareList) -> BewareList:
-        present = self._present()
-        self._kept(beware)
-        self._earlier.append(present)
+    def _change(self, beware: BewareList) -> BewareList:
+        before = self.list
+        self._apply(beware)
+        self._earlier.append(before)
         return beware
 
-    def _kept(self, beware: BewareList) -> BewareList:
-        self._save(beware)
-        self._put(beware)
+    def _apply(self, beware: BewareList) -> BewareList:
+        self._store.save_beware(beware)
+        self._holder.change(lambda state: dataclasses.replace(state, beware=beware))
         return beware

@@ -1,5 +1,5 @@
-"""The console's port, satisfied: operators' intents go to the pilot and the store, snapshots come
-from the newest tick."""
+"""The console's port on a running robot: operators' requests go to the robot controller and the
+store, snapshots come from the newest tick."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from typing import Any
 
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
-from app.console.path_preview import compared, place_on, standing_at
+from app.console.path_preview import compare, pose_at, position_on
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
+from app.runtime.operator_state import OperatorState
 from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import MOVING, OperatorState, RobotController
+from app.runtime.robot_controller import MOVING, RobotController
 from app.runtime.segmentation import Perception
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
-from navcore.costmap.cell_description import check_goal_free
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
-from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
@@ -34,11 +33,12 @@ from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision, StopReason
-from web.drafts import PathPreview, Preview, PreviewDraft
-from web.port import MissionAction
-from web.snapshots import Cloud, Picture, State
+from web.interface.drafts import PathPreview, Preview, PreviewDraft
+from web.interface.operations import MissionAction
+from web.interface.snapshots import Cloud, Picture, State
 
 MOVING_MPS = 1e-3
+"""Commanded speed from which the robot is shown as moving, m/s or rad/s."""
 TRANSITIONS = {
     "start": Mission.start,
     "pause": Mission.pause,
@@ -46,16 +46,17 @@ TRANSITIONS = {
     "cancel": Mission.cancel,
     "leave": Mission.leave,
 }
+"""Transition of the mission for each action of the operator."""
 
 
 class LiveOperations:
-    """Satisfies `web.port.Operations` for a running robot."""
+    """Satisfies the console's port `Operations` for a running robot."""
 
     def __init__(
         self,
         *,
         robot: Robot,
-        pilot: RobotController,
+        controller: RobotController,
         store: Store,
         recorder: Recorder,
         world: str,
@@ -65,53 +66,43 @@ class LiveOperations:
         labelling: FilePath,
         config: NavigatorConfig,
     ) -> None:
-        """`calendar_s`: the robot's calendar clock, seconds since 1970; zones expire by it, nothing
-        else asks for it."""
-        self._robot, self._pilot, self._store, self._recorder = robot, pilot, store, recorder
+        """`calendar_s`: calendar clock of the robot, seconds since 1970; only the expiry of zones
+        uses it."""
+        self._robot, self._controller, self._store, self._recorder = (
+            robot,
+            controller,
+            store,
+            recorder,
+        )
         self._world, self._urdf, self._perception = world, robot_urdf, perception
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
-        self._zones_version = 0
-        spec = pilot.navigator.map.spec
-        self.goals = Goals(
-            spec=spec,
-            shelf=SavedMissions(store),
-            present=lambda: pilot.intent.mission,
-            change=pilot.change_mission,
-            check=self._check_goal,
-        )
+        spec = controller.navigator.map.spec
+        self.goals = Goals(controller, view=recorder, spec=spec, saved=SavedMissions(store))
         self.zones = ZoneEditor(
-            pilot.intent.zones, spec=spec, shelf=store, bind=self._bind, calendar_s=calendar_s
+            controller, store=store, spec=spec, watcher=recorder, calendar_s=calendar_s
         )
-        self.beware = BewareEditor(
-            present=lambda: pilot.intent.beware,
-            save=store.save_beware,
-            put=self._beware_put,
-            finds=perception.segmenter.finds,
-            earlier=reversed(store.beware_versions()[1:]),
-        )
+        self.beware = BewareEditor(controller, store=store, segmenter=perception.segmenter)
         self.insight = LiveInsight(
-            pilot=pilot,
+            controller=controller,
             recorder=recorder,
             labelling=LabellingFolder(labelling),
             config=config,
-            now_s=lambda: robot.now_ns() / 1e9,
-            tick_ms=self.tick_ms,
-            log_shelf=store.decisions,
+            clock=robot,
+            store=store.events,
         )
-        recorder.tick_ms = self.tick_ms
 
     @property
     def profile(self) -> RobotProfile:
-        """The platform's body."""
-        return self._pilot.profile
+        """Profile of the platform."""
+        return self._controller.profile
 
     @property
     def robot_urdf(self) -> FilePath | None:
-        """A URDF of the robot for the 3D view."""
+        """URDF file of the robot for the 3D view; None without one."""
         return self._urdf
 
     def note_verdict(self, verdict: GateDecision) -> None:
-        """Called by the command thread each time it has sent."""
+        """Called by the command thread after each command."""
         self._verdict = verdict
         self._recorder.note_verdict(verdict)
         self.insight.note_verdict(verdict)
@@ -121,17 +112,17 @@ class LiveOperations:
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
 
-    def tick_ms(self) -> float:
-        """How long the newest tick took."""
-        return self._pilot.timer.tick_ms
-
-    # What is shown
+    # Snapshots
 
     def state(self) -> State:
-        """The newest snapshot."""
-        intent, thought, verdict = self._pilot.intent, self._pilot.thought, self._verdict
-        decision, now_ns = thought.decision, self._robot.now_ns()
-        reasons = tuple(self._pilot.reasons(now_ns))
+        """Return the newest snapshot."""
+        intent, tick_state, verdict = (
+            self._controller.intent,
+            self._controller.tick_state,
+            self._verdict,
+        )
+        decision, now_ns = tick_state.decision, self._robot.now_ns()
+        reasons = tuple(self._controller.reasons(now_ns))
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
             stamp_s=now_ns / 1e9,
@@ -139,9 +130,9 @@ class LiveOperations:
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,
-            by_hand=self._pilot.hand(now_ns) is not None,
+            by_hand=self._controller.hand(now_ns) is not None,
             summary=_summary(intent, decision, reasons, moving),
-            stop_latched=intent.stopped_by is not None or self._pilot.pose_in_doubt,
+            stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
             reasons=reasons,
             pose=self._recorder.pose,
             twist=decision.frame.twist if decision else STANDSTILL,
@@ -154,10 +145,12 @@ class LiveOperations:
             travelled_m=self._recorder.travelled_m,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
-            tick_ms=self.tick_ms(),
-            frame_age_s=(now_ns - thought.frame_ns) / 1e9 if thought.frame_ns is not None else None,
+            tick_ms=self._controller.timer.tick_ms,
+            frame_age_s=(now_ns - tick_state.frame_ns) / 1e9
+            if tick_state.frame_ns is not None
+            else None,
             in_zone=_in_zone(decision),
-            zones_version=self._zones_version,
+            zones_version=self.zones.changes,
             beware_version=intent.beware.version,
             beware_enabled=len(intent.beware.enabled),
             segmenter=self._perception.title,
@@ -166,17 +159,17 @@ class LiveOperations:
         )
 
     def picture(self) -> Picture | None:
-        """The newest tick's values."""
+        """Return the values of the newest tick; None before the first."""
         return self._recorder.picture
 
     def cloud(self) -> Cloud | None:
-        """The map's points."""
+        """Return the points of the map; None before the first tick."""
         return self._recorder.cloud
 
-    # Mission, hand and stop
+    # Mission, teleoperation and emergency stop
 
     def mission(self, action: MissionAction) -> None:
-        """Start, pause, resume or cancel."""
+        """Apply a transition of the mission."""
 
         def edit(intent: OperatorState) -> OperatorState:
             if intent.stopped_by is not None and action in ("start", "resume", "leave"):
@@ -185,12 +178,12 @@ class LiveOperations:
                 )
             return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
 
-        self._pilot.change(edit)
+        self._controller.change(edit)
 
     def drive(self, twist: Twist | None) -> None:
-        """By hand, for as long as the command lives; a mission that drives is paused, and stays so."""
+        """Drive by hand for the lifetime of a command; a driving mission is paused and stays so."""
         if twist is None:
-            self._pilot.change(lambda intent: dataclasses.replace(intent, by_hand=None))
+            self._controller.change(lambda intent: dataclasses.replace(intent, by_hand=None))
             return
         command = Command(twist=twist, stamp_ns=self._robot.now_ns())
 
@@ -202,10 +195,10 @@ class LiveOperations:
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
             return dataclasses.replace(intent, by_hand=command, mission=mission)
 
-        self._pilot.change(edit)
+        self._controller.change(edit)
 
     def stop(self, source: str) -> None:
-        """Latch the emergency stop and pause the mission, as one step."""
+        """Latch the emergency stop and pause the mission in one step."""
 
         def edit(intent: OperatorState) -> OperatorState:
             driving = intent.mission.phase in MOVING
@@ -214,66 +207,52 @@ class LiveOperations:
                 intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None
             )
 
-        self._pilot.change(edit)
-        # The command thread would send it within its period; the wheels need not wait for that.
+        self._controller.change(edit)
+        # The command thread would send this within its period; the wheels need not wait for it.
         self._robot.send(STANDSTILL)
 
     def reset_stop(self) -> None:
-        """Release the latch, and accept the pose if odometry has jumped; the mission stays paused."""
+        """Release the emergency stop, and accept the pose if odometry has jumped; the mission stays
+        paused."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            doubted = self._pilot.pose_in_doubt and intent.mission.phase in MOVING
+            doubted = self._controller.pose_in_doubt and intent.mission.phase in MOVING
             return dataclasses.replace(
                 intent,
                 stopped_by=None,
                 mission=intent.mission.pause() if doubted else intent.mission,
             )
 
-        self._pilot.change(edit)
-        self._pilot.trust_pose()
+        self._controller.change(edit)
+        self._controller.trust_pose()
 
-    # What the zones, the goals and the beware list are given to work with
-
-    def _bind(self, zones: tuple[Zone, ...]) -> None:
-        self._pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
-        self._zones_version += 1
-        self._recorder.watch_zones(zones)
-
-    def _beware_put(self, beware: BewareList) -> None:
-        self._pilot.change(lambda intent: dataclasses.replace(intent, beware=beware))
-
-    def _check_goal(self, x_m: float, y_m: float) -> None:
-        picture = self._recorder.picture
-        if picture is not None:
-            check_goal_free(picture.grid, picture.blocked, (x_m, y_m), robot=self._recorder.pose)
-
-    # The poses that the map is made from
+    # Poses of the map
 
     def poses(self) -> tuple[Pose2, ...]:
-        """By pose ID."""
-        return self._pilot.navigator.map.poses
+        """Return the past poses in the order of their pose IDs."""
+        return self._controller.navigator.map.poses
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Move past poses, and what was seen from them."""
-        self._pilot.correct_poses(poses)
+        """Correct past poses, by pose ID; the map follows."""
+        self._controller.correct_poses(poses)
 
-    # Drafts and the past
+    # Previews and past runs
 
     def preview(self, draft: PreviewDraft) -> Preview:
-        """Plan over the newest map with the draft and without it; nothing is applied."""
-        decision, navigator = self._pilot.thought.decision, self._pilot.navigator
-        queue = self._pilot.intent.mission.queue
+        """Plan on the newest map with the draft and without it; nothing is applied."""
+        decision, navigator = self._controller.tick_state.decision, self._controller.navigator
+        queue = self._controller.intent.mission.queue
         target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
         if target is None:
             raise Refused("there is no goal to preview a path to; give one")
         if decision is None:
             raise Refused("there is no map yet; the camera has not delivered a picture")
         grid, spec = decision.occupancy.grid, navigator.map.spec
-        goal = place_on(grid, target, "goal")
+        goal = position_on(grid, target, "goal")
         pose = (
             decision.frame.pose
             if draft.start is None
-            else standing_at(place_on(grid, draft.start, "start"))
+            else pose_at(position_on(grid, draft.start, "start"))
         )
         zone = (
             None
@@ -294,21 +273,22 @@ class LiveOperations:
                 outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s
             )
 
-        return compared(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
+        return compare(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
-        """Reports of past missions, newest first, without their series."""
+        """Return the reports of past runs, newest first, without their time series."""
         return tuple(
             {key: value for key, value in report.items() if key != "series"}
             for report in self._store.runs()
         )
 
     def run(self, run_id: str) -> Mapping[str, Any]:
-        """One mission's whole report."""
+        """Return the whole report of a run."""
         return self._store.run(run_id)
 
 
 def _length_m(decision: TickResult | None) -> float | None:
+    """Return the length of the planned path in metres; None without one."""
     if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
         return None
     return decision.route.outcome.length * decision.occupancy.spec.resolution_m
@@ -330,7 +310,7 @@ def _summary(
     if moving and mission.phase not in MOVING:
         return "Driven by hand."
     if mission.phase is Phase.LEAVING:
-        return "Leaving the beware area by the shortest way."
+        return "Leaving the beware area by the shortest path."
     if _in_zone(decision):
         return "Standing in a beware area; have it leave, or change the area."
     if mission.phase is Phase.DRIVING and decision is not None:
@@ -338,7 +318,8 @@ def _summary(
         what = decision.motion.outcome if moving else "about to move"
         return f"Driving to goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}): {what}."
     if mission.queue:
-        return f"Standing; {len(mission.queue)} goal{'s wait' if len(mission.queue) > 1 else ' waits'} for start."
+        goals = "goals wait" if len(mission.queue) > 1 else "goal waits"
+        return f"Standing; {len(mission.queue)} {goals} for start."
     if mission.cancelled:
         return "Standing; the mission was cancelled."
     return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

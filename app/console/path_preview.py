@@ -1,4 +1,4 @@
-"""What a draft would do to the path, tried on the newest map: nothing is applied."""
+"""Preview of the effect of a draft on the path, planned on the newest map; nothing is applied."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ import numpy.typing as npt
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import OccupancyGrid
-from navcore.mission.zone import Zone, cells_of
+from navcore.mission.zone import Zone, zone_masks
 from navcore.planning.path import NoPath, Path
-from web.drafts import PathPreview, Preview
+from web.interface.drafts import PathPreview, Preview
 
-MOST_SUSPECTS = 8
-"""Zones that are lifted one by one to see which of them cuts the goal off."""
-Place = tuple[float, float]
+MAX_SINGLE_ZONES = 8
+"""Largest number of zones that are removed one by one to find those that cut the goal off."""
+Position = tuple[float, float]
+"""(x, y) in metres of the map frame."""
 Planner = Callable[[OccupancyGrid, tuple[Zone, ...]], PathPreview]
-"""Plans between the two places over a grid; the zones are those whose speed limits count."""
+"""Plans from start to goal on a grid; the speed limits of the zones determine the travel time."""
 
 
-def under(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
-    """The grid with these zones in the place of its own."""
-    plain, wide = cells_of(zones, grid.spec)
+def with_zones(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
+    """Return the grid with these zones instead of its own."""
+    plain, wide = zone_masks(zones, grid.spec)
     return dataclasses.replace(grid, zones=plain, wide_zones=wide)
 
 
-def compared(
+def compare(
     grid: OccupancyGrid,
     zones: tuple[Zone, ...],
     plan: Planner,
@@ -36,15 +37,15 @@ def compared(
     draft: Zone | None,
     replaces: str | None,
 ) -> Preview:
-    """The path under the zones and the draft beside the path under the zones as they are stored.
+    """Plan with the stored zones and the draft and, for comparison, with the stored zones alone.
 
-    `draft` is added to `zones`, in the place of the one with the id `replaces`. Without one there
-    is nothing to compare with.
+    `draft` is added to `zones`, instead of the zone with the id `replaces`. Without either there is
+    no comparison.
     """
     drafted = tuple(zone for zone in zones if zone.id != replaces)
     drafted = drafted if draft is None else (*drafted, draft)
-    path = plan(under(grid, drafted), drafted)
-    present = None if draft is None and replaces is None else plan(under(grid, zones), zones)
+    path = plan(with_zones(grid, drafted), drafted)
+    present = None if draft is None and replaces is None else plan(with_zones(grid, zones), zones)
     cut_by = blocking_zones(grid, drafted, plan, draft) if isinstance(path.outcome, NoPath) else ()
     return Preview(path=path, present=present, cut_by=cut_by)
 
@@ -52,41 +53,44 @@ def compared(
 def blocking_zones(
     grid: OccupancyGrid, zones: tuple[Zone, ...], plan: Planner, draft: Zone | None
 ) -> tuple[str, ...]:
-    """The names of the zones that cut the goal off: the draft, if without it there is a path, else
-    those whose lifting alone opens one, else all that lie on the way that would be taken without
-    zones; none if it is not the zones that cut it off."""
+    """Return the names of the zones that cut the goal off.
 
-    def opens(lifted: Zone) -> bool:
-        left = tuple(zone for zone in zones if zone is not lifted)
-        return isinstance(plan(under(grid, left), left).outcome, Path)
+    The draft alone if its removal opens a path, else each zone whose removal alone does, else all
+    zones near the path that would be taken without zones; none if zones are not the cause.
+    """
+
+    def opens(removed: Zone) -> bool:
+        left = tuple(zone for zone in zones if zone is not removed)
+        return isinstance(plan(with_zones(grid, left), left).outcome, Path)
 
     if draft is not None and draft.closed and opens(draft):
         return (draft.name,)
-    free = plan(under(grid, ()), ())
+    free = plan(with_zones(grid, ()), ())
     if isinstance(free.outcome, NoPath):
         return ()
-    suspects = [zone for zone in zones if zone.closed and _lies_on(zone, free.points, grid)]
-    alone = [zone for zone in suspects[:MOST_SUSPECTS] if opens(zone)]
-    return tuple(zone.name for zone in alone or suspects)
+    near = [zone for zone in zones if zone.closed and _is_near(zone, free.points)]
+    alone = [zone for zone in near[:MAX_SINGLE_ZONES] if opens(zone)]
+    return tuple(zone.name for zone in alone or near)
 
 
-def _lies_on(zone: Zone, points: npt.NDArray[np.float64], grid: OccupancyGrid) -> bool:
-    """Whether a zone lies within a metre of a path, its own margin added: as near as any robot's
-    half width and margin."""
+def _is_near(zone: Zone, points: npt.NDArray[np.float64]) -> bool:
+    """Return whether the bounding box of a zone, grown by a metre and the zone's margin, contains a
+    point of a path; no robot has a larger half width and margin."""
     corners = np.array(zone.polygon)
     low, high = corners.min(axis=0) - 1.0 - zone.margin_m, corners.max(axis=0) + 1.0 + zone.margin_m
     return bool(((points >= low) & (points <= high)).all(axis=1).any())
 
 
-def place_on(grid: OccupancyGrid, place: Place, what: str) -> Place:
-    """A place that is on the map; raises `BadGeometry` for one that is not."""
-    if not grid.spec.contains(*place):
+def position_on(grid: OccupancyGrid, position: Position, what: str) -> Position:
+    """Return a position on the map; raises `BadGeometry` for one outside."""
+    if not grid.spec.contains(*position):
         raise BadGeometry(
-            f"the {what} ({place[0]:g}, {place[1]:g}) lies outside the map, {grid.spec.extent()}"
+            f"the {what} ({position[0]:g}, {position[1]:g}) is outside the map, "
+            f"{grid.spec.extent()}"
         )
-    return place
+    return position
 
 
-def standing_at(place: Place) -> Pose2:
-    """A pose there; for paths the heading makes no difference."""
-    return Pose2(x_m=place[0], y_m=place[1], yaw_rad=0.0)
+def pose_at(position: Position) -> Pose2:
+    """Return a pose at a position; paths do not depend on the heading."""
+    return Pose2(x_m=position[0], y_m=position[1], yaw_rad=0.0)

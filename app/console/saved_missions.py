@@ -1,4 +1,4 @@
-"""Missions that are kept under a name."""
+"""Missions saved under a name."""
 
 from __future__ import annotations
 
@@ -7,56 +7,57 @@ from typing import Any, Protocol
 from app.storage.records import goal_of, goal_record
 from navcore.errors import NotKnown, Refused
 from navcore.mission.mission import Mission
-from web.drafts import SavedMission
+from web.interface.drafts import SavedMission
 
 MAX_MISSIONS = 200
 MISSIONS = "mission"
+"""Kind of the stored documents."""
 
 
-class Shelf(Protocol):
-    """Where named things are kept; `app.storage.Store` is one."""
+class DocumentStore(Protocol):
+    """Storage of JSON documents by kind and name; `app.storage.Store` is one."""
 
-    def kept(self, kind: str) -> dict[str, Any]:
-        """Name → JSON value of everything of a kind."""
+    def documents(self, kind: str) -> dict[str, Any]:
+        """Return the JSON documents of a kind by name, sorted by name."""
 
-    def keep(self, kind: str, name: str, value: Any) -> None:
-        """Store a JSON value under a name; None forgets it."""
+    def save_document(self, kind: str, name: str, value: Any) -> None:
+        """Store a JSON document under a name; None deletes it."""
 
 
 class SavedMissions:
-    """Save, look up, forget."""
+    """The saved missions of a store."""
 
-    def __init__(self, shelf: Shelf) -> None:
-        self._shelf = shelf
+    def __init__(self, store: DocumentStore) -> None:
+        self._store = store
 
     def all(self) -> dict[str, SavedMission]:
-        """Name → mission."""
+        """Return all missions by name."""
         return {
             name: SavedMission(goals=tuple(map(goal_of, record["goals"])), loop=record["loop"])
-            for name, record in self._shelf.kept(MISSIONS).items()
+            for name, record in self._store.documents(MISSIONS).items()
         }
 
     def named(self, name: str) -> SavedMission:
-        """One mission; raises `NotKnown`."""
+        """Return one mission; raises `NotKnown`."""
         try:
             return self.all()[name]
         except KeyError:
             raise NotKnown(f"no mission is called {name!r}") from None
 
     def save(self, name: str, mission: Mission) -> None:
-        """Keep a mission's waiting goals."""
+        """Save the waiting goals of a mission."""
         if not mission.queue:
             raise Refused("there is no goal to save; add one first")
-        kept = self._shelf.kept(MISSIONS)
-        if name not in kept and len(kept) >= MAX_MISSIONS:
+        saved = self._store.documents(MISSIONS)
+        if name not in saved and len(saved) >= MAX_MISSIONS:
             raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
-        self._shelf.keep(
+        self._store.save_document(
             MISSIONS,
             name,
             {"goals": [goal_record(goal) for goal in mission.queue], "loop": mission.loop},
         )
 
     def delete(self, name: str) -> None:
-        """Forget a mission."""
+        """Delete a mission; raises `NotKnown`."""
         self.named(name)
-        self._shelf.keep(MISSIONS, name, None)
+        self._store.save_document(MISSIONS, name, None)

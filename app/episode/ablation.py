@@ -1,17 +1,18 @@
-"""Leave one part of the navigation out, or make one perfect, to see what it is worth."""
+"""Ablations: one part of the navigation is left out, or made perfect."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from enum import StrEnum
 
 import numpy as np
 
+from app.episode.ablations import Ablation
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.geometry.arrays import Points, path_from
+from navcore.geometry.arrays import Points
+from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.navigator import Stages
@@ -21,48 +22,47 @@ from navcore.robot.profile import RobotProfile
 from sim.simulator import Simulator
 
 TURN_FROM_RAD = math.radians(60)
-"""A path that leads off by more than this is turned to on the spot."""
+"""Heading error above which the robot turns in place, radians."""
 
 
 class SeesNothing:
-    """A segmenter that never sees anything."""
+    """A segmenter without any detection."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Nothing in every pixel."""
+        """Label every pixel as nothing."""
         shape = frame.depth_m.shape
         return Labels(
             class_ids=np.full(shape, NOTHING, np.uint8), confidence=np.ones(shape, dtype=np.float32)
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
-        """Nothing."""
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return that no class is detected."""
         return LabelSource.NOTHING
 
 
 class Oracle:
-    """A segmenter that is told by the simulator. It must be asked about a picture before the
-    simulator steps on."""
+    """A segmenter with the simulator's true labels, valid until the simulator's next step."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """The truth, with certainty."""
+        """Label the pixels with the ground truth, at full confidence."""
         class_ids = np.full(frame.depth_m.shape, NOTHING, np.uint8)
         shown = self._simulator.true_labels()
         for entry in beware.classes:
-            # The warm-up shows a picture of its own, of another size.
+            # The warm-up segments a frame of another size.
             if entry.name in shown and shown[entry.name].shape == class_ids.shape:
                 class_ids[shown[entry.name]] = entry.class_id
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 
-    def finds(self, entry: BewareClass) -> LabelSource:
-        """Everything, as a network that knows everything would."""
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return that every class is detected, as by a network."""
         return LabelSource.NETWORK
 
 
 def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) -> Segmenter:
-    """What labels the pictures."""
+    """Return the segmenter of an ablation."""
     if ablation is Ablation.NO_SEMANTICS:
         return SeesNothing()
     return Oracle(simulator) if ablation is Ablation.ORACLE else usual
@@ -71,7 +71,7 @@ def segmenter_for(ablation: Ablation, usual: Segmenter, simulator: Simulator) ->
 def ablate(
     stages: Stages, ablation: Ablation, profile: RobotProfile, config: NavigatorConfig
 ) -> Stages:
-    """Replace the local planner by pure pursuit where that is asked for."""
+    """Return the stages of an ablation: pure pursuit instead of the local planner, if chosen."""
     if ablation is not Ablation.NO_LOCAL_PLANNER:
         return stages
 
@@ -82,8 +82,8 @@ def ablate(
 
 
 def pursue(track: Points, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> Motion:
-    """Pure pursuit of the path, blind to all else: towards a point ahead on it, turning on the spot
-    where it leads off."""
+    """Follow the path by pure pursuit, without obstacles: towards the lookahead point, turning in
+    place at a large heading error."""
     rules = config.local
     path = path_from(track, pose)
     goal_m = float(np.hypot(*path[-1]))
@@ -107,18 +107,3 @@ def pursue(track: Points, pose: Pose2, profile: RobotProfile, config: NavigatorC
     return dataclasses.replace(
         IDLE, twist=Twist(v_mps=v_mps, w_radps=v_mps * curvature), outcome=ControllerState.FOLLOW
     )
-
-
-class Ablation(StrEnum):
-    """What is different from the whole system."""
-
-    NONE = "none"
-    NO_SEMANTICS = "no-semantics"
-    """Nothing of the beware list is ever seen: a robot with geometry alone."""
-    NO_ZONES = "no-zones"
-    """The operator's zones are not told to the robot; the referee judges by them all the same."""
-    NO_LOCAL_PLANNER = "no-local-planner"
-    """The path is followed directly, with no look at what stands near it; the gate before the
-    wheels stays."""
-    ORACLE = "oracle"
-    """The simulator's own labels in the place of a segmenter's."""

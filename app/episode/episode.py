@@ -1,5 +1,5 @@
-"""A mission without a console: simulated robot, pilot and referee, stepped in one thread as fast as
-the machine allows."""
+"""A mission without a console: simulated robot, controller and referee, stepped in one thread as
+fast as the machine allows."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from app.episode.ablation import Ablation, ablate, segmenter_for
+from app.episode.ablation import ablate, segmenter_for
+from app.episode.ablations import Ablation
 from app.episode.informed_baseline import SensorModel
 from app.episode.report import EpisodeRecord, Sample, report_of
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.robot_controller import COMMAND_PERIOD_S, OperatorState, RobotController
+from app.runtime.operator_state import OperatorState
+from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
 from app.runtime.segmentation import Perception, colour_perception
 from app.runtime.stage_timer import StageTimer
 from navcore.config.navigator import NavigatorConfig
@@ -35,30 +37,31 @@ from sim.scenario.schema import Scenario, map_grid
 from sim.sensors.camera import FIELD_OF_VIEW_DEG
 from sim.simulator import Simulator
 
-STANDS, STANDS_M, STANDS_RAD = 60, 0.05, 0.05
-"""A robot that has moved less than this for so many samples stands for good."""
+STUCK_SAMPLES, STUCK_M, STUCK_RAD = 60, 0.05, 0.05
+"""Number of samples within which a stuck robot has moved less than this distance and angle."""
 SERIES_PERIOD_S = 1.0
+"""Time between two samples, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where an episode is, for a progress bar."""
+    """Progress of an episode, for a progress bar."""
 
     goal: Goal | None
-    """The present goal; None when all are done."""
+    """Present goal; None when all are reached."""
     goals_done: int
-    """Goals reached so far."""
+    """Number of goals reached so far."""
     goals: int
-    """Goals in all."""
+    """Total number of goals."""
     distance_m: float
-    """Straight distance to the present goal."""
+    """Straight distance to the present goal, metres."""
     sim_time_s: float
-    """Simulated time."""
+    """Simulated time, seconds."""
     share: float
-    """How much of the mission is done, 0 to 1, by straight distances."""
+    """Completed share of the mission, 0 to 1, by straight distances."""
 
     def text(self) -> str:
-        """One line for the bar."""
+        """Return one line for the progress bar."""
         where = (
             f"goal {self.goal.id} ({self.goal.x_m:g}, {self.goal.y_m:g}), {self.distance_m:5.1f} m"
             if self.goal
@@ -82,15 +85,15 @@ class Episode:
         perception: Perception | None = None,
         camera_size: tuple[int, int] = (424, 240),
         robot: RobotProfile = HUSKY,
-        as_found: bool = False,
+        randomised: bool = False,
         zones: tuple[tuple[tuple[float, float], ...], ...] = (),
         ablation: Ablation = Ablation.NONE,
         stages: Stages | None = None,
     ) -> None:
-        """Without a perception the colour rules look for what is to beware of.
+        """Without a perception the colour rules segment.
 
-        `as_found`: a seed has made its changes to the scenario already. `zones`: polygons that the
-        operator has drawn.
+        `randomised`: the seed has changed the scenario already. `zones`: polygons (x, y) drawn by
+        the operator, in metres of the map frame.
         """
         self.seed, self.zones, self.ablation, self._max_time_s = seed, zones, ablation, max_time_s
         self.spec = spec = map_grid(scenario)
@@ -103,26 +106,26 @@ class Episode:
             )
         self.goals = mission.queue
         self.simulator = Simulator(
-            scenario, seed=seed, camera_size=camera_size, robot=robot, as_found=as_found
+            scenario, seed=seed, camera_size=camera_size, robot=robot, randomised=randomised
         )
         self.scenario, profile = self.simulator.scenario, self.simulator.profile
         self.simulator.referee.set_zones([np.array(zone) for zone in zones])
         config, perception = config or NavigatorConfig(), perception or colour_perception()
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
-        """Room that the robot's middle keeps from everything."""
+        """Inflation radius: distance of the robot's centre from obstacles, metres."""
         across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
-        self.eyes = SensorModel(
+        self.sensor = SensorModel(
             ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m
         )
-        """What is in the robot's view."""
+        """Field of view of the camera."""
         self._segmenter = segmenter_for(ablation, perception.segmenter, self.simulator)
-        self.seen_by = (
+        self.segmenter_identity = (
             perception.identity if self._segmenter is perception.segmenter else str(ablation)
         )
-        """What labels the pictures."""
+        """Identity of the segmenter."""
         self._fault_injector = FaultInjector(lambda: self.simulator.faults, lambda: self.now_s)
         self.timer = StageTimer()
-        """Durations of ticks and stages."""
+        """Durations of the ticks and their stages."""
         stages = self._fault_injector.wrap(ablate(stages or Stages(), ablation, profile, config))
         navigator = Navigator(
             spec=spec,
@@ -136,29 +139,28 @@ class Episode:
             Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon)
             for i, polygon in enumerate(drawn, start=1)
         )
-        self.pilot = RobotController(
+        self.controller = RobotController(
             navigator=navigator,
             profile=profile,
             intent=OperatorState(mission=mission, beware=beware, zones=told),
             timer=self.timer,
         )
-        self.finds = DetectionScore(self.scenario)
-        """What came into view."""
-        self._thinks_of: Frame | None = None
-        self._thinks_until_s = 0.0
+        self.detections = DetectionScore(self.scenario)
+        """Items that came into view."""
+        self._pending_frame: Frame | None = None
+        self._tick_ends_s = 0.0
         self.on_verdict: Callable[[float, GateDecision], None] = lambda t_s, verdict: None
-        """Told of each command as it is sent, with the simulated time."""
+        """Called with the simulated time in seconds and each command as it is sent."""
         self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
-        """Told of each tick's outcome, with the simulated time."""
-        self.arrived: dict[int, float] = {}
-        """Number of a goal → how far from it the robot truly was when it said that it was there …
-        """
-        self.believed: dict[int, float] = {}
-        """… and how far by its odometry."""
+        """Called with the simulated time in seconds and the result of each tick."""
+        self.goal_errors_m: dict[int, float] = {}
+        """True distance to each goal when it was reported reached, metres, by goal id."""
+        self.odometry_errors_m: dict[int, float] = {}
+        """Distance by odometry to each goal when it was reported reached, metres, by goal id."""
         self.samples: list[Sample] = []
-        """One a second."""
+        """Samples of the episode, one per second."""
         self.driven: list[tuple[float, float]] = []
-        """(x, y) where the robot truly was, once a command."""
+        """True positions (x, y) in metres of the map frame, one per command."""
 
     def run(
         self,
@@ -166,18 +168,19 @@ class Episode:
         ended: Callable[[Simulator], bool] = lambda simulator: False,
         look_first_s: float = 0.0,
     ) -> dict[str, Any]:
-        """Drive until every goal is reached, the time is up or `ended` says so; the report of the
-        contract.
+        """Drive until every goal is reached, the time is over, the robot is stuck or `ended` says
+        so; returns the episode report.
 
-        Before it sets out the robot stands and looks for `look_first_s`. A robot that then stands
-        for a minute has ended, too.
+        The robot first stands and observes for `look_first_s` seconds.
         """
         warm_up(self._segmenter)
         started = time.perf_counter()
-        frame = self._look(look_first_s)
-        self.pilot.change_mission(Mission.start)
+        frame = self._observe(look_first_s)
+        self.controller.change_mission(Mission.start)
         next_command_s, next_sample_s, cut_short = 0.0, 0.0, False
-        while self.pilot.intent.mission.phase is Phase.DRIVING and self.now_s < self._max_time_s:
+        while (
+            self.controller.intent.mission.phase is Phase.DRIVING and self.now_s < self._max_time_s
+        ):
             self.simulator.step()
             if cut_short := ended(self.simulator):
                 break
@@ -192,20 +195,20 @@ class Episode:
                 next_sample_s += SERIES_PERIOD_S
                 self._sample()
                 on_progress(self._progress())
-                if self.stands:
+                if self.is_stuck:
                     break
         self._sample()
         on_progress(self._progress())
         return report_of(self._record(time.perf_counter() - started, cut_short=cut_short))
 
     def _record(self, wall_time_s: float, *, cut_short: bool) -> EpisodeRecord:
-        driving = self.pilot.intent.mission.phase is Phase.DRIVING
-        stopped = "by its judge" if cut_short else "standing" if self.stands else "time"
+        driving = self.controller.intent.mission.phase is Phase.DRIVING
+        stopped = "by its judge" if cut_short else "standing" if self.is_stuck else "time"
         return EpisodeRecord(
             scenario=self.scenario,
             seed=self.seed,
             simulator=self.simulator,
-            segmenter=self.seen_by,
+            segmenter=self.segmenter_identity,
             ablation=str(self.ablation),
             goals=self.goals,
             zones=self.zones,
@@ -214,39 +217,39 @@ class Episode:
             wall_time_s=wall_time_s,
             spec=self.spec,
             inflation_m=self.inflation_m,
-            sensor=self.eyes,
-            goal_errors_m=self.arrived,
-            goal_errors_by_odometry_m=self.believed,
-            detections=self.finds,
+            sensor=self.sensor,
+            goal_errors_m=self.goal_errors_m,
+            goal_errors_by_odometry_m=self.odometry_errors_m,
+            detections=self.detections,
             samples=tuple(self.samples),
             timer=self.timer,
-            beware=self.pilot.intent.beware,
-            map=self.pilot.navigator.map,
+            beware=self.controller.intent.beware,
+            map=self.controller.navigator.map,
         )
 
     @property
-    def stands(self) -> bool:
-        """Whether it has not moved for a minute: nothing that it can still try takes as long."""
-        since = self.samples[-1 - STANDS :]
-        here = since[-1].pose if len(since) > STANDS else None
+    def is_stuck(self) -> bool:
+        """Whether the robot has not moved for a minute; no recovery takes as long."""
+        since = self.samples[-1 - STUCK_SAMPLES :]
+        here = since[-1].pose if len(since) > STUCK_SAMPLES else None
         return here is not None and all(
-            here.distance_to(sample.pose.x_m, sample.pose.y_m) < STANDS_M
-            and abs(wrap_angle(sample.pose.yaw_rad - here.yaw_rad)) < STANDS_RAD
+            here.distance_to(sample.pose.x_m, sample.pose.y_m) < STUCK_M
+            and abs(wrap_angle(sample.pose.yaw_rad - here.yaw_rad)) < STUCK_RAD
             for sample in since
         )
 
     def close(self) -> None:
-        """Free the simulator."""
+        """Close the simulator."""
         self.simulator.close()
 
     @property
     def now_s(self) -> float:
-        """Simulated time."""
+        """Simulated time, seconds."""
         return self.simulator.now_ns() / 1e9
 
-    def _look(self, seconds: float) -> Frame | None:
-        """Stand and look for so long, at least until there is a picture; the last one thought
-        about, None without any."""
+    def _observe(self, seconds: float) -> Frame | None:
+        """Stand and observe for some seconds, at least until the first frame; returns the newest
+        processed frame, None without any."""
         seen: Frame | None = None
         while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:
             if newest is not None and newest is not seen:
@@ -256,40 +259,43 @@ class Episode:
         return seen
 
     def _begin_tick(self, frame: Frame | None) -> None:
-        """A tick takes no simulated time, unless a fault makes it; frames that come in meanwhile
-        are missed."""
+        """Begin a tick, which takes no simulated time unless a fault delays it; frames that arrive
+        meanwhile are skipped."""
         if frame is not None:
-            self.finds.observe(frame, self.simulator.true_pose().matrix() @ frame.T_base_camera)
-        if self._thinks_of is None:
-            self._thinks_of, self._thinks_until_s = (
+            self.detections.observe(
+                frame, self.simulator.true_pose().matrix() @ frame.T_base_camera
+            )
+        if self._pending_frame is None:
+            self._pending_frame, self._tick_ends_s = (
                 frame,
                 self.now_s + self._fault_injector.delay_s(),
             )
 
     def _end_tick(self) -> None:
-        if self._thinks_of is None or self.now_s < self._thinks_until_s:
+        """Process the pending frame when its delay is over."""
+        if self._pending_frame is None or self.now_s < self._tick_ends_s:
             return
-        frame, self._thinks_of = self._thinks_of, None
+        frame, self._pending_frame = self._pending_frame, None
         try:
             self._think(frame)
         except Exception as error:
             if not self.simulator.faults:
                 raise
-            self.pilot.note_failure(frame, error)
+            self.controller.note_failure(frame, error)
 
     def _think(self, frame: Frame) -> None:
-        goal = self.pilot.intent.mission.goal
-        decision = self.pilot.think(frame, clock=self.simulator.now_ns)
+        goal = self.controller.intent.mission.goal
+        decision = self.controller.think(frame, clock=self.simulator.now_ns)
         if decision is not None:
             self.on_decision(self.now_s, decision)
-        if goal is not None and goal in self.pilot.intent.mission.reached:
+        if goal is not None and goal in self.controller.intent.mission.reached:
             truly, believed = self.simulator.true_pose(), self.simulator.odometry()
-            self.arrived[goal.id] = truly.distance_to(goal.x_m, goal.y_m)
-            self.believed[goal.id] = believed.distance_to(goal.x_m, goal.y_m)
+            self.goal_errors_m[goal.id] = truly.distance_to(goal.x_m, goal.y_m)
+            self.odometry_errors_m[goal.id] = believed.distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
         newest = self.simulator.newest_frame()
-        verdict = self.pilot.command(
+        verdict = self.controller.command(
             self.simulator.now_ns, COMMAND_PERIOD_S, self.simulator.send, newest=newest
         )
         self.on_verdict(self.now_s, verdict)
@@ -298,7 +304,7 @@ class Episode:
         self.simulator.referee.note_stop(verdict.reasons[0].cause if verdict.reasons else None)
 
     def _sample(self) -> None:
-        explored = self.pilot.navigator.map.explored
+        explored = self.controller.navigator.map.explored
         self.samples.append(
             Sample(
                 t_s=self.now_s,
@@ -309,10 +315,10 @@ class Episode:
         )
 
     def _progress(self) -> Progress:
-        goal, pose = self.pilot.intent.mission.goal, self.simulator.odometry()
+        goal, pose = self.controller.intent.mission.goal, self.simulator.odometry()
         return Progress(
             goal=goal,
-            goals_done=len(self.pilot.intent.mission.reached),
+            goals_done=len(self.controller.intent.mission.reached),
             goals=len(self.goals),
             distance_m=pose.distance_to(goal.x_m, goal.y_m) if goal else 0.0,
             sim_time_s=self.now_s,
@@ -320,11 +326,11 @@ class Episode:
         )
 
     def _share(self, pose: Pose2) -> float:
-        places = [
+        positions = [
             (self.scenario.start[0], self.scenario.start[1]),
             *((goal.x_m, goal.y_m) for goal in self.goals),
         ]
-        legs = [math.dist(here, there) for here, there in pairwise(places)]
-        done = len(self.pilot.intent.mission.reached)
-        left = pose.distance_to(*places[done + 1]) if done < len(legs) else 0.0
+        legs = [math.dist(here, there) for here, there in pairwise(positions)]
+        done = len(self.controller.intent.mission.reached)
+        left = pose.distance_to(*positions[done + 1]) if done < len(legs) else 0.0
         return min(max(1.0 - (left + sum(legs[done + 1 :])) / max(sum(legs), 1e-9), 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Why an episode failed, in a few words that many episodes can be sorted by."""
+"""Causes for which episodes failed, as short texts to group episodes by."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 Report = Mapping[str, Any]
+"""Episode report, a JSON object."""
 GOAL_RADIUS_M = 0.3
-"""The robot must finally stand this near to a goal, judged from the ground truth."""
+"""Largest true distance to a reached goal, metres."""
 STOPS_FROM_S = 2.0
-"""A stop at the end of an episode that is shorter than this is not why it ended."""
+"""Shortest stop at the end of an episode that counts as its cause, seconds."""
+FREQUENT_SHARE = 0.25
+"""Share of the episode's time above which the longest stop reason counts as its cause."""
 
 
 def causes_of(report: Report) -> list[str]:
-    """The causes of a failure, the gravest first; empty for a success.
-
-    `report` is one of the contract, with `contacts`, `intruded` and `ended`.
-    """
+    """Return the causes of a failure, the most severe first; empty for a success."""
     found = [
         f"drove into {contact['what']}" for contact in report["contacts"] if contact["collided"]
     ]
@@ -29,7 +29,7 @@ def causes_of(report: Report) -> list[str]:
 
 
 def count_causes(reports: Iterable[Report]) -> dict[str, list[int]]:
-    """Gravest cause → the seeds of the episodes that failed by it, the most frequent cause first."""
+    """Return the seeds of the failed episodes by their most severe cause, most frequent first."""
     seeds: dict[str, list[int]] = {}
     for report in reports:
         if report["causes"]:
@@ -38,8 +38,7 @@ def count_causes(reports: Iterable[Report]) -> dict[str, list[int]]:
 
 
 def _over_zones(report: Report) -> list[str]:
-    """Whether the robot drove into a zone, or kept off it by its odometry, which is all that it
-    knows of where it is."""
+    """Return whether the robot entered a zone, and whether it stayed out by its odometry."""
     zones = [
         intrusion
         for intrusion in report["intrusions"]
@@ -53,11 +52,9 @@ def _over_zones(report: Report) -> list[str]:
 
 
 def _why_not_there(report: Report) -> str:
-    """By how the episode ended: where the robot believed to be there, what held it at the end, else
-    what held it longest."""
+    """Return why a goal was not reached: odometry drift, the last stop or the longest one."""
     if report["ended"] == "all goals":
-        # Nothing tells the robot where it is but its own odometry, so that after a long way it can
-        # be right by that and wrong.
+        # The robot localises by odometry only, which drifts on long paths.
         by_odometry = report["goal_errors_by_odometry_m"]
         missed = [
             goal for goal, error_m in report["goal_errors_m"].items() if error_m > GOAL_RADIUS_M
@@ -81,6 +78,6 @@ def _why_not_there(report: Report) -> str:
     share = seconds / max(report["sim_time_s"], 1e-9)
     return (
         f"goal not reached: {reason}, again and again"
-        if share > 0.25
+        if share > FREQUENT_SHARE
         else "goal not reached: out of time"
     )

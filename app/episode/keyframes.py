@@ -1,5 +1,4 @@
-"""What is kept of an episode while it runs, to draw it afterwards: the ways that were planned, and
-telling pictures."""
+"""Records of an episode for figures: the planned routes, and images that show detections."""
 
 from __future__ import annotations
 
@@ -14,52 +13,54 @@ from navcore.navigator import TickResult
 from navcore.planning.route import Route
 
 FRAMES = 6
-"""So many pictures are shown, as in the paper."""
-KEPT = 4 * FRAMES
-"""So many are kept meanwhile."""
+"""Number of images in a figure, as in the paper."""
+MAX_KEPT = 4 * FRAMES
+"""Largest number of images kept during the episode."""
 FIRST_SPAN_S = 1.0
+"""Initial length of the interval from which one image is kept, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Keyframe:
-    """A picture, and what was seen in it."""
+    """A camera image and its labels."""
 
     t_s: float
-    """When, in simulated seconds."""
+    """Simulated time, seconds."""
     rgb: npt.NDArray[np.uint8]
-    """(H, W, 3)."""
+    """(H, W, 3) colour image."""
     class_ids: npt.NDArray[np.uint8]
-    """(H, W) class id of the beware list where the picture binds the robot, else 0."""
+    """(H, W) class ids of the beware list where the confidence suffices, else 0."""
 
     @property
     def size(self) -> int:
-        """Pixels that bind the robot."""
+        """Number of labelled pixels."""
         return int(np.count_nonzero(self.class_ids))
 
 
 class Keyframes:
-    """Follows one episode."""
+    """Records routes and images of one episode."""
 
     def __init__(self, episode: Episode) -> None:
         self._episode, self._span_s = episode, FIRST_SPAN_S
-        self.planned: list[Route] = []
-        """The first way that was found to each goal."""
+        self.routes: list[Route] = []
+        """First route that was found to each goal."""
         self._planned_for: int | None = None
-        self._shots: list[Keyframe] = []
+        self._frames: list[Keyframe] = []
         episode.on_decision = self._note
 
-    def shots(self) -> list[Keyframe]:
-        """At most `FRAMES`, spread over the time: of each stretch the one that shows most."""
-        telling = [shot for shot in self._shots if shot.size] or self._shots
-        parts = np.array_split(np.arange(len(telling)), min(FRAMES, max(len(telling), 1)))
+    def selected(self) -> list[Keyframe]:
+        """Return at most `FRAMES` images spread over the time, each with the most labelled pixels
+        of its interval."""
+        labelled = [keyframe for keyframe in self._frames if keyframe.size] or self._frames
+        parts = np.array_split(np.arange(len(labelled)), min(FRAMES, max(len(labelled), 1)))
         return [
-            max((telling[i] for i in part), key=lambda shot: shot.size)
+            max((labelled[i] for i in part), key=lambda keyframe: keyframe.size)
             for part in parts
             if len(part)
         ]
 
     def _note(self, t_s: float, decision: TickResult) -> None:
-        intent = self._episode.pilot.intent
+        intent = self._episode.controller.intent
         goal, route = intent.mission.goal, decision.route
         if (
             goal is not None
@@ -68,25 +69,24 @@ class Keyframes:
             and goal.id != self._planned_for
         ):
             self._planned_for = goal.id
-            self.planned.append(route)
+            self.routes.append(route)
         self._keep(t_s, decision, intent.beware)
 
     def _keep(self, t_s: float, decision: TickResult, beware: BewareList) -> None:
-        """The best picture of each stretch of time; when there are too many, stretches become twice
-        as long."""
+        """Keep the best image of each interval; when there are too many, double the interval."""
         binding = decision.labels.mask(beware)
-        size, last = int(np.count_nonzero(binding)), self._shots[-1] if self._shots else None
+        size, last = int(np.count_nonzero(binding)), self._frames[-1] if self._frames else None
         same = last is not None and t_s // self._span_s == last.t_s // self._span_s
         if same and last is not None and size <= last.size:
             return
         class_ids = np.where(binding, decision.labels.class_ids, np.uint8(0))
-        shot = Keyframe(t_s=t_s, rgb=decision.frame.rgb, class_ids=class_ids)
-        self._shots = [*(self._shots[:-1] if same else self._shots), shot]
-        if len(self._shots) > KEPT:
+        keyframe = Keyframe(t_s=t_s, rgb=decision.frame.rgb, class_ids=class_ids)
+        self._frames = [*(self._frames[:-1] if same else self._frames), keyframe]
+        if len(self._frames) > MAX_KEPT:
             self._span_s *= 2
             best: dict[float, Keyframe] = {}
-            for shot in self._shots:
-                stretch = shot.t_s // self._span_s
-                if stretch not in best or shot.size > best[stretch].size:
-                    best[stretch] = shot
-            self._shots = list(best.values())
+            for keyframe in self._frames:
+                interval = keyframe.t_s // self._span_s
+                if interval not in best or keyframe.size > best[interval].size:
+                    best[interval] = keyframe
+            self._frames = list(best.values())

@@ -1,4 +1,4 @@
-"""The report of an episode: the referee's judgement, durations, and what the map has of the world."""
+"""The report of an episode: the referee's judgement, durations, and the mapped share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from app.episode.failure_causes import GOAL_RADIUS_M, causes_of
-from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_way_m
+from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_path_m
 from app.runtime.stage_timer import StageTimer
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
@@ -60,7 +60,7 @@ class EpisodeRecord:
     ended: str
     """Why the episode ended."""
     sim_time_s: float
-    """Simulated duration in seconds."""
+    """Simulated duration, seconds."""
     wall_time_s: float
     """Real duration in seconds."""
     spec: GridSpec
@@ -72,11 +72,11 @@ class EpisodeRecord:
     goal_errors_m: dict[int, float]
     """True distance to each goal when the robot reported it reached, by goal id."""
     goal_errors_by_odometry_m: dict[int, float]
-    """The same by odometry."""
+    """Distance by odometry to each goal when the robot reported it reached, metres, by goal id."""
     detections: DetectionScore
     """Which items came into view."""
     samples: tuple[Sample, ...]
-    """One a second."""
+    """Samples of the episode, one per second."""
     timer: StageTimer
     """Durations of ticks and stages."""
     beware: BewareList
@@ -154,15 +154,15 @@ def _series(record: EpisodeRecord) -> dict[str, list[float]]:
 
 
 def _ideal_m(record: EpisodeRecord) -> float | None:
-    """Length in metres of an ideal driver's route through a world that is unknown at first."""
+    """Return the length in metres of an ideal driver's path through an unknown world."""
     spec, (x_m, y_m, yaw_rad) = record.spec, record.scenario.start
     tall, low, zones = record.simulator.referee.true_cells(spec)
-    return ideal_way_m(
-        TrueGrids(tall=tall, low=low, known=zones),
+    return ideal_path_m(
+        TrueGrids(high=tall, low=low, zones=zones),
         spec,
         Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
         record.goal_points,
-        eyes=record.sensor,
+        sensor=record.sensor,
         inflation_m=record.inflation_m,
     )
 

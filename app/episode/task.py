@@ -1,11 +1,12 @@
-"""From a scenario, a seed and what was asked for to an episode that can be driven."""
+"""Composition of an episode from a scenario, a seed and options."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 
-from app.episode.ablation import Ablation
+from app.episode.ablations import Ablation
 from app.episode.episode import Episode
 from app.runtime.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
@@ -18,26 +19,25 @@ from sim.scenario.variation import randomise
 from sim.truth.random_missions import EXTRA_CLEARANCE_M, draw_mission, draw_zones
 
 ZONES = 2
-"""Of an episode with random start and goal, when nobody says how many."""
+"""Default number of zones of an episode with random start and goal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What an episode is about, beside its seed."""
+    """Options of an episode, without its seed."""
 
     scenario: Scenario
-    """The world as it is in its file."""
+    """Scenario as in its file."""
     goals: tuple[tuple[float, float], ...] = ()
-    """Instead of the scenario's mission."""
+    """Goals (x, y) in metres of the map frame; empty for those of the scenario."""
     random: bool = False
-    """Whether each seed draws start and goal instead."""
+    """Whether each seed draws start and goal."""
     zones: int | None = None
-    """How many zones of the operator each seed draws; 2 with a random start, else none, when left
-    out."""
+    """Number of operator's zones that each seed draws; None for 2 with a random start, else 0."""
     ablation: Ablation = Ablation.NONE
-    """What is left out of the navigation."""
+    """Part of the navigation that is left out."""
     max_time_s: float = 600.0
-    """Simulated time after which the robot gives up."""
+    """Longest simulated duration, seconds."""
 
     def __post_init__(self) -> None:
         if self.random and self.goals:
@@ -46,16 +46,17 @@ class Task:
             )
         if self.ablation is Ablation.NO_ZONES and not self.zone_count:
             raise BadConfiguration(
-                "--ablation no-zones where no zone is drawn shows nothing; give --zones N or --random"
+                "--ablation no-zones without a zone has no effect; give --zones N or --random"
             )
         if not (self.random or self.goals or self.scenario.goals):
             raise BadConfiguration(
-                f"scenario {self.scenario.name!r} has no goals of its own; give --goal X,Y or --random"
+                f"scenario {self.scenario.name!r} has no goals of its own; "
+                "give --goal X,Y or --random"
             )
 
     @property
     def zone_count(self) -> int:
-        """How many zones each seed draws."""
+        """Number of zones that each seed draws."""
         return self.zones if self.zones is not None else ZONES * self.random
 
 
@@ -68,10 +69,10 @@ def episode_of(
     perception: Perception | None,
     config: NavigatorConfig | None = None,
 ) -> Episode:
-    """The episode of a seed: places and zones drawn, if so asked, on the world as the seed makes
-    it.
+    """Compose the episode of a seed: the scenario randomised, mission and zones drawn as the task
+    says.
 
-    Without a configuration it is driven with the one that the robot starts with.
+    Without a configuration the default of the robot is used.
     """
     world, config = randomise(task.scenario, seed), config or config_for(robot)
     margins_m = {entry.name: entry.margin_m for entry in beware.enabled}
@@ -81,9 +82,8 @@ def episode_of(
         world = dataclasses.replace(world, goals=task.goals)
     mission = Mission()
     for x_m, y_m in world.goals:
-        mission = mission.add(
-            x_m, y_m, map_grid(world)
-        )  # refuses what lies outside before anything is built
+        # Refuses a goal outside the map before anything is built.
+        mission = mission.add(x_m, y_m, map_grid(world))
     inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,
@@ -93,7 +93,7 @@ def episode_of(
         max_time_s=task.max_time_s,
         perception=perception,
         robot=robot,
-        as_found=True,
+        randomised=True,
         zones=draw_zones(
             world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
         ),
@@ -108,12 +108,19 @@ def _placed(
     config: NavigatorConfig,
     margins_m: dict[str, float],
 ) -> tuple[Scenario, NavigatorConfig]:
-    """With start and goal drawn; where there is nowhere as much room as the robot is usually given,
-    it is told of less."""
+    """Draw start and goal; where no position has the usual clearance at the start, a smaller one is
+    configured."""
     tight_m = min(robot.circumscribed_radius_m + EXTRA_CLEARANCE_M, config.start_clear_m)
-    room_m = {"robot": robot, "margin_m": config.safety_margin_m, "margins_m": margins_m}
+    draw = functools.partial(
+        draw_mission,
+        world,
+        seed,
+        robot=robot,
+        margin_m=config.safety_margin_m,
+        margins_m=margins_m,
+    )
     try:
-        return draw_mission(world, seed, start_clear_m=config.start_clear_m, **room_m), config  # type: ignore[arg-type]
+        return draw(start_clear_m=config.start_clear_m), config
     except BadConfiguration:
-        placed = draw_mission(world, seed, start_clear_m=tight_m, **room_m)  # type: ignore[arg-type]
+        placed = draw(start_clear_m=tight_m)
         return placed, dataclasses.replace(config, start_clear_m=tight_m)

@@ -26,6 +26,7 @@ from rich.table import Table
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
+from navcore.geometry.camera import back_project_pixels
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -259,8 +260,7 @@ def _observe(
     """Update which objects are in view by ground truth, and which of them the map holds by now."""
     lens, camera = frame.intrinsics, frame.T_map_camera
     rows, cols = np.nonzero(labels > 1)
-    z = depth_m[rows, cols]
-    optical = np.column_stack([(cols - lens.cx) * z / lens.fx, (rows - lens.cy) * z / lens.fy, z])
+    optical = back_project_pixels(rows, cols, depth_m[rows, cols], lens)
     points = (optical @ camera[:3, :3].T + camera[:3, 3])[:, :2]
     kinds = labels[rows, cols] - 1
     grid = layer_grid(cloud, beware, ())

@@ -39,14 +39,14 @@ def plot_episode(
 ) -> None:
     """Write `top_view`, `progress` and `frames`, each as .png and .svg, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    decision = episode.pilot.thought.decision
+    decision = episode.controller.tick_state.decision
     if decision is not None:
-        seen = episode.pilot.navigator.map.explored.seen.bools
+        seen = episode.controller.navigator.map.explored.seen.bools
         ground = paint(decision.occupancy.grid, seen)
-        save(top_view(report, episode, keyframes.planned, ground), folder / "top_view")
+        save(top_view(report, episode, keyframes.routes, ground), folder / "top_view")
     save(progress([report], f"{report['scenario']}, seed {report['seed']}"), folder / "progress")
-    names = {entry.class_id: entry.name for entry in episode.pilot.intent.beware.classes}
-    shots = keyframes.shots()
+    names = {entry.class_id: entry.name for entry in episode.controller.intent.beware.classes}
+    shots = keyframes.selected()
     if shots:
         save(frames(shots, names), folder / "frames")
 
@@ -60,8 +60,8 @@ def save(figure: Any, path: Path) -> None:
 
 
 def paint(grid: OccupancyGrid, seen: npt.NDArray[np.bool_]) -> Image:
-    """Return the robot's map as (rows, cols, 3) RGB from 0 to 1: unknown grey, seen white, obstacles
-    dark, beware cells red, zones violet."""
+    """Return the robot's map as (rows, cols, 3) RGB from 0 to 1: unknown grey, seen white,
+    obstacles dark, beware cells red, zones violet."""
     image = np.full((*seen.shape, 3), 0.78)
     image[seen] = 1.0
     image[grid.zones] = (0.88, 0.82, 0.94)
@@ -121,12 +121,12 @@ def draw_driven(axes: Any, positions: Points) -> Any:
 
 def draw_hazards(axes: Any, scenario: Scenario) -> None:
     """Draw the true hazards by name, and the paths of people."""
-    for thing in true_objects(scenario):
-        for outline in thing.outlines:
+    for hazard in true_objects(scenario):
+        for outline in hazard.outlines:
             axes.add_patch(Polygon(outline, closed=True, fill=False, edgecolor=RED, linewidth=1.4))
         axes.annotate(
-            thing.name,
-            thing.outlines[0].mean(axis=0),
+            hazard.name,
+            hazard.outlines[0].mean(axis=0),
             (7, 7),
             textcoords="offset points",
             color=RED,
@@ -162,8 +162,8 @@ def progress(reports: Sequence[Mapping[str, Any]], title: str) -> Any:
 def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
     """Draw the true world with every driven path: successful ones blue, failed ones red."""
     figure, axes = plt.subplots(figsize=(11, 9))
-    for thing in obstacles(world):
-        for outline in thing.outlines():
+    for obstacle in obstacles(world):
+        for outline in obstacle.outlines():
             axes.add_patch(Polygon(outline, closed=True, color="0.25", linewidth=0))
     draw_hazards(axes, world)
     for report in sorted(reports, key=lambda report: not report["success"]):
@@ -190,7 +190,7 @@ def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
 
 
 def frames(keyframes: Sequence[Keyframe], names: Mapping[int, str]) -> Any:
-    """Draw a column per keyframe: the colour image, the mask of enabled classes, and the overlay."""
+    """Draw a column per keyframe: colour image, mask of the enabled classes, and overlay."""
     figure, grid = plt.subplots(
         3, len(keyframes), figsize=(2.6 * len(keyframes) + 0.4, 5.0), squeeze=False
     )

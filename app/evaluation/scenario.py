@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console as Terminal
 
-from app.episode.ablation import Ablation
+from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
 from app.evaluation.campaign import Campaign, write_summary
 from app.evaluation.summary import summarise, tables_of

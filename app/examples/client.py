@@ -1,8 +1,8 @@
-"""Drive the robot from a program: a wet floor is fenced off, a goal is set, and whatever happens
-the robot is stopped.
+"""Drive the robot from a program: draw a zone around a wet floor, drive to a goal, and stop the
+robot in any case.
 
 `python app/examples/client.py http://127.0.0.1:8000 2.0 2.5`, with a user's token in
-BEWARENAV_TOKEN where one is needed.
+BEWARENAV_TOKEN if a login is required.
 """
 
 import os
@@ -13,7 +13,7 @@ import httpx
 
 
 def main(console: str, x_m: float, y_m: float) -> int:
-    """0 when the robot got there."""
+    """Return 0 when the robot has reached the goal."""
     token = os.environ.get("BEWARENAV_TOKEN")
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     with httpx.Client(

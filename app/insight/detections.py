@@ -1,9 +1,9 @@
-"""Everything of the beware list that was recognised, once for each place: a bounded list with the
-best picture of each."""
+"""The gallery of detected objects of the beware list: one entry per object, with its best view."""
 
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,35 +12,38 @@ import numpy.typing as npt
 
 from navcore.errors import NotKnown
 from navcore.mission.beware_list import BewareList
-from navcore.perception.instances import Cells, Detection, recognised
+from navcore.perception.instances import Cells, Detection, detect_instances
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
-from web.insight import Sighting
-from web.pictures import camera_jpg
+from web.images.encode import camera_jpg
+from web.interface.insight import Sighting
 
 MAX_SIGHTINGS = 500
-"""The one that was seen longest ago gives way."""
+"""Largest number of entries; the one that was seen longest ago is dropped."""
 MAX_VIEWS = 60
-"""Whole pictures are kept of the newest so many, for the labelling folder: some 30 MB."""
-BETTER = 1.5
-"""A view with so many times the pixels is kept instead."""
+"""Largest number of whole views, kept for the labelling folder: some 30 MB."""
+BETTER_VIEW = 1.5
+"""Ratio of pixels from which a view replaces the kept one."""
 CROP_PX = 176
+"""Longer side of a cropped view, pixels."""
+MAX_ENLARGEMENT = 3.0
+"""Largest enlargement of a cropped view."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StoredView:
-    """A picture with what it was taken for, packed."""
+    """A camera image with its labels, compressed as PNG."""
 
     rgb_png: bytes
-    """Colours."""
+    """(H, W, 3) colour image."""
     depth_png: bytes
-    """(H, W) millimetres, 0 = not measured."""
+    """(H, W) depth in millimetres, 0 = not measured."""
     class_ids_png: bytes
-    """(H, W) class ids where the segmenter was sure enough to bind the robot."""
+    """(H, W) class ids of the beware list where the confidence suffices, else 0."""
     unsure_png: bytes
-    """(H, W) 255 where it claims something without being sure enough."""
+    """(H, W) 255 where the confidence of a class does not suffice."""
     mask_png: bytes
-    """(H, W) 255 on the thing itself."""
+    """(H, W) 255 on the detected object."""
 
 
 @dataclass(slots=True, eq=False)
@@ -53,48 +56,53 @@ class _Item:
 
 
 class DetectionGallery:
-    """Written by one thread (`look`), read and judged by any."""
+    """Written by one thread (`update`), read and corrected by any."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._items: dict[int, _Item] = {}
         self._next_id = 1
 
-    def look(
+    def update(
         self, now_s: float, frame: Frame, labels: Labels, beware: BewareList
     ) -> list[Sighting]:
-        """Note what a frame shows; what was never seen at its place before is returned."""
+        """Add the detections of a frame and return the new entries."""
         names = {entry.class_id: entry.name for entry in beware.classes}
         return [
             new
-            for region in recognised(frame, labels, beware)
+            for region in detect_instances(frame, labels, beware)
             if (new := self._note(now_s, frame, labels, beware, region, names[region.class_id]))
             is not None
         ]
 
     def all(self) -> tuple[Sighting, ...]:
-        """Newest first."""
+        """Return all entries, newest first."""
         with self._lock:
             return tuple(
                 item.sighting
                 for item in sorted(self._items.values(), key=lambda item: -item.sighting.id)
             )
 
+    def counts(self) -> dict[int, int]:
+        """Return the number of entries by class id, without wrong detections."""
+        return Counter(sighting.class_id for sighting in self.all() if sighting.verdict is None)
+
     def crop(self, sighting_id: int) -> bytes:
-        """JPEG of the best view; raises `NotKnown`."""
+        """Return the JPEG of the best view, cropped; raises `NotKnown`."""
         return self._item(sighting_id).crop
 
     def view(self, sighting_id: int) -> StoredView:
-        """The whole picture; raises `NotKnown` when it is not kept any more."""
+        """Return the whole view; raises `NotKnown` when it is no longer kept."""
         view = self._item(sighting_id).view
         if view is None:
             raise NotKnown(
-                f"the picture of sighting {sighting_id} is not kept any more; only the newest {MAX_VIEWS} are"
+                f"the image of sighting {sighting_id} is no longer kept; "
+                f"only the newest {MAX_VIEWS} are"
             )
         return view
 
     def call_wrong(self, sighting_id: int) -> None:
-        """The operator says that it is no such thing."""
+        """Mark an entry as a wrong detection, on the operator's word."""
         item = self._item(sighting_id)
         with self._lock:
             item.sighting = replace(item.sighting, verdict="wrong")
@@ -116,8 +124,8 @@ class DetectionGallery:
     ) -> Sighting | None:
         pixels = int(region.mask.sum())
         item = self._at(region.class_id, region.cells)
-        better = item is None or pixels > BETTER * item.pixels
-        # Packed outside the lock: it takes some milliseconds.
+        better = item is None or pixels > BETTER_VIEW * item.pixels
+        # Compressed outside the lock: it takes some milliseconds.
         crop, view = (
             (_crop(frame.rgb, region), packed(frame, labels, beware, region.mask))
             if better
@@ -129,7 +137,7 @@ class DetectionGallery:
                     id=self._next_id,
                     class_name=name,
                     class_id=region.class_id,
-                    place=region.place,
+                    place=region.position,
                     confidence=region.confidence,
                     looks=1,
                     first_s=now_s,
@@ -144,12 +152,12 @@ class DetectionGallery:
             if better:
                 item.pixels, item.crop, item.view = pixels, crop, view
                 item.sighting = replace(
-                    item.sighting, place=region.place, confidence=region.confidence
+                    item.sighting, place=region.position, confidence=region.confidence
                 )
         return None
 
     def _at(self, class_id: int, cells: Cells) -> _Item | None:
-        """The thing of this class on or beside these squares; of several the oldest."""
+        """Return the oldest entry of a class on or beside these cells; None without one."""
         around = {(row + i, col + j) for row, col in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
         with self._lock:
             for item in self._items.values():
@@ -168,7 +176,7 @@ class DetectionGallery:
 def packed(
     frame: Frame, labels: Labels, beware: BewareList, mask: npt.NDArray[np.bool_]
 ) -> StoredView:
-    """A frame, what binds in it, and a region of it."""
+    """Compress a frame with its labels and the mask (H, W) of one object."""
     binding = labels.mask(beware)
     depth_mm = np.clip(np.round(frame.depth_m * 1000), 0, 65535).astype(np.uint16)
     return StoredView(
@@ -181,36 +189,36 @@ def packed(
 
 
 def unpacked(png: bytes) -> npt.NDArray[np.integer]:
-    """A picture of a `StoredView`; colours come as BGR."""
+    """Decompress an image of a `StoredView`; colours come as BGR."""
     return np.asarray(cv2.imdecode(np.frombuffer(png, dtype=np.uint8), cv2.IMREAD_UNCHANGED))
 
 
-def _png(picture: npt.NDArray[np.integer | np.floating]) -> bytes:
-    ok, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+def _png(image: npt.NDArray[np.integer | np.floating]) -> bytes:
+    ok, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not ok:
-        raise RuntimeError(f"OpenCV could not pack a picture of shape {picture.shape}")
+        raise RuntimeError(f"OpenCV could not compress an image of shape {image.shape}")
     return data.tobytes()
 
 
 def _crop(rgb: npt.NDArray[np.uint8], region: Detection) -> bytes:
-    """JPEG of the region with some room about it, its outline drawn."""
+    """Return the JPEG of a region with a border, its outline drawn."""
     left, top, right, bottom = region.box
-    room = max(12, (right - left + bottom - top) // 8)
-    left, top = max(left - room, 0), max(top - room, 0)
-    right, bottom = min(right + room, rgb.shape[1]), min(bottom + room, rgb.shape[0])
-    picture = rgb[top:bottom, left:right].copy()
+    border = max(12, (right - left + bottom - top) // 8)
+    left, top = max(left - border, 0), max(top - border, 0)
+    right, bottom = min(right + border, rgb.shape[1]), min(bottom + border, rgb.shape[0])
+    image = rgb[top:bottom, left:right].copy()
     outlines, _ = cv2.findContours(
         region.mask[top:bottom, left:right].view(np.uint8),
         cv2.RETR_EXTERNAL,
         cv2.CHAIN_APPROX_SIMPLE,
     )
-    cv2.drawContours(picture, outlines, -1, (255, 183, 3), 1)
-    scale = min(CROP_PX / max(picture.shape[:2]), 3.0)
-    size = (max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1))
+    cv2.drawContours(image, outlines, -1, (255, 183, 3), 1)
+    scale = min(CROP_PX / max(image.shape[:2]), MAX_ENLARGEMENT)
+    size = (max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1))
     return camera_jpg(
         np.asarray(
             cv2.resize(
-                picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+                image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
             ),
             dtype=np.uint8,
         )

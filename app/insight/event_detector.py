@@ -1,5 +1,5 @@
-"""What of a drive is worth a line in the log, and how it reads: told from one look at the pilot to
-the next."""
+"""The events of a drive, detected by comparing the controller's state with that of the last check,
+and their texts in the log."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from app.insight.event_log import Journal
-from app.runtime.robot_controller import MOVING, OperatorState
+from app.insight.event_log import EventLog
+from app.runtime.operator_state import OperatorState
+from app.runtime.robot_controller import MOVING
 from navcore.grid.grid import Cell, OccupancyGrid
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
@@ -17,14 +18,17 @@ from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
 from navcore.safety.gate import StopReason
-from web.insight import Place
+from web.interface.insight import Place
 
-ASIDE_M = 0.3
-"""A path that leaves the one before by less is the same path."""
+MIN_DEVIATION_M = 0.3
+"""Largest distance between two paths from which they are different paths, metres."""
 REPLAN_PERIOD_S = 1.0
-"""Paths are compared so often at most: in unknown ground they change with every look."""
+"""Shortest time between two comparisons of paths, seconds: in unknown terrain they change with
+every frame."""
 QUIET_S = 1.0
-"""A reason to stand is over when it has been so long."""
+"""Time after which a stop reason that has gone is over, seconds."""
+REACH_CELLS = 60
+"""Largest distance, in cells, at which the cause of a blocked cell is searched."""
 
 _PHASES = {
     Phase.DRIVING: "The mission drives.",
@@ -32,23 +36,23 @@ _PHASES = {
     Phase.LEAVING: "The robot is told to leave the beware area.",
     Phase.IDLE: "The mission has ended.",
 }
+"""Text of each phase of the mission."""
 
 
 class EventDetector:
-    """Compares the newest of everything with the last, and writes down what differs. One thread
-    calls it."""
+    """Compares the newest state with the last one and logs the differences. One thread calls it."""
 
-    def __init__(self, journal: Journal, intent: OperatorState) -> None:
-        self._journal = journal
+    def __init__(self, journal: EventLog, intent: OperatorState) -> None:
+        self._event_log = journal
         self._intent = intent
         self._decision: TickResult | None = None
         self._compared_s = -np.inf
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
-    def look(
+    def on_tick(
         self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Place
     ) -> None:
-        """The operator's will and the newest tick's decision."""
+        """Log the changes of the operator's state and of the newest tick."""
         before, self._intent = self._intent, intent
         if before is not intent:
             self._mission(now_s, before.mission, intent.mission, pose)
@@ -60,7 +64,7 @@ class EventDetector:
         self._settle(now_s, pose)
 
     def on_gate(self, now_s: float, reasons: tuple[StopReason, ...], pose: Place) -> None:
-        """What the gate says holds the robot, whenever that changes."""
+        """Log the reason for which the gate holds the robot; called whenever it changes."""
         self._settle(now_s, pose)
         if not reasons:
             if self._held is not None and self._held[2] is None:
@@ -71,7 +75,7 @@ class EventDetector:
             self._held = (cause, self._held[1], None)
             return
         self._held = (cause, now_s, None)
-        self._journal.note(now_s, "stopped", reasons[0].text, pose)
+        self._event_log.note(now_s, "stopped", reasons[0].text, pose)
 
     def _settle(self, now_s: float, pose: Place) -> None:
         if self._held is None:
@@ -80,18 +84,19 @@ class EventDetector:
         if clear_s is None or now_s - clear_s < QUIET_S:
             return
         self._held = None
-        text = f"Nothing holds the robot any more; {cause.replace('_', ' ')} lasted {clear_s - since_s:.1f} s."
-        self._journal.note(now_s, "released", text, pose)
+        lasted = f"{cause.replace('_', ' ')} lasted {clear_s - since_s:.1f} s"
+        text = f"Nothing holds the robot any more; {lasted}."
+        self._event_log.note(now_s, "released", text, pose)
 
     def _mission(self, now_s: float, before: Mission, after: Mission, pose: Place) -> None:
         known = {goal.id for goal in before.reached}
         for goal in after.reached:
             if goal.id not in known:
                 text = f"Goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}) is reached."
-                self._journal.note(now_s, "goal", text, (goal.x_m, goal.y_m))
+                self._event_log.note(now_s, "goal", text, (goal.x_m, goal.y_m))
         if after.phase is not before.phase:
             cancelled = after.cancelled and not before.cancelled
-            self._journal.note(
+            self._event_log.note(
                 now_s,
                 "mission",
                 "The mission is cancelled." if cancelled else _PHASES[after.phase],
@@ -106,7 +111,7 @@ class EventDetector:
             what = _what_happened(old.get(zone.id), new.get(zone.id))
             if what:
                 x_m, y_m = np.mean(zone.polygon, axis=0)
-                self._journal.note(
+                self._event_log.note(
                     now_s, "zone", f"Zone “{zone.name}” {what}.", (float(x_m), float(y_m))
                 )
 
@@ -125,8 +130,11 @@ class EventDetector:
                     else "need not be kept away from any more"
                 )
             else:
-                what = f"now has a margin of {other.margin_m:g} m, least confidence {other.min_confidence:.0%}"
-            self._journal.note(now_s, "beware", f"“{name}” {what}.")
+                what = (
+                    f"now has a margin of {other.margin_m:g} m, "
+                    f"least confidence {other.min_confidence:.0%}"
+                )
+            self._event_log.note(now_s, "beware", f"“{name}” {what}.")
 
     def _path(self, now_s: float, decision: TickResult, intent: OperatorState) -> None:
         before = self._decision
@@ -144,10 +152,11 @@ class EventDetector:
             return
         said = _why_replanned(before, decision, intent, changed_goal=changed_goal)
         if said is not None:
-            self._journal.note(now_s, "replanned", *said)
+            self._event_log.note(now_s, "replanned", *said)
 
 
 def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
+    """Return how a zone has changed, in words; None when it has not."""
     if before is None:
         return "was drawn" if after is not None and after.enabled else "was drawn, switched off"
     if after is None:
@@ -158,6 +167,7 @@ def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
 
 
 def _end(route: Route | None) -> Place | None:
+    """Return the end point of a path; None without one."""
     return (
         (float(route.points[-1, 0]), float(route.points[-1, 1]))
         if route is not None and len(route.points)
@@ -168,7 +178,8 @@ def _end(route: Route | None) -> Place | None:
 def _why_replanned(
     before: TickResult | None, after: TickResult, intent: OperatorState, *, changed_goal: bool
 ) -> tuple[str, Place | None] | None:
-    """What to say about the newest path; None when it is the same as before."""
+    """Return the text and the position for the newest path; None when it is the same path as
+    before."""
     route, here = after.route, (after.frame.pose.x_m, after.frame.pose.y_m)
     assert route is not None
     old = before.route if before is not None else None
@@ -182,34 +193,36 @@ def _why_replanned(
     length_m = route.outcome.length * after.occupancy.spec.resolution_m
     if old is None or (changed_goal and isinstance(old.outcome, Path)):
         return (
-            f"Planned a path of {length_m:.1f} m to ({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).",
+            f"Planned a path of {length_m:.1f} m to "
+            f"({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).",
             here,
         )
     if isinstance(old.outcome, NoPath):
         return f"A path has opened, {length_m:.1f} m long.", here
-    aside_m, at = _furthest_aside(route.points, old.points)
-    if aside_m < ASIDE_M:
+    deviation_m, at = _largest_deviation(route.points, old.points)
+    if deviation_m < MIN_DEVIATION_M:
         return None
     blocked = _first_blocked(old.outcome.cells, after)
     if blocked is None:
-        return f"A shorter way has opened: {length_m:.1f} m from here.", at
+        return f"A shorter path has opened: {length_m:.1f} m from here.", at
     what = _closed_by(after.occupancy.grid, blocked, intent)
     return (
-        f"{what} closes the path at this place; the new one is {length_m:.1f} m long.",
+        f"{what} closes the path at this position; the new one is {length_m:.1f} m long.",
         after.occupancy.spec.centre(*blocked),
     )
 
 
-def _furthest_aside(
+def _largest_deviation(
     path: npt.NDArray[np.float64], old: npt.NDArray[np.float64]
 ) -> tuple[float, Place]:
-    """How far a path leads from another at the most, and where."""
-    away, _ = cKDTree(old).query(path)
-    at = int(np.argmax(away))
-    return float(away[at]), (float(path[at, 0]), float(path[at, 1]))
+    """Return the largest distance in metres of a path from another, and its position."""
+    deviations_m, _ = cKDTree(old).query(path)
+    at = int(np.argmax(deviations_m))
+    return float(deviations_m[at]), (float(path[at, 0]), float(path[at, 1]))
 
 
 def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell | None:
+    """Return the first blocked cell of a path ahead of the robot; None when all are free."""
     here = decision.occupancy.spec.cell(decision.frame.pose.x_m, decision.frame.pose.y_m)
     ahead = cells[int(np.argmin(((cells - here) ** 2).sum(axis=1))) :]
     closed = np.flatnonzero(decision.occupancy.blocked[ahead[:, 0], ahead[:, 1]])
@@ -217,7 +230,7 @@ def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell |
 
 
 def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
-    """What is nearest to a closed cell, in words."""
+    """Return in words what is nearest to a blocked cell."""
     names = {entry.class_id: f"“{entry.label or entry.name}”" for entry in intent.beware.classes}
     layers = [
         ("An obstacle", grid.geometric),
@@ -228,13 +241,12 @@ def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
         (names.get(class_id, "Something to beware of"), layer)
         for class_id, layer in grid.beware.items()
     ]
-    reach, best = 60, ("Something", np.inf)
-    top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
+    best = ("Something", np.inf)
+    top, left = max(cell[0] - REACH_CELLS, 0), max(cell[1] - REACH_CELLS, 0)
+    around = np.s_[top : cell[0] + REACH_CELLS + 1, left : cell[1] + REACH_CELLS + 1]
     for name, layer in layers:
-        near = np.argwhere(layer[top : cell[0] + reach + 1, left : cell[1] + reach + 1]) + np.array(
-            [top, left]
-        )
-        away = float(((near - cell) ** 2).sum(axis=1).min()) if len(near) else np.inf
-        if away < best[1]:
-            best = (name, away)
+        near = np.argwhere(layer[around]) + np.array([top, left])
+        squared = float(((near - cell) ** 2).sum(axis=1).min()) if len(near) else np.inf
+        if squared < best[1]:
+            best = (name, squared)
     return best[0]

@@ -1,7 +1,7 @@
-"""The log of decisions: the newest in memory, all of them on a shelf that outlives the console.
+"""The event log: the newest entries in memory, all of them in a store that outlives the console.
 
-Whoever has something to say never waits for a disk: `note` only remembers, and `write`, in a thread
-of its own, puts down what has come together. While the disk refuses, the newest wait in memory.
+A writer never waits for a disk: `note` only remembers, and `write`, in a thread of its own, stores
+what has been noted. While the disk refuses, the newest entries wait in memory.
 """
 
 from __future__ import annotations
@@ -14,57 +14,58 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
 from navcore.errors import StorageFailed
-from web.insight import Entry, Kind, Page, Place
+from web.interface.insight import Entry, Kind, Page, Place
 
 log = logging.getLogger(__name__)
 
 MAX_ENTRIES = 5000
-"""So many are in memory: some hours of driving."""
+"""Largest number of entries in memory: some hours of driving."""
 LARGEST_ID = 2**62
 
 
-class Shelf(Protocol):
-    """Where entries outlive the console. What is asked of it may raise `StorageFailed`."""
+class EventStore(Protocol):
+    """Storage of entries that outlives the console; every method may raise `StorageFailed`."""
 
     def last(self) -> tuple[int, int]:
-        """The largest id and the newest start of the console; zeros before the first entry."""
+        """Return the largest id and the number of the newest start that wrote an entry; zeros
+        before the first."""
 
     def oldest(self) -> int:
-        """The smallest id; 0 before the first entry."""
+        """Return the smallest id; 0 before the first entry."""
 
     def append(self, entries: Sequence[Entry]) -> None:
-        """All of them or none."""
+        """Write all entries or none."""
 
     def between(
         self, since: int, before: int, *, kinds: Collection[Kind], limit: int
     ) -> tuple[Entry, ...]:
-        """The newest of these kinds (none: all) with an id between the two, at most `limit`, oldest
-        first."""
+        """Return the newest entries of some kinds (none: all), `since` < id < `before`, at most
+        `limit`, oldest first."""
 
 
-class Journal:
-    """Entries in order of their ids, which go on from one start of the console to the next."""
+class EventLog:
+    """Entries in the order of their ids, which continue over all starts of the console."""
 
     def __init__(
         self,
-        shelf: Shelf | None = None,
+        store: EventStore | None = None,
         *,
-        most: int = MAX_ENTRIES,
+        max_entries: int = MAX_ENTRIES,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        """Without a shelf it is forgotten at the end. Raises `StorageFailed` when the shelf cannot
-        be read."""
-        self._shelf, self._wall_clock = shelf, wall_clock
-        self._entries: deque[Entry] = deque(maxlen=most)
+        """Without a store the entries are lost at the end. Raises `StorageFailed` when the store
+        cannot be read."""
+        self._store, self._wall_clock = store, wall_clock
+        self._entries: deque[Entry] = deque(maxlen=max_entries)
         self._lock = threading.Lock()
-        self._newest, before = (0, 0) if shelf is None else shelf.last()
+        self._newest, before = (0, 0) if store is None else store.last()
         self._start = before + 1
         self._written = self._newest
-        self._oldest = 0 if shelf is None else shelf.oldest()
+        self._oldest = 0 if store is None else store.oldest()
         self._fails = False
 
     def note(self, stamp_s: float, kind: Kind, text: str, place: Place | None = None) -> None:
-        """Write one more entry; the oldest in memory gives way when it is full."""
+        """Add an entry; a full memory drops its oldest."""
         at = None if place is None else (round(place[0], 3), round(place[1], 3))
         with self._lock:
             self._newest += 1
@@ -82,10 +83,10 @@ class Journal:
     def page(
         self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
     ) -> Page:
-        """The newest entries of these kinds (none: all) with an id between `since` and `before`, at
-        most `limit`, oldest first.
+        """Return the newest entries of some kinds (none: all), `since` < id < `before`, at most
+        `limit`, oldest first.
 
-        Raises `StorageFailed` when only the shelf has what was asked for, and cannot be read.
+        Raises `StorageFailed` when only the store has these entries and cannot be read.
         """
         with self._lock:
             held, newest = tuple(self._entries), self._newest
@@ -98,9 +99,9 @@ class Journal:
         chosen = chosen[-limit:] if limit else []
         first = min(held[0].id if held else newest + 1, until)
         older: tuple[Entry, ...] = ()
-        if self._shelf is not None and len(chosen) < limit and since < first - 1:
+        if self._store is not None and len(chosen) < limit and since < first - 1:
             try:
-                older = self._shelf.between(since, first, kinds=kinds, limit=limit - len(chosen))
+                older = self._store.between(since, first, kinds=kinds, limit=limit - len(chosen))
             except StorageFailed:
                 if not chosen:
                     raise
@@ -108,20 +109,20 @@ class Journal:
         return Page(newest=newest, oldest=oldest, start=self._start, entries=(*older, *chosen))
 
     def write(self) -> None:
-        """Put down what has been noted since the last time. A disk that refuses is tried again the
-        next time."""
-        if self._shelf is None:
+        """Store the entries noted since the last write; a disk that refuses is tried again next
+        time."""
+        if self._store is None:
             return
         with self._lock:
             waiting = [entry for entry in self._entries if entry.id > self._written]
         if not waiting:
             return
         try:
-            self._shelf.append(waiting)
-            self._oldest = self._shelf.oldest()
+            self._store.append(waiting)
+            self._oldest = self._store.oldest()
         except StorageFailed as error:
             if not self._fails:
-                log.error("the log of decisions waits in memory for the disk: %s", error)
+                log.error("the event log waits in memory for the disk: %s", error)
             self._fails = True
             return
         self._written, self._fails = waiting[-1].id, False

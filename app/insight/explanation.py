@@ -1,5 +1,5 @@
-"""The explanation of a path, composed for the console out of `navcore.explain` and
-`navcore.lifting`."""
+"""The explanation of a path for the console: `navcore.planning.path_explanation` and
+`navcore.planning.constraint_removal` combined."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
 from navcore.robot.profile import RobotProfile
-from web.insight import Alternative, ExplainedRule, Explanation, Place
+from web.interface.insight import Alternative, ExplainedRule, Explanation, Place
 
 MAX_COSTED = 12
-"""For so many rules it is worked out what each costs."""
+"""Largest number of rules whose cost is computed."""
 BUDGET = 2_000_000
-"""Of one search for a path; see `navcore.path.plan`."""
+"""Search budget of one path; see `navcore.planning.planner.plan`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExplanationQuery:
-    """What is to be explained: a path or the lack of one, over one snapshot of the map."""
+    """A path to explain, or the lack of one, on one snapshot of the map."""
 
     occupancy: Costmap
-    """The map."""
+    """Costmap of the snapshot."""
     beware: BewareList
-    """The list it was made under."""
+    """Beware list of the snapshot."""
     zones: tuple[Zone, ...]
-    """The zones it was made under."""
+    """Zones of the snapshot."""
     pose: Pose2
-    """Where the robot is."""
+    """Pose of the robot in the map frame."""
     goal: Place
-    """Where it wants to go."""
+    """Goal (x, y) in metres of the map frame."""
     path: Path | None
-    """What the robot follows; None when it follows none: then the shortest path is planned here."""
+    """Path that the robot follows; without one the shortest path is planned and explained."""
     profile: RobotProfile
-    """Its body."""
+    """Profile of the robot."""
     safety_margin_m: float
-    """Room beyond it."""
+    """Safety margin around the robot, metres."""
     start_relief_m: float
-    """So far off a free cell is looked for where the robot's own is closed."""
+    """Largest distance of the start from the robot whose own cell is blocked, metres."""
 
     def rules(self) -> Rules:
-        """All that closes cells."""
+        """Return everything that blocks cells."""
         return rules_of(
             self.occupancy.grid,
             self.beware,
@@ -64,11 +64,11 @@ class ExplanationQuery:
 
     @property
     def target(self) -> Cell:
-        """The goal's cell."""
+        """Cell of the goal."""
         return self.occupancy.spec.cell(*self.goal)
 
     def start(self, rules: Rules, lifted: Collection[str] = ()) -> Cell:
-        """The free cell nearest to the robot, or the robot's own."""
+        """Return the free cell nearest to the robot, or the robot's own cell."""
         cell = self.occupancy.spec.cell(self.pose.x_m, self.pose.y_m)
         reach = self.start_relief_m / self.occupancy.spec.resolution_m
         around = math.ceil(reach) + 1
@@ -80,24 +80,23 @@ class ExplanationQuery:
         return nearest_of(near, cell, reach) or cell
 
 
-def explained(case: ExplanationQuery) -> Explanation:
-    """Why the path leads where it does, or what would open one."""
-    rules, spec = case.rules(), case.occupancy.spec
-    start = case.start(rules)
-    path = case.path or path_without(rules, (), start, case.target, budget=BUDGET)
+def explain(query: ExplanationQuery) -> Explanation:
+    """Explain why the path leads where it does, or what would open one."""
+    rules, spec = query.rules(), query.occupancy.spec
+    start = query.start(rules)
+    path = query.path or path_without(rules, (), start, query.target, budget=BUDGET)
     if isinstance(path, NoPath):
-        # A robot that stands in a wall by a hair starts beside it; one that stands in a zone starts
-        # there.
-        everything = [rule.key for rule in rules.liftable]
-        lift = minimum_removal(rules, case.start(rules, everything), case.target)
+        # A robot slightly inside a wall starts beside it; a robot inside a zone starts there.
+        everything = [rule.key for rule in rules.removable]
+        lift = minimum_removal(rules, query.start(rules, everything), query.target)
         return Explanation(
-            goal=case.goal,
+            goal=query.goal,
             reason=str(path.reason),
             length_m=None,
             points=np.empty((0, 2)),
             stretches=(),
             rules=tuple(
-                ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.liftable
+                ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.removable
             ),
             all_cost_m=None,
             lift=lift.keys,
@@ -113,58 +112,60 @@ def explained(case: ExplanationQuery) -> Explanation:
                 steps[part.last] - steps[max(part.first - 1, 0)]
             )
     return Explanation(
-        goal=case.goal,
+        goal=query.goal,
         reason=None,
         length_m=path.length * spec.resolution_m,
         points=spec.centres(path.cells),
         stretches=tuple((part.key, part.first, part.last) for part in parts),
-        rules=_costed(case, rules, path, along),
-        all_cost_m=_all_cost_m(case, rules, path),
+        rules=_costed(query, rules, path, along),
+        all_cost_m=_all_cost_m(query, rules, path),
         lift=(),
         lift_exact=True,
         lift_at_least=0,
     )
 
 
-def alternative(case: ExplanationQuery, keys: Collection[str]) -> Alternative:
-    """The path if some rules did not stand; raises `NotKnown` for a key that closes nothing here."""
-    rules, metre = case.rules(), case.occupancy.spec.resolution_m
+def alternative(query: ExplanationQuery, keys: Collection[str]) -> Alternative:
+    """Plan the path without some rules; raises `NotKnown` for a key that blocks nothing."""
+    rules, metre = query.rules(), query.occupancy.spec.resolution_m
     for key in keys:
         if rules.find(key) is None:
             raise NotKnown(f"no zone or class that closes anything now has the key {key!r:.60}")
-    present = case.path or path_without(rules, (), case.start(rules), case.target, budget=BUDGET)
-    other = path_without(rules, tuple(keys), case.start(rules, keys), case.target, budget=BUDGET)
+    present = query.path or path_without(rules, (), query.start(rules), query.target, budget=BUDGET)
+    other = path_without(rules, tuple(keys), query.start(rules, keys), query.target, budget=BUDGET)
     if isinstance(other, NoPath):
         return Alternative(
             reason=str(other.reason), length_m=None, difference_m=None, points=np.empty((0, 2))
         )
     difference = (other.length - present.length) * metre if isinstance(present, Path) else None
-    points = case.occupancy.spec.centres(other.cells)
+    points = query.occupancy.spec.centres(other.cells)
     return Alternative(
         reason=None, length_m=other.length * metre, difference_m=difference, points=points
     )
 
 
 def _costed(
-    case: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]
+    query: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]
 ) -> tuple[ExplainedRule, ...]:
-    """What each rule costs by itself, as many as there is time for: first those along the path,
-    then those nearest to the straight line, for a rule that the path gives a wide berth may cost
-    the most."""
-    start, metre = case.start(rules), case.occupancy.spec.resolution_m
+    """Compute the cost of each rule by itself, for the first `MAX_COSTED` rules.
+
+    Rules along the path come first, then those nearest to the straight line, for a rule that the
+    path avoids widely may cost the most.
+    """
+    start, metre = query.start(rules), query.occupancy.spec.resolution_m
     whole = (
         [ExplainedRule(key="wall", name="obstacles", along_m=along["wall"])]
         if "wall" in along
         else []
     )
-    steps = np.linspace(start, case.target, 200).round().astype(np.int64)
+    steps = np.linspace(start, query.target, 200).round().astype(np.int64)
     ranked = sorted(
-        rules.liftable,
+        rules.removable,
         key=lambda rule: (-along.get(rule.key, 0.0), float(rule.at(steps).min()), rule.key),
     )
     for rank, rule in enumerate(ranked):
         other = (
-            path_without(rules, [rule.key], start, case.target, budget=BUDGET)
+            path_without(rules, [rule.key], start, query.target, budget=BUDGET)
             if rank < MAX_COSTED
             else None
         )
@@ -177,14 +178,18 @@ def _costed(
     return tuple(sorted(whole, key=lambda rule: -(rule.saves_m or 0.0)))
 
 
-def _all_cost_m(case: ExplanationQuery, rules: Rules, path: Path) -> float | None:
-    """What all rules together cost: more than the sum of each where they close one another's ways
-    round."""
+def _all_cost_m(query: ExplanationQuery, rules: Rules, path: Path) -> float | None:
+    """Compute the cost of all rules together, in metres; more than the sum of each where they block
+    the detours of one another."""
     free = path_without(
-        rules, [rule.key for rule in rules.liftable], case.start(rules), case.target, budget=BUDGET
+        rules,
+        [rule.key for rule in rules.removable],
+        query.start(rules),
+        query.target,
+        budget=BUDGET,
     )
     return (
-        (path.length - free.length) * case.occupancy.spec.resolution_m
+        (path.length - free.length) * query.occupancy.spec.resolution_m
         if isinstance(free, Path)
         else None
     )

@@ -1,10 +1,10 @@
-"""Pictures that an operator has corrected, in the layout of the data sets: `bewarenav train --data
-FOLDER` takes the folder.
+"""The labelling folder: images corrected by operators, as a data set for `bewarenav train --data
+FOLDER`.
 
-Every picture goes to the split `train`. Of its labels the operator vouches for one region only. The
-rest is the segmenter's own word, where it was sure enough to bind the robot; where it was unsure,
-and on the rim of the region, the label is void, which no training learns from. After every picture
-the lists and the card are whole again; what a crash leaves half done is mended at the next start.
+Every image goes to the split `train`. The operator has confirmed one region of its labels. The rest
+are the segmenter's labels where their confidence sufficed; elsewhere, and on the rim of the region,
+the label is void and not learned from. The lists and the card are complete after every image; an
+image that a crash left incomplete is dropped at the next start.
 """
 
 from __future__ import annotations
@@ -35,18 +35,23 @@ from navcore.learning.data.card import (
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
 from navcore.learning.data.writer import write_text
-from web.insight import LabellingState
+from web.interface.insight import LabellingState
 
 MAX_PICTURES = 500
 MAX_BYTES = 500_000_000
 BACKGROUND = "background"
 UNITS_PER_M = 1000.0
+"""Unit of the depth images: millimetres."""
 RIM_PX = 3
-"""So wide is the void about what the operator has said something of."""
+"""Width of the void rim around the confirmed region, pixels."""
+MIN_BOX_PX = 6
+"""Smallest side of an operator's box, pixels."""
+MIN_FOREGROUND = 0.05
+"""Share of a box below which the extracted foreground is not trusted."""
 
 
 class LabellingFolder:
-    """Grows picture by picture up to its bounds; safe to use from any thread."""
+    """A bounded data set on disk; safe to use from any thread."""
 
     def __init__(
         self, folder: Path, *, max_pictures: int = MAX_PICTURES, max_bytes: int = MAX_BYTES
@@ -61,7 +66,7 @@ class LabellingFolder:
         self._opened = False
 
     def state(self) -> LabellingState:
-        """How much is in it."""
+        """Return the number of images and bytes in the folder."""
         with self._lock:
             self._open()
             return LabellingState(
@@ -73,16 +78,17 @@ class LabellingFolder:
             )
 
     def add(self, view: StoredView, *, names: dict[int, str], said: str | None) -> None:
-        """Add a picture whose region shows a thing of the class `said`; None: nothing of the list.
+        """Add a view whose region shows the class `said`, or no class of the list for None.
 
-        `names` are the beware list's classes by id. Raises `Refused` when the folder is full,
-        `StorageFailed`.
+        `names` are the classes of the beware list by id. Raises `Refused` when the folder is full,
+        `StorageFailed` when it cannot be written.
         """
         with self._lock:
             self._open()
             if len(self._files) >= self._max_pictures or self._bytes_used >= self._max_bytes:
                 raise Refused(
-                    f"the labelling folder {self.folder} is full ({len(self._files)} pictures); train with it, then move it"
+                    f"the labelling folder {self.folder} is full ({len(self._files)} images); "
+                    "train with it, then move it"
                 )
             self._name_classes([*names.values(), *([said] if said else [])])
             labels = self._labels(view, names, said or BACKGROUND)
@@ -110,13 +116,13 @@ class LabellingFolder:
         return [known.casefold() for known in self._class_names].index(name.casefold()) + 1
 
     def _name_classes(self, names: Sequence[str]) -> None:
-        """Names are only ever added, at the end: what is on the disk keeps its meaning."""
+        """Append new class names; the labels on disk keep their meaning."""
         for name in names:
             if name.casefold() not in (known.casefold() for known in self._class_names):
                 self._class_names.append(name)
 
     def _open(self) -> None:
-        """Take over what an earlier session left; a picture whose writing was cut off is left out."""
+        """Read the folder of an earlier session; an incomplete image is left out."""
         if self._opened:
             return
         class_names, found, sums, sizes = (
@@ -141,8 +147,8 @@ class LabellingFolder:
                 found.append(files)
                 sums.add(depth)
                 sizes.add((labels.shape[0], labels.shape[1]))
-        # All in one step: a disk that then refuses the lists finds what was read only once in them
-        # when it is tried again.
+        # Assigned in one step: when the disk refuses the lists, the next attempt does not list an
+        # image twice.
         self._class_names, self._files, self._sums, self._sizes = class_names, found, sums, sizes
         self._bytes_used = sum(map(self._size_of, found))
         if found:
@@ -176,7 +182,7 @@ class LabellingFolder:
         try:
             sums.statistics(units_per_m=UNITS_PER_M)
         except BadConfiguration as error:
-            raise Refused(f"the picture cannot be learned from: {error}") from None
+            raise Refused(f"the image cannot be learned from: {error}") from None
         partial = self.folder / f"{files[2]}.partial.npy"
         try:
             for split in SPLITS:
@@ -184,16 +190,16 @@ class LabellingFolder:
                     (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
             self._write_card(
                 sums
-            )  # first: a number in a label must never be on the disk without its name
+            )  # first: no label may be on the disk without the name of its class
             write_rgb(self.folder / files[0], rgb)
             write_grey(self.folder / files[1], depth_mm)
             np.save(partial, labels, allow_pickle=False)
             partial.replace(
                 self.folder / files[2]
-            )  # the last of the three, so that a picture is whole or none
+            )  # the last of the three files: an image is complete or absent
         except OSError as error:
             raise StorageFailed(
-                f"{self.folder}: the picture cannot be written: {error.strerror or error}"
+                f"{self.folder}: the image cannot be written: {error.strerror or error}"
             ) from error
         self._files.append(files)
         self._bytes_used += self._size_of(files)
@@ -227,19 +233,20 @@ def _files_of(name: str) -> Files:
 
 
 def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt.NDArray[np.bool_]:
-    """(H, W) what stands out within (left, top, right, bottom), by GrabCut; the whole box if
-    nothing does.
+    """Return (H, W) the foreground within a box (left, top, right, bottom), by GrabCut; the whole
+    box if there is too little.
 
-    Raises `BadConfiguration` for a box that is not on the picture or too small.
+    Raises `BadConfiguration` for a box outside the image or too small.
     """
     height, width = rgb.shape[:2]
     left, top, right, bottom = box
     if (
         not (0 <= left < right <= width and 0 <= top < bottom <= height)
-        or min(right - left, bottom - top) < 6
+        or min(right - left, bottom - top) < MIN_BOX_PX
     ):
         raise BadConfiguration(
-            f"box {box}: expected left < right ≤ {width}, top < bottom ≤ {height}, each side 6 pixels or more"
+            f"box {box}: expected left < right ≤ {width}, top < bottom ≤ {height}, "
+            f"each side {MIN_BOX_PX} pixels or more"
         )
     region = np.zeros((height, width), dtype=np.bool_)
     region[top:bottom, left:right] = True
@@ -252,4 +259,4 @@ def region_in(rgb: npt.NDArray[np.uint8], box: tuple[int, int, int, int]) -> npt
         np.ascontiguousarray(rgb[..., ::-1]), kinds, (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK
     )
     found = (kinds == cv2.GC_FGD) | (kinds == cv2.GC_PR_FGD)
-    return found if found.sum() >= 0.05 * region.sum() else region
+    return found if found.sum() >= MIN_FOREGROUND * region.sum() else region

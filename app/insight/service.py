@@ -1,29 +1,29 @@
-"""The console's insight port, satisfied: a thread of its own looks at what the others leave behind,
-and explains on request.
+"""The console's insight port on a running robot: event log, detections, explanations, time series.
 
-The think and the command thread hand over one reference each and go on. All that costs anything
-happens here, or in the web server's threads: comparing paths, telling sightings apart, packing
-pictures, searching for other paths.
+The think and the command thread hand over one reference each and go on. Everything expensive
+happens in a thread of this module or of the web server: comparing paths, matching detections,
+compressing images, searching for alternative paths.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping
+from collections import deque
+from collections.abc import Collection
+from typing import Protocol
 
 import numpy as np
 
 from app.insight.detections import DetectionGallery, packed
 from app.insight.event_detector import EventDetector
-from app.insight.event_log import Journal, Shelf
-from app.insight.explanation import ExplanationQuery, alternative, explained
+from app.insight.event_log import EventLog, EventStore
+from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.insight.labelling import LabellingFolder, region_in
-from app.insight.time_series import Series
 from app.runtime.loop import PeriodicThread
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
+from app.runtime.time_series import TimeSeries
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.collision_checker import candidates
 from navcore.costmap.local_costmap import nearby, obstacle_masks
@@ -31,135 +31,136 @@ from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.safety.gate import GateDecision, StopReason
-from web.insight import (
+from web.images.encode import camera_jpg
+from web.interface.insight import (
     Alternative,
     Candidates,
     Explanation,
-    Kind,
     LabellingState,
-    Page,
     Place,
-    Sighting,
 )
-from web.pictures import camera_jpg
 
 log = logging.getLogger(__name__)
 PERIOD_S = 0.25
-"""So often the thread looks."""
+"""Period of the thread, seconds."""
 WRITE_PERIOD_S = 1.0
-"""So often the log goes to the disk: a kill loses no more of it."""
+"""Time between two writes of the event log to the disk, seconds: a kill loses no more of it."""
 CANDIDATE_REACH_M = 2.6
-"""Nothing that is farther off can be hit along an arc."""
+"""Distance beyond which no obstacle can be hit along a motion primitive, metres."""
 MAX_SNAPSHOTS = 8
-"""Pictures held for the operators' corrections."""
-MOST_WAITING = 256
-"""Changes of the gate's reasons that wait to be written down."""
+"""Largest number of images held for corrections by operators."""
+MAX_VERDICTS = 256
+"""Largest number of changes of the stop reason that wait to be logged."""
+
+
+class Clock(Protocol):
+    """The robot's clock; `navcore.robot.driver.Robot` is one."""
+
+    def now_ns(self) -> int:
+        """Return the time of the robot's monotonic clock in nanoseconds."""
 
 
 class LiveInsight:
-    """Satisfies `web.insight.Insight` for a running robot: `start`, feed by `note_decision` and
-    `note_verdict`, `stop`."""
+    """Satisfies the console's port `Insight` for a running robot: `start`, feed by `note_decision`
+    and `note_verdict`, `stop`."""
 
     def __init__(
         self,
         *,
-        pilot: RobotController,
+        controller: RobotController,
         recorder: Recorder,
         labelling: LabellingFolder,
         config: NavigatorConfig,
-        now_s: Callable[[], float],
-        tick_ms: Callable[[], float],
-        log_shelf: Shelf,
+        clock: Clock,
+        store: EventStore,
     ) -> None:
-        """`log_shelf`: where the log of decisions outlives the console."""
-        self._pilot, self._recorder, self._labelling, self._config = (
-            pilot,
-            recorder,
-            labelling,
-            config,
-        )
-        self._now_s, self._tick_ms = now_s, tick_ms
-        self._journal = Journal(log_shelf)
+        """`store`: storage of the event log, which outlives the console."""
+        self._controller, self._recorder, self._config = controller, recorder, config
+        self._clock = clock
+        self.event_log = EventLog(store)
+        """What the robot decided, and what led to it."""
+        self.detections = DetectionGallery()
+        """Detected objects of the beware list."""
+        self.labelling = labelling
+        """Images for the next training, corrected by operators."""
+        self.series = TimeSeries()
+        """Speed, distance, explored area and volume, tick times."""
         self._writer = PeriodicThread(
-            self._journal.write, period_s=WRITE_PERIOD_S, name="log to disk"
+            self.event_log.write, period_s=WRITE_PERIOD_S, name="event log to disk"
         )
-        self._chronicle = EventDetector(self._journal, pilot.intent)
-        self._sighted, self._series = DetectionGallery(), Series()
+        self._event_detector = EventDetector(self.event_log, controller.intent)
         self._explaining = threading.Lock()
         self._explained: tuple[object, Explanation] | None = None
         self._decision: TickResult | None = None
-        self._looked_at: TickResult | None = None
+        self._processed: TickResult | None = None
         self._causes: tuple[str, ...] = ()
-        self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MOST_WAITING)
+        self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MAX_VERDICTS)
         self._snapshots: deque[TickResult] = deque(maxlen=MAX_SNAPSHOTS)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="insight", daemon=True)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start the threads."""
         self._thread.start()
         self._writer.start()
 
     def stop(self) -> None:
-        """Look no more; a second call does nothing new."""
+        """End the threads and write the event log; a second call has no effect."""
         self._ending.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
             self._writer.stop()
-            self._journal.write()
+            self.event_log.write()
 
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self._decision = decision
 
     def note_verdict(self, verdict: GateDecision) -> None:
-        """Called by the command thread each time it has sent."""
+        """Called by the command thread after each command."""
         causes = tuple(reason.cause for reason in verdict.reasons[:1])
         if causes != self._causes:
             self._causes = causes
             self._verdicts.append((self._now_s(), verdict.reasons))
 
-    # What the console asks
-
-    def journal(
-        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
-    ) -> Page:
-        """The newest entries after an id, and before another."""
-        return self._journal.page(kinds=kinds, since=since, limit=limit, before=before)
+    # Requests of the console
 
     def explain(self) -> Explanation:
-        """Why the present path, or the one to the first goal that waits; made once for each map,
-        goal and place."""
+        """Explain the present path, or the one to the first waiting goal.
+
+        Computed once for each map, goal and cell of the robot.
+        """
         with self._explaining:
-            case = self._case()
-            key = (
-                case.occupancy,
-                case.goal,
-                case.path,
-                case.occupancy.spec.cell(case.pose.x_m, case.pose.y_m),
-            )
+            query = self._query()
+            cell = query.occupancy.spec.cell(query.pose.x_m, query.pose.y_m)
+            key = (query.occupancy, query.goal, query.path, cell)
             if self._explained is None or self._explained[0] != key:
-                self._explained = (key, explained(case))
+                self._explained = (key, explain(query))
             return self._explained[1]
 
     def without(self, keys: Collection[str]) -> Alternative:
-        """The path if these rules did not stand."""
+        """Plan the path without some rules; nothing is applied."""
         with self._explaining:
-            return alternative(self._case(), keys)
+            return alternative(self._query(), keys)
 
     def candidates(self) -> Candidates | None:
-        """What the local planner chooses from, judged by what stands near."""
+        """Return the local planner's motion primitives with their free lengths; None before the
+        first tick."""
         decision = self._decision
         if decision is None:
             return None
-        pose, profile, local = decision.frame.pose, self._pilot.profile, self._config.local
+        pose, profile, local = decision.frame.pose, self._controller.profile, self._config.local
         around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
         hard, ruled = (
             nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in obstacle_masks(around)
         )
-        cell_m, among = around.spec.resolution_m, decision.motion.among
         arcs, free = candidates(
-            geometric=hard, ruled=ruled, profile=profile, rules=local, cell_m=cell_m, among=among
+            geometric=hard,
+            forbidden=ruled,
+            profile=profile,
+            local=local,
+            cell_m=around.spec.resolution_m,
+            control=self._config.control,
         )
         return Candidates(
             serial=decision.frame.stamp_ns,
@@ -168,128 +169,99 @@ class LiveInsight:
             chosen=decision.motion.arc,
         )
 
-    def sightings(self) -> tuple[Sighting, ...]:
-        """Everything recognised, newest first."""
-        return self._sighted.all()
-
-    def sighting_picture(self, sighting_id: int) -> bytes:
-        """JPEG of its best view."""
-        return self._sighted.crop(sighting_id)
-
-    def seen_counts(self) -> Mapping[int, int]:
-        """How many things of each class were recognised."""
-        return Counter(
-            sighting.class_id for sighting in self._sighted.all() if sighting.verdict is None
-        )
-
     def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
-        """Put its frame into the labelling folder, corrected."""
-        view = self._sighted.view(sighting_id)
-        self._labelling.add(view, names=self._names(class_name), said=class_name)
-        self._sighted.call_wrong(sighting_id)
+        """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
+        view = self.detections.view(sighting_id)
+        self.labelling.add(view, names=self._names(class_name), said=class_name)
+        self.detections.call_wrong(sighting_id)
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
-        self._journal.note(
+        self.event_log.note(
             self._now_s(),
             "labelled",
             f"Sighting {sighting_id} was called wrong: {what}.",
             self._place_of(sighting_id),
         )
-        return self._labelling.state()
+        return self.labelling.state()
 
     def snapshot(self) -> int:
-        """Hold the present picture."""
+        """Hold the present image and return its id; raises `Refused` before the first."""
         if self._decision is None:
-            raise Refused("the camera has delivered no picture yet")
+            raise Refused("the camera has delivered no image yet")
         self._snapshots.append(self._decision)
         return self._decision.frame.stamp_ns
 
     def snapshot_picture(self, snapshot: int) -> bytes:
-        """JPEG of a picture that is held."""
+        """Return the JPEG of a held image; raises `NotKnown`."""
         return camera_jpg(self._held(snapshot).frame.rgb)
 
     def add_example(
         self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
     ) -> LabellingState:
-        """Put a held picture into the labelling folder, with something that was missed."""
+        """Add a held image to the labelling folder, with a missed object."""
         names, decision = self._names(class_name), self._held(snapshot)
         mask = region_in(decision.frame.rgb, box)
-        view = packed(decision.frame, decision.labels, self._pilot.intent.beware, mask)
-        self._labelling.add(view, names=names, said=class_name)
-        self._journal.note(
+        view = packed(decision.frame, decision.labels, self._controller.intent.beware, mask)
+        self.labelling.add(view, names=names, said=class_name)
+        self.event_log.note(
             self._now_s(),
             "labelled",
             f"A “{class_name}” that was missed was shown to the robot.",
             self._here(),
         )
-        return self._labelling.state()
+        return self.labelling.state()
 
-    def labelling(self) -> LabellingState:
-        """The labelling folder as it is."""
-        return self._labelling.state()
-
-    def series(self, since_s: float) -> Mapping[str, list[float | None]]:
-        """Figures over time."""
-        return self._series.after(since_s)
-
-    # The thread
+    # Thread
 
     def _run(self) -> None:
         while not self._ending.wait(PERIOD_S):
             try:
-                self._look()
+                self._update()
             except Exception:
-                log.exception(
-                    "the log of decisions missed something"
-                )  # nothing that drives depends on it
+                log.exception("the event log missed an event")  # no driving depends on it
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         now_s, decision = self._now_s(), self._decision
         while self._verdicts:
-            self._chronicle.on_gate(*self._verdicts.popleft(), self._here())
-        self._chronicle.look(now_s, self._pilot.intent, decision, self._here())
-        if decision is not None and decision is not self._looked_at:
-            self._looked_at = decision
-            for new in self._sighted.look(
-                now_s, decision.frame, decision.labels, self._pilot.intent.beware
+            self._event_detector.on_gate(*self._verdicts.popleft(), self._here())
+        self._event_detector.on_tick(now_s, self._controller.intent, decision, self._here())
+        if decision is not None and decision is not self._processed:
+            self._processed = decision
+            for new in self.detections.update(
+                now_s, decision.frame, decision.labels, self._controller.intent.beware
             ):
                 text = f"First sight of “{new.class_name}” here, {new.confidence:.0%} sure."
-                self._journal.note(now_s, "seen", text, new.place)
-        if self._series.is_due(now_s):
-            self._series.add(now_s, self._figures(decision))
+                self.event_log.note(now_s, "seen", text, new.place)
+        if self.series.is_due(now_s):
+            self.series.add(now_s, self._recorder.measurements(decision))
 
-    def _figures(self, decision: TickResult | None) -> dict[str, float]:
-        return {
-            "speed_mps": decision.frame.twist.v_mps if decision is not None else 0.0,
-            "distance_m": self._recorder.travelled_m,
-            "explored_m2": self._recorder.explored_m2,
-            "explored_m3": self._pilot.navigator.map.explored.volume_m3,
-            "tick_ms": self._tick_ms(),
-        }
+    def _now_s(self) -> float:
+        return self._clock.now_ns() / 1e9
 
     def _held(self, snapshot: int) -> TickResult:
         for decision in tuple(self._snapshots):
             if decision.frame.stamp_ns == snapshot:
                 return decision
-        raise NotKnown(f"picture {snapshot} is not held any more; take another one")
+        raise NotKnown(f"image {snapshot} is no longer held; take another one")
 
     def _here(self) -> Place:
         return self._recorder.pose.x_m, self._recorder.pose.y_m
 
     def _place_of(self, sighting_id: int) -> Place | None:
         return next(
-            (sighting.place for sighting in self._sighted.all() if sighting.id == sighting_id), None
+            (sighting.place for sighting in self.detections.all() if sighting.id == sighting_id),
+            None,
         )
 
     def _names(self, class_name: str | None) -> dict[int, str]:
-        names = {entry.class_id: entry.name for entry in self._pilot.intent.beware.classes}
+        names = {entry.class_id: entry.name for entry in self._controller.intent.beware.classes}
         if class_name is not None and class_name not in names.values():
             raise NotKnown(f"the beware list has no class {class_name!r:.90}; add it first")
         return names
 
-    def _case(self) -> ExplanationQuery:
-        intent, decision = self._pilot.intent, self._decision
+    def _query(self) -> ExplanationQuery:
+        intent, decision = self._controller.intent, self._decision
         if decision is None:
-            raise Refused("there is no map yet; the camera has not delivered a picture")
+            raise Refused("there is no map yet; the camera has not delivered an image")
         if not intent.mission.queue:
             raise Refused("there is no goal, so there is no path to explain; add a goal first")
         goal = (intent.mission.queue[0].x_m, intent.mission.queue[0].y_m)
@@ -307,7 +279,7 @@ class LiveInsight:
             pose=decision.frame.pose,
             goal=goal,
             path=path,
-            profile=self._pilot.profile,
+            profile=self._controller.profile,
             safety_margin_m=self._config.safety_margin_m,
             start_relief_m=self._config.start_relief_m,
         )

@@ -1,4 +1,4 @@
-"""Prepare things ahead of time in threads, in their order."""
+"""Prefetching: compute items ahead of time in threads, in their order."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ B = TypeVar("B")
 
 
 def prefetching(threads: int) -> Callable[[Callable[[A], B], Iterable[A]], Iterator[B]]:
-    """Like `map`, but that many threads work ahead by at most two results each; 0 threads is `map`
-    itself.
+    """Return a `map` whose threads work ahead by at most two results each; `map` itself for 0.
 
-    An error of the function is raised where its result would have come.
+    An error of the function is raised in the position of its result.
     """
 
     def mapped(function: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:

@@ -1,5 +1,4 @@
-"""What a trained network came to: the table, the confusion picture, `metrics.json` and the model's
-card."""
+"""Report of a trained network: table, confusion matrix, `metrics.json` and model card."""
 
 from __future__ import annotations
 
@@ -20,8 +19,8 @@ from rich.table import Table
 
 from navcore.learning.data.card import Split
 from navcore.learning.data.writer import write_text
-from navcore.learning.training.batches import Pictures
-from navcore.learning.training.evaluation import Looking, evaluate
+from navcore.learning.training.batches import CachedSplit
+from navcore.learning.training.evaluation import InferenceSettings, evaluate
 from navcore.learning.training.metrics import ious, mean_iou
 from navcore.learning.training.trainer import MODEL_NAME, Training
 from navcore.perception.esanet.weights import weights_file as weights
@@ -30,16 +29,16 @@ Confusion = npt.NDArray[np.int64]
 
 
 def report(training: Training, *, command: Sequence[str], seconds: float) -> dict[str, Any]:
-    """Judge the kept network in float32 and write everything beside it; returns what `metrics.json`
-    says."""
+    """Evaluate the saved network in float32 and write the report beside it; return the content of
+    `metrics.json`."""
     dataset, out = training.dataset, training.out
     split: Split = (
         "test" if dataset.count("test") else "valid" if dataset.count("valid") else "train"
     )
     trained = weights.load(out / MODEL_NAME)
     network = trained.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    looking = Looking(size=training.recipe.size, batch=training.recipe.batch)
-    confusion = evaluate(network, Pictures(dataset, split, cache_mb=0), looking)
+    inference = InferenceSettings(size=training.recipe.size, batch=training.recipe.batch)
+    confusion = evaluate(network, CachedSplit(dataset, split, cache_mb=0), inference)
     metrics = {
         **figures(confusion, dataset.card.class_names, split, dataset.count(split)),
         "best_epoch": training.state.best_epoch,
@@ -55,13 +54,13 @@ def report(training: Training, *, command: Sequence[str], seconds: float) -> dic
 
 
 def figures(
-    confusion: Confusion, class_names: Sequence[str], split: str, pictures: int
+    confusion: Confusion, class_names: Sequence[str], split: str, images: int
 ) -> dict[str, Any]:
-    """mIoU, IoU per class (none for a class without true pixels) and pixel accuracy; JSON-ready."""
+    """Return mIoU, pixel accuracy and IoU per class (None without true pixels) as a JSON object."""
     labelled = int(confusion.sum())
     return {
         "split": split,
-        "pictures": pictures,
+        "pictures": images,
         "miou": _number(mean_iou(confusion)),
         "pixel_accuracy": _number(float(np.trace(confusion)) / labelled if labelled else math.nan),
         "iou": {
@@ -73,7 +72,7 @@ def figures(
 
 
 def show(confusion: Confusion, class_names: Sequence[str], split: str) -> None:
-    """Print the table of the classes."""
+    """Print IoU, precision and recall per class."""
     table = Table(
         "class",
         "IoU",
@@ -82,19 +81,19 @@ def show(confusion: Confusion, class_names: Sequence[str], split: str) -> None:
         "pixels",
         title=f"{split}: mIoU {mean_iou(confusion):.4f}",
     )
-    hits, truth, claimed = np.diag(confusion), confusion.sum(axis=1), confusion.sum(axis=0)
+    hits, true, predicted = np.diag(confusion), confusion.sum(axis=1), confusion.sum(axis=0)
     for index, name in enumerate(class_names):
         shares = (
             float(ious(confusion)[index]),
-            _share(hits[index], claimed[index]),
-            _share(hits[index], truth[index]),
+            _share(hits[index], predicted[index]),
+            _share(hits[index], true[index]),
         )
-        table.add_row(name, *(f"{share:.4f}" for share in shares), str(truth[index]))
+        table.add_row(name, *(f"{share:.4f}" for share in shares), str(true[index]))
     Terminal().print(table)
 
 
 def draw_confusion(confusion: Confusion, class_names: Sequence[str], path: Path) -> None:
-    """The confusion matrix as a picture: share of each true class that was called what."""
+    """Draw the confusion matrix as shares of each true class."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -119,7 +118,7 @@ def draw_confusion(confusion: Confusion, class_names: Sequence[str], path: Path)
 
 
 def write_card(training: Training, metrics: dict[str, Any], command: Sequence[str]) -> None:
-    """`card.json` and `card.md`: what the model is, what it was taught with, and how it was judged."""
+    """Write `card.json` and `card.md`: the model, its training and its evaluation."""
     recipe, dataset = training.recipe, training.dataset
     model = training.out / MODEL_NAME
     card = {
@@ -152,7 +151,7 @@ def write_card(training: Training, metrics: dict[str, Any], command: Sequence[st
 
 
 def _card_text(training: Training, metrics: dict[str, Any], command: object) -> str:
-    """The card for people, as Markdown."""
+    """Return the card as Markdown."""
     recipe, data = training.recipe, training.dataset.card
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in metrics["iou"].items())
     size = f"{recipe.size.width}×{recipe.size.height}"
@@ -160,12 +159,13 @@ def _card_text(training: Training, metrics: dict[str, Any], command: object) -> 
     return "\n\n".join(
         (
             f"# {MODEL_NAME}",
-            f"ESANet {recipe.variant}, width {recipe.width:g}, {size}, {len(data.class_names)} classes.",
-            f"Trained on {data.counts.train} pictures with",
+            f"ESANet {recipe.variant}, width {recipe.width:g}, {size}, "
+            f"{len(data.class_names)} classes.",
+            f"Trained on {data.counts.train} images with",
             f"    {command}",
-            f"Seed {recipe.seed}, epoch {metrics['best_epoch']} of {recipe.epochs} kept; the whole recipe, the data set's "
-            "source and the hashes are in `card.json`.",
-            f"On the {metrics['pictures']} pictures of the split `{metrics['split']}`: {judged}.",
+            f"Seed {recipe.seed}, epoch {metrics['best_epoch']} of {recipe.epochs} kept; the whole "
+            "recipe, the data set's source and the hashes are in `card.json`.",
+            f"On the {metrics['pictures']} images of the split `{metrics['split']}`: {judged}.",
             f"| class | IoU |\n|---|---|\n{rows}",
             f"Source of the data: `{json.dumps(dict(data.source))}`\n",
         )

@@ -1,5 +1,4 @@
-"""A training run as the command line starts it: this machine's arithmetic, its processes, progress
-and the final report."""
+"""A training run of the command line: arithmetic of the machine, processes and progress."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.checkpoint import Epoch
 from navcore.learning.training.distributed import Ranks
 from navcore.learning.training.recipe import Recipe
-from navcore.learning.training.trainer import STATE_NAME, Step, Surroundings, Training
+from navcore.learning.training.trainer import STATE_NAME, Machine, Step, Training
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 
 
@@ -44,16 +43,15 @@ def train(
     workers: int = 2,
     cache_mb: int = 4096,
 ) -> Training | None:
-    """Train to the end, from `start` or from nothing; returns the run, or `None` in the processes
-    that write nothing.
+    """Train to the end, from the weights `start` or from scratch.
 
-    `out` must not hold another run unless `resume` is said. Raises `BadConfiguration` or
-    `StorageFailed`.
+    Returns the run, or None in the processes that write no files. `out` must not hold another run
+    unless `resume` is set. Raises `BadConfiguration` or `StorageFailed`.
     """
     keep_freed_memory()
     cv2.setNumThreads(1)  # the threads that prepare batches are parallel already
     with _process_group(device) as (ranks, where):
-        surroundings = Surroundings(
+        machine = Machine(
             device=where,
             bfloat16=uses_bfloat16(recipe, where),
             ranks=ranks,
@@ -61,17 +59,17 @@ def train(
             map_batches=prefetching(workers),
         )
         _prepare(out, resume=resume)
-        training = Training(recipe, dataset, out, surroundings, start=start)
+        training = Training(recipe, dataset, out, machine, start=start)
         if resume:
             training.resume()
-        with _watching(training, ranks) as watcher:
-            training.run(watcher.see)
+        with _displayed(training, ranks) as display:
+            training.run(display.update)
     return training if ranks.first else None
 
 
 def uses_bfloat16(recipe: Recipe, device: torch.device) -> bool:
-    """What `precision = "auto"` means here: bfloat16 where the processor or the GPU has
-    instructions for it."""
+    """Return whether to compute in bfloat16: `auto` where the processor or the GPU has instructions
+    for it."""
     if recipe.precision != "auto":
         return recipe.precision == "bfloat16"
     if device.type == "cuda":
@@ -80,8 +78,7 @@ def uses_bfloat16(recipe: Recipe, device: torch.device) -> bool:
 
 
 def chosen_device(name: str) -> torch.device:
-    """`auto` is a GPU where there is one; raises `BadConfiguration` for anything torch does not
-    know."""
+    """Return the device of a name; `auto` is a GPU if there is one. Raises `BadConfiguration`."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     try:
@@ -98,8 +95,8 @@ def chosen_device(name: str) -> torch.device:
 
 
 def keep_freed_memory() -> None:
-    """Ask glibc to reuse large blocks: fresh ones cost a page fault per 4 kB, which is most of the
-    time of the loss."""
+    """Ask glibc to reuse large blocks: new ones cost a page fault per 4 kB, most of the time of the
+    loss."""
     if not sys.platform.startswith("linux"):
         return
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
@@ -111,7 +108,7 @@ def keep_freed_memory() -> None:
 
 @contextmanager
 def _process_group(device: str) -> Iterator[tuple[Ranks, torch.device]]:
-    """Join the processes that `torchrun` started, if it did."""
+    """Join the process group if `torchrun` started several processes."""
     where = chosen_device(device)
     count = int(os.environ.get("WORLD_SIZE", "1"))
     if count == 1:
@@ -130,10 +127,10 @@ def _process_group(device: str) -> Iterator[tuple[Ranks, torch.device]]:
 def _prepare(out: Path, *, resume: bool) -> None:
     state = out / STATE_NAME
     if resume and not state.is_file():
-        raise BadConfiguration(f"--resume: {state} is not there; there is no run to go on with")
+        raise BadConfiguration(f"--resume: {state} is not there; there is no run to continue")
     if not resume and state.exists():
         raise BadConfiguration(
-            f"{out}: holds a training run already; say --resume, or another --out"
+            f"{out}: holds a training run already; give --resume, or another --out"
         )
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -141,30 +138,32 @@ def _prepare(out: Path, *, resume: bool) -> None:
         raise StorageFailed(f"{out}: cannot be made: {error.strerror or error}") from error
 
 
-class _Watcher:
-    """Draws the progress; one line per epoch stays."""
+class _ProgressDisplay:
+    """A progress bar that leaves one line per epoch."""
 
     def __init__(self, progress: Progress, task: TaskID, epochs: int) -> None:
         self._progress, self._task, self._epochs = progress, task, epochs
         self._miou = ""
 
-    def see(self, news: Step | Epoch) -> None:
-        if isinstance(news, Step):
-            done = news.epoch - 1 + news.step / news.steps
-            text = f"epoch {news.epoch}/{self._epochs}  loss {news.loss:.3f}{self._miou}"
+    def update(self, progress: Step | Epoch) -> None:
+        """Show the progress of a step, or print an epoch."""
+        if isinstance(progress, Step):
+            done = progress.epoch - 1 + progress.step / progress.steps
+            text = f"epoch {progress.epoch}/{self._epochs}  loss {progress.loss:.3f}{self._miou}"
             self._progress.update(self._task, completed=done, description=text)
             return
-        if news.miou is not None:
-            self._miou = f"  mIoU {news.miou:.4f}"
-        rate = f"rate {news.learning_rate:.2e}"
-        measured = "" if news.miou is None else f"  mIoU {news.miou:.4f}"
+        if progress.miou is not None:
+            self._miou = f"  mIoU {progress.miou:.4f}"
+        rate = f"rate {progress.learning_rate:.2e}"
+        measured = "" if progress.miou is None else f"  mIoU {progress.miou:.4f}"
         self._progress.console.print(
-            f"epoch {news.number:4d}  loss {news.loss:.4f}  {rate}{measured}", highlight=False
+            f"epoch {progress.number:4d}  loss {progress.loss:.4f}  {rate}{measured}",
+            highlight=False,
         )
 
 
 @contextmanager
-def _watching(training: Training, ranks: Ranks) -> Iterator[_Watcher]:
+def _displayed(training: Training, ranks: Ranks) -> Iterator[_ProgressDisplay]:
     epochs = training.recipe.epochs
     columns = (
         TextColumn("{task.description}"),
@@ -174,4 +173,4 @@ def _watching(training: Training, ranks: Ranks) -> Iterator[_Watcher]:
     )
     with Progress(*columns, console=Terminal(stderr=True), disable=not ranks.first) as progress:
         task = progress.add_task("starting", total=epochs, completed=len(training.state.history))
-        yield _Watcher(progress, task, epochs)
+        yield _ProgressDisplay(progress, task, epochs)

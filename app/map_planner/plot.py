@@ -1,4 +1,4 @@
-"""A planned path over its map, as a picture."""
+"""Plot of a planned path over its map."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ UNKNOWN: Rgb = (205, 208, 214)
 INFLATED: Rgb = (255, 222, 178)
 OCCUPIED: Rgb = (30, 32, 38)
 LONGEST_SIDE_IN, DPI = 9.0, 150
+"""Longer side of the map in inches, and resolution of the image."""
 
 
 def draw_plan(plan_map: PlanMap, answer: Answer, *, title: str) -> bytes:
-    """A PNG of the map, of what the inflation closes, of the path and its waypoints."""
+    """Return a PNG of the map, the inflated cells, the path and its waypoints."""
     rows, cols = plan_map.occupied.shape
     scale = LONGEST_SIDE_IN / max(rows, cols)
     figure = Figure(
@@ -37,7 +38,7 @@ def draw_plan(plan_map: PlanMap, answer: Answer, *, title: str) -> bytes:
     extent = (left, left + cols * spec.resolution_m, low, low + rows * spec.resolution_m)
     axes.imshow(_coloured(plan_map), origin="lower", extent=extent, aspect="equal")
     if plan_map.unit == "cells":
-        axes.invert_yaxis()  # a MovingAI map begins at the top
+        axes.invert_yaxis()  # row 0 of a MovingAI map is at the top
     if answer.reached is not None:
         axes.plot(*answer.path.T, color="#0a66d0", linewidth=1.6, label="path")
         axes.plot(*answer.waypoints.T, "o", color="#0a66d0", markersize=3.5, label="waypoints")
@@ -60,12 +61,12 @@ def draw_plan(plan_map: PlanMap, answer: Answer, *, title: str) -> bytes:
 
 
 def _coloured(plan_map: PlanMap) -> npt.NDArray[np.uint8]:
-    """(rows, cols, 3)."""
-    picture = np.full((*plan_map.occupied.shape, 3), FREE, dtype=np.uint8)
-    picture[plan_map.unknown] = UNKNOWN
-    picture[plan_map.blocked] = INFLATED
-    picture[plan_map.blocked & plan_map.unknown] = tuple(
+    """Return the map as RGB (rows, cols, 3)."""
+    image = np.full((*plan_map.occupied.shape, 3), FREE, dtype=np.uint8)
+    image[plan_map.unknown] = UNKNOWN
+    image[plan_map.blocked] = INFLATED
+    image[plan_map.blocked & plan_map.unknown] = tuple(
         (a + b) // 2 for a, b in zip(INFLATED, UNKNOWN, strict=True)
     )
-    picture[plan_map.occupied] = OCCUPIED
-    return picture
+    image[plan_map.occupied] = OCCUPIED
+    return image

@@ -1,4 +1,4 @@
-"""One query on a stored map: the path, or in words why there is none."""
+"""One planning query on a stored map: the path, or the reason for a refusal in words."""
 
 from __future__ import annotations
 
@@ -20,43 +20,42 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Answer:
-    """What came of a query; points are in the map's unit."""
+    """Result of a query; points and lengths are in the map's unit."""
 
     start: Point
-    """As asked."""
+    """Start of the query."""
     goal: Point
-    """As asked."""
+    """Goal of the query."""
     reached: Point | None
-    """Where the path ends: the goal, or the nearest reachable place; None without a path."""
+    """End of the path: the goal, or the nearest reachable cell; None without a path."""
     refusal: str | None
-    """Why the goal itself cannot be had, in words; None if it can."""
+    """Why the goal cannot be reached, in words; None if it can."""
     length: float | None
-    """Of the path."""
+    """Length of the path; None without one."""
     cells: npt.NDArray[np.int64]
-    """(N, 2) every cell (row, col) from start to end, row 0 at the smallest y."""
+    """(N, 2) cells (row, col) from start to end, row 0 at the smallest y."""
     path: npt.NDArray[np.float64]
-    """(N, 2) their centres (x, y)."""
+    """(N, 2) centres (x, y) of the cells."""
     waypoints: npt.NDArray[np.float64]
-    """(M, 2) the path's corners and its end."""
+    """(M, 2) corners of the path and its end."""
     plan_ms: float
-    """Duration of the search on the inflated cells."""
+    """Duration of the search on the inflated cells, milliseconds."""
 
 
 def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answer:
-    """The shortest path between two points; with `nearest`, to as near as one can get to a goal
-    that cannot be reached."""
-    plan(
-        np.zeros((3, 3), dtype=np.bool_), (0, 0), (2, 2)
-    )  # loads the compiled code, which is no part of the figures
+    """Plan the shortest path between two points; with `nearest`, to the reachable cell nearest to
+    an unreachable goal."""
+    # Load the compiled code first, which is no part of the measured time.
+    plan(np.zeros((3, 3), dtype=np.bool_), (0, 0), (2, 2))
     ends, reached, refusal = (plan_map.cell(start), plan_map.cell(goal)), goal, None
-    begun = time.perf_counter()
+    started = time.perf_counter()
     outcome = plan(plan_map.blocked, *ends)
     if isinstance(outcome, NoPath):
         refusal = explain(plan_map, start, goal, outcome)
         cell = nearest_reachable(plan_map.blocked, *ends) if nearest else None
         if cell is not None:
             reached, outcome = plan_map.spec.centre(*cell), plan(plan_map.blocked, ends[0], cell)
-    plan_ms = (time.perf_counter() - begun) * 1e3
+    plan_ms = (time.perf_counter() - started) * 1e3
     found, spec = outcome if isinstance(outcome, Path) else None, plan_map.spec
     return Answer(
         start=start,
@@ -74,17 +73,17 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
 
 
 def explain(plan_map: PlanMap, start: Point, goal: Point, outcome: NoPath) -> str:
-    """Why there is no path, in words."""
+    """Return why there is no path, in words."""
     if outcome.reason is Reason.UNREACHABLE:
         return (
-            f"every way from ({start[0]:g}, {start[1]:g}) to ({goal[0]:g}, {goal[1]:g}) is closed"
+            f"every path from ({start[0]:g}, {start[1]:g}) to ({goal[0]:g}, {goal[1]:g}) is blocked"
         )
     refusals = (plan_map.refusal("start", start), plan_map.refusal("goal", goal))
     return "; ".join(refusal for refusal in refusals if refusal) or str(outcome.reason)
 
 
 def as_report(plan_map: PlanMap, answer: Answer) -> dict[str, object]:
-    """The answer as JSON."""
+    """Return the answer as a JSON object."""
     return {
         "map": plan_map.name,
         "unit": plan_map.unit,
@@ -104,18 +103,19 @@ def as_report(plan_map: PlanMap, answer: Answer) -> dict[str, object]:
 
 
 def in_words(plan_map: PlanMap, answer: Answer) -> list[str]:
-    """The answer in a line or a few."""
+    """Return the answer as lines of text."""
     lines = [] if answer.refusal is None else [f"no path: {answer.refusal}"]
     if answer.reached is None or answer.length is None:
         return lines
     if answer.refusal is not None:
-        (x, y), away = answer.reached, math.dist(answer.reached, answer.goal)
+        (x, y), distance = answer.reached, math.dist(answer.reached, answer.goal)
         lines.append(
-            f"nearest reachable place: ({x:g}, {y:g}), {away:.2f} {plan_map.unit} from the goal"
+            f"nearest reachable cell: ({x:g}, {y:g}), {distance:.2f} {plan_map.unit} from the goal"
         )
     steps, corners = len(answer.cells) - 1, len(answer.waypoints)
+    decimals = 2 if plan_map.unit == "m" else 4
     lines.append(
-        f"{answer.length:.{2 if plan_map.unit == 'm' else 4}f} {plan_map.unit} in {steps} step{'s' * (steps != 1)}, "
+        f"{answer.length:.{decimals}f} {plan_map.unit} in {steps} step{'s' * (steps != 1)}, "
         f"{corners} waypoint{'s' * (corners != 1)}, planned in {answer.plan_ms:.2f} ms; "
         f"obstacles inflated by {plan_map.radius} cells"
     )

@@ -1,5 +1,4 @@
-"""A map to plan on, whatever its format: cells, and the way from its own coordinates to cells and
-back."""
+"""A stored map to plan on, of any format: cells, and the conversion from its coordinates."""
 
 from __future__ import annotations
 
@@ -14,7 +13,8 @@ from navcore.formats import moving_ai, nav2_map
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, inflate, inflation_radius
 from navcore.robot.profile import HUSKY
 
-MOST_CELLS_OF_RADIUS = 200
+MAX_RADIUS_CELLS = 200
+"""Largest inflation radius; a larger one is a wrong unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,42 +22,42 @@ class PlanMap:
     """Occupied and blocked cells in the coordinates of the map's own format."""
 
     name: str
-    """The file."""
+    """Name of the file."""
     unit: str
-    """Of points: `m` (Nav2) or `cells` (MovingAI: x a column, y a row, both whole)."""
+    """Unit of points: `m` (Nav2) or `cells` (MovingAI: x = column, y = row, whole numbers)."""
     spec: GridSpec
-    """Where cells lie, in that unit; a MovingAI cell has its centre at (column, row)."""
+    """Geometry of the grid in that unit; a MovingAI cell has its centre at (column, row)."""
     occupied: BoolGrid
-    """(rows, cols) something stands there."""
+    """(rows, cols) occupied cells."""
     unknown: BoolGrid
-    """(rows, cols) nobody knows; free to plan through unless they are closed."""
+    """(rows, cols) unknown cells; free to plan through unless they are closed."""
     closed: BoolGrid
-    """(rows, cols) occupied, and unknown where that is asked for."""
+    """(rows, cols) occupied cells, and unknown ones if those count as blocked."""
     blocked: BoolGrid
-    """(rows, cols) closed cells, inflated: where the robot's centre may not be."""
+    """(rows, cols) inflated closed cells: where the robot's centre may not be."""
     width: float
-    """Of the robot, in `unit`."""
+    """Width of the robot, in `unit`."""
     margin: float
-    """Beyond half the width, in `unit`."""
+    """Safety margin beyond half the width, in `unit`."""
     radius: int
-    """Cells of inflation."""
+    """Inflation radius, cells."""
 
     def cell(self, point: tuple[float, float]) -> Cell:
-        """(row, col) of a point; may lie outside."""
+        """Return the cell (row, col) of a point; may lie outside the map."""
         return self.spec.cell(*point)
 
     def refusal(self, what: str, point: tuple[float, float]) -> str | None:
-        """Why a point is no place for the robot's centre; None if it is one."""
-        cell, place = self.cell(point), f"the {what} ({point[0]:g}, {point[1]:g})"
+        """Return why the robot's centre may not be at a point; None if it may."""
+        cell, position = self.cell(point), f"the {what} ({point[0]:g}, {point[1]:g})"
         if not self.spec.contains(*point):
-            return f"{place} is outside the map, {self._extent()}"
+            return f"{position} is outside the map, {self._extent()}"
         if self.occupied[cell]:
-            return f"{place} lies in an obstacle"
+            return f"{position} lies in an obstacle"
         if self.closed[cell]:
-            return f"{place} lies where the map is unknown, and unknown cells are blocked"
+            return f"{position} lies where the map is unknown, and unknown cells are blocked"
         if self.blocked[cell]:
-            room = f"width {self.width:g} {self.unit} and margin {self.margin:g} {self.unit}"
-            return f"{place} is too close to an obstacle for {room}"
+            size = f"width {self.width:g} {self.unit} and margin {self.margin:g} {self.unit}"
+            return f"{position} is too close to an obstacle for {size}"
         return None
 
     def _extent(self) -> str:
@@ -71,8 +71,8 @@ def open_map(
 ) -> PlanMap:
     """Read a Nav2 YAML or a MovingAI map and inflate it; raises `BadConfiguration`.
 
-    Without a width and a margin a Nav2 map is inflated for the Husky and the navigator's own
-    margin, a MovingAI map not at all.
+    Width and margin default to the Husky's width and the navigator's margin on a Nav2 map, and to
+    0 on a MovingAI map.
     """
     if path.suffix in (".yaml", ".yml"):
         source = nav2_map.load(path)
@@ -122,9 +122,9 @@ def _radius(width: float, margin: float, spec: GridSpec) -> int:
     radius = inflation_radius(
         vehicle_width_m=width, safety_margin_m=margin, resolution_m=spec.resolution_m
     )
-    if radius > MOST_CELLS_OF_RADIUS:
+    if radius > MAX_RADIUS_CELLS:
         raise BadConfiguration(
-            f"--width {width:g} and --margin {margin:g} inflate by {radius} cells, at most {MOST_CELLS_OF_RADIUS} are allowed; "
-            "is the unit right?"
+            f"--width {width:g} and --margin {margin:g} inflate by {radius} cells, "
+            f"at most {MAX_RADIUS_CELLS} are allowed; is the unit right?"
         )
     return radius

@@ -1,15 +1,15 @@
-"""A recording of an RGB-D camera with its poses, on the disk.
+"""A recording of an RGB-D camera with its poses, stored in a folder.
 
-A folder holds
+The folder holds
 
 * `camera-intrinsics.txt`: the 3 × 3 matrix of the depth camera, pixels;
-* `poses.txt`: a line a frame, its number and the 4 × 4 matrix camera → world row by row, metres
+* `poses.txt`: one line per frame, its number and T_world_camera (4 × 4) row by row, metres
   (lines with # are comments);
-* `frame-NNNNNN.depth.png`: 16 bits, millimetres, 0 and 65535 where nothing was measured;
-* `frame-NNNNNN.color.jpg` (or `.png`): the colours, of the same size.
+* `frame-NNNNNN.depth.png`: 16 bits, millimetres, 0 and 65535 = not measured;
+* `frame-NNNNNN.color.jpg` (or `.png`): the colour image of the same size.
 
-The number of a frame counts pictures at 30 Hz. The camera's axes are the optical ones (x right, y
-down, z ahead); where the world has its floor need not be known (`floor.py` finds it).
+Frame numbers count images at 30 Hz. The camera frame is the optical one (x right, y down, z
+ahead); the floor of the world frame need not be known (`floor_plane.py` finds it).
 """
 
 from __future__ import annotations
@@ -30,39 +30,40 @@ MAX_FRAMES = 100_000
 MAX_TEXT_BYTES = 1 << 25
 MAX_NUMBER = 999_999
 FURTHEST_M = 1e4
-"""No camera of a recording is further from its world's origin."""
+"""Largest distance of a camera from the origin of its world frame."""
 RATE_HZ = 30
+"""Rate that frame numbers count."""
 UNITS_PER_M = 1000.0
 NOT_MEASURED = 65535
 LEAST_MEASURED_M = 0.4
-"""A depth camera that triangulates sees nothing nearer; what it says there is wrong."""
-ROUNDED = 5e-3
-"""Rotations are written with few digits, or were averaged."""
+"""Smallest valid depth: triangulating cameras measure wrong values below it."""
+ROTATION_TOLERANCE = 5e-3
+"""Tolerance of a rotation matrix, which may be written with few digits or averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """Which frames there are and where the camera was; pictures are read one by one."""
+    """The frames of a recording and their camera poses; images are read one by one."""
 
     folder: Path
-    """Where they lie."""
+    """Folder of the recording."""
     intrinsics: Intrinsics
-    """Of the depth camera."""
+    """Intrinsics of the depth camera."""
     numbers: npt.NDArray[np.int64]
-    """(N,) of the frames, rising."""
+    """(N,) frame numbers, increasing."""
     T_world_camera: npt.NDArray[np.float64]
-    """(N, 4, 4) where the camera was, in the recording's own world frame, metres."""
+    """(N, 4, 4) camera poses in the recording's own world frame, metres."""
 
     def __len__(self) -> int:
-        """Frames."""
+        """Return the number of frames."""
         return len(self.numbers)
 
     def stamp_ns(self, index: int) -> int:
-        """Capture time of a frame since the first, ns."""
+        """Return the capture time of a frame since the first one, ns."""
         return int(self.numbers[index] - self.numbers[0]) * 1_000_000_000 // RATE_HZ
 
     def depth_m(self, index: int) -> npt.NDArray[np.float32]:
-        """(H, W) metres, 0 where nothing was measured; raises `BadConfiguration` naming the file."""
+        """Return the depth (H, W) in metres, 0 = not measured; raises `BadConfiguration`."""
         path = self._path(index, "depth.png")
         raw = read_depth(path)
         self._check_size(raw.shape, path)
@@ -73,7 +74,7 @@ class Recording:
         return depth_m
 
     def rgb(self, index: int) -> RgbArray:
-        """(H, W, 3) colours; raises `BadConfiguration` naming the file."""
+        """Return the colours (H, W, 3); raises `BadConfiguration` naming the file."""
         path = self._path(index, "color.jpg")
         if not path.exists():
             path = self._path(index, "color.png")
@@ -88,17 +89,18 @@ class Recording:
         expected = (self.intrinsics.height, self.intrinsics.width)
         if shape != expected:
             raise BadConfiguration(
-                f"{path}: is {shape} pixels (height, width), expected {expected} as the first depth picture"
+                f"{path}: is {shape} pixels (height, width), expected {expected} as the first "
+                "depth image"
             )
 
 
 def open_recording(folder: Path, *, every: int = 1) -> Recording:
-    """The recording in a folder, or every so manieth frame of it; raises `BadConfiguration` for
-    what is no such folder."""
+    """Open the recording in a folder, using every N-th frame; raises `BadConfiguration`."""
     matrix = _numbers(folder / "camera-intrinsics.txt", 3)
     if matrix.shape != (3, 3) or min(matrix[0, 0], matrix[1, 1]) <= 0:
         raise BadConfiguration(
-            f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal lengths"
+            f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal "
+            "lengths"
         )
     table = _numbers(folder / "poses.txt", 17)
     _check_poses(table, folder / "poses.txt")
@@ -114,7 +116,7 @@ def open_recording(folder: Path, *, every: int = 1) -> Recording:
 
 
 def _numbers(path: Path, columns: int) -> npt.NDArray[np.float64]:
-    """The lines of a text file, as (N, columns) finite numbers."""
+    """Read the lines of a text file as finite numbers (N, columns); raises `BadConfiguration`."""
     rows = []
     for count, line in enumerate(
         read_whole(path, at_most=MAX_TEXT_BYTES).decode("utf-8", "replace").splitlines(), start=1
@@ -145,20 +147,24 @@ def _check_poses(table: npt.NDArray[np.float64], path: Path) -> None:
         or (np.diff(numbers) <= 0).any()
     ):
         raise BadConfiguration(
-            f"{path}: frames must be numbered by rising whole numbers of 0 to {MAX_NUMBER}"
+            f"{path}: frames must be numbered by increasing whole numbers from 0 to {MAX_NUMBER}"
         )
     for number, pose in zip(numbers, poses, strict=True):
         if not _is_rigid(pose):
             raise BadConfiguration(
-                f"{path}: frame {number:.0f}: its matrix is no rotation and translation within {FURTHEST_M:g} m"
+                f"{path}: frame {number:.0f}: its matrix is no rotation and translation "
+                f"within {FURTHEST_M:g} m"
             )
 
 
 def _is_rigid(pose: Matrix) -> bool:
-    turn = pose[:3, :3]
-    straight = np.abs(turn @ turn.T - np.eye(3)).max() < ROUNDED and np.linalg.det(turn) > 0
+    rotation = pose[:3, :3]
+    orthogonal = (
+        np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE
+        and np.linalg.det(rotation) > 0
+    )
     return bool(
-        straight
+        orthogonal
         and np.abs(pose[:3, 3]).max() < FURTHEST_M
-        and np.abs(pose[3] - [0, 0, 0, 1]).max() < ROUNDED
+        and np.abs(pose[3] - [0, 0, 0, 1]).max() < ROTATION_TOLERANCE
     )

@@ -1,8 +1,8 @@
-"""How well a map agrees with free and occupied voxels that somebody made by other means.
+"""Agreement of a map with reference voxels.
 
 A reference is an `.npz` of `state` (X, Y, Z) uint8 (0 unknown, 1 free, 2 occupied), `origin` (3,)
-and `voxel_size`, metres of a recording's world frame, which need not be level. What it does not
-know it cannot judge: such places are left out, and their number is told.
+and `voxel_size`, metres of a recording's world frame, which need not be level. Unknown voxels
+cannot judge a cell: such cells are left out and counted.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ PARTS = ("state", "origin", "voxel_size")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """Voxels of the recording's world."""
+    """Voxels in the recording's world frame."""
 
     state: npt.NDArray[np.uint8]
-    """(X, Y, Z) of `UNKNOWN`, `FREE`, `OCCUPIED`."""
+    """(X, Y, Z) states: `UNKNOWN`, `FREE` or `OCCUPIED`."""
     origin_m: npt.NDArray[np.float64]
-    """(3,) lower corner of voxel (0, 0, 0)."""
+    """(3,) lower corner of voxel (0, 0, 0), world frame."""
     voxel_m: float
-    """Side of a voxel."""
+    """Side length of a voxel."""
 
     def at(self, points_world: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
-        """(N,) state at (N, 3) points; `UNKNOWN` outside."""
+        """Return the states (N,) at world points (N, 3); `UNKNOWN` outside."""
         voxels = np.floor((points_world - self.origin_m) / self.voxel_m).astype(np.int64)
         inside = ((voxels >= 0) & (voxels < self.state.shape)).all(axis=1)
         state = np.zeros(len(voxels), dtype=np.uint8)
@@ -49,25 +49,25 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
-    """Of the occupied cells of a map with those of a reference, where the reference knows anything."""
+    """Agreement of a map's occupied cells with a reference, where the reference is known."""
 
     iou: float
-    """Cells that both hold occupied, of those that either does."""
+    """Intersection over union of the occupied cells."""
     precision_near: float
-    """Share of the map's occupied cells with one of the reference's at most one cell away."""
+    """Share of the map's occupied cells with an occupied reference cell at most one cell away."""
     recall_near: float
-    """Share of the reference's occupied cells with one of the map's at most one cell away."""
+    """Share of the reference's occupied cells with an occupied map cell at most one cell away."""
     judged: int
-    """Occupied cells of the map that the reference can judge."""
+    """Number of occupied map cells where the reference is known."""
     reference: int
-    """Occupied cells of the reference."""
+    """Number of occupied cells of the reference."""
     not_judged: int
-    """Occupied cells of the map of which the reference knows nothing."""
+    """Number of occupied map cells where the reference is unknown."""
 
 
 def load_reference(path: Path) -> Reference:
-    """The voxels of a file; raises `BadConfiguration` for one that is damaged, too large or
-    something else."""
+    """Load the voxels of a file; raises `BadConfiguration` if it is damaged, too large or no
+    reference."""
     try:
         with zipfile.ZipFile(io.BytesIO(read_whole(path, at_most=MAX_FILE_BYTES))) as packed:
             sizes = {entry.filename: entry.file_size for entry in packed.infolist()}
@@ -93,7 +93,8 @@ def load_reference(path: Path) -> Reference:
         raise BadConfiguration(f"{path}: no reference, or a damaged one: {error!s:.200}") from None
     if state.dtype != np.uint8 or state.ndim != 3 or state.max(initial=0) > OCCUPIED:
         raise BadConfiguration(
-            f"{path}: state is {state.dtype} of {state.ndim} axes, expected uint8 (X, Y, Z) of 0, 1 and 2"
+            f"{path}: state is {state.dtype} of {state.ndim} axes, "
+            "expected uint8 (X, Y, Z) of 0, 1 and 2"
         )
     if (
         origin.shape != (3,)
@@ -107,13 +108,13 @@ def load_reference(path: Path) -> Reference:
     return Reference(state=state, origin_m=origin.astype(np.float64), voxel_m=float(voxel))
 
 
-def standing(
+def occupied_cells(
     reference: Reference, T_map_world: Matrix, spec: GridSpec, *, heights_m: tuple[float, float]
 ) -> tuple[BoolGrid, BoolGrid]:
-    """(rows, cols) cells above which the reference has something between two heights, and of which
-    it knows anything there.
+    """Return masks (rows, cols) of the cells where the reference is occupied, and where it is
+    known, between two heights in metres.
 
-    Sampled at the middle of the cell, every half voxel of height.
+    Sampled at the centre of the cell, every half voxel of height.
     """
     step = reference.voxel_m / 2
     cells = spec.centres(np.argwhere(np.ones((spec.rows, spec.cols), dtype=np.bool_)))
@@ -131,7 +132,7 @@ def standing(
 def agreement(
     occupied: npt.NDArray[np.bool_], reference: npt.NDArray[np.bool_], known: npt.NDArray[np.bool_]
 ) -> Agreement:
-    """Of two masks of the same shape, of a plane or of a space."""
+    """Compare two occupancy masks of the same shape, in two or three dimensions."""
     judged = occupied & known
     both, either = int((judged & reference).sum()), int((judged | reference).sum())
     return Agreement(
@@ -145,13 +146,13 @@ def agreement(
 
 
 def _share(of: npt.NDArray[np.bool_], near: npt.NDArray[np.bool_]) -> float:
-    """How many of some cells have one of the others among themselves and their neighbours; 1 of
+    """Return the share of the cells `of` with a cell of `near` at most one cell away; 1 for
     none."""
-    return int((of & _grown(near)).sum()) / max(int(of.sum()), 1) if of.any() else 1.0
+    return int((of & _dilated(near)).sum()) / max(int(of.sum()), 1) if of.any() else 1.0
 
 
-def _grown(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """With all neighbours, diagonal ones too."""
+def _dilated(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Return a mask with all neighbours, diagonal ones too."""
     for axis in range(mask.ndim):
         narrow = np.moveaxis(mask, axis, 0)
         wide = narrow.copy()

@@ -1,7 +1,7 @@
-"""A recording as a robot: it plays its frames by a clock, and its wheels are nowhere.
+"""A recording as a robot driver without wheels: it plays its frames by a clock.
 
-The recorded camera need not have sat on a robot. Each frame's base is the place on the floor
-beneath the camera, heading where it looks; what is left of the camera's pose is that frame's mount.
+The recorded camera need not have been on a robot. The base of each frame is the floor position
+below the camera, heading along its view; the rest of the camera pose is the mount of that frame.
 So the map is built from the camera's full pose.
 """
 
@@ -21,10 +21,11 @@ from navcore.grid.grid import GridSpec
 from navcore.robot.frame import Frame
 
 POLL_S = 0.01
+"""Period at which a waiting thread reads the clock."""
 
 
 class ReplayRobot:
-    """A `Robot` whose senses were recorded. Velocities sent to it go nowhere."""
+    """A robot driver whose frames were recorded; it ignores commands."""
 
     def __init__(
         self,
@@ -34,11 +35,10 @@ class ReplayRobot:
         clock: Callable[[], int] = time.monotonic_ns,
         back_and_forth: bool = False,
     ) -> None:
-        """The first frame is due now; `T_map_world` levels the recording's world
-        (`floor.find_floor`).
+        """Start the recording now; `T_map_world` levels its world frame (`find_floor`).
 
-        After its end the recording stays at its last frame or, `back_and_forth`, turns and goes on
-        for ever without a jump.
+        At its end the recording stays at the last frame or, `back_and_forth`, plays backwards and
+        forwards for ever, without a jump.
         """
         self._recording, self._T_map_world, self._clock = recording, T_map_world, clock
         self._began_ns = clock()
@@ -48,19 +48,17 @@ class ReplayRobot:
         self._read: _Due | None = None
 
     def now_ns(self) -> int:
-        """The clock it is played by."""
+        """Return the time of the clock that plays the recording."""
         return self._clock()
 
     def newest_frame(self) -> Frame | None:
-        """The last frame that `wait_frame` has read; reading files is nothing for the command
-        thread."""
+        """Return the last frame that `wait_frame` read: the command thread must not read files."""
         return self._newest
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The frame that is due if it is another than `after`, waiting for it; None when none comes
-        in time.
+        """Wait for a frame other than `after` and return it, or None after the time-out.
 
-        Raises `BadConfiguration` for a damaged picture. For one thread only.
+        Raises `BadConfiguration` for a damaged image. For one thread only.
         """
         until_s = time.monotonic() + timeout_s
         while True:
@@ -74,10 +72,10 @@ class ReplayRobot:
             time.sleep(POLL_S)
 
     def send(self, twist: Twist) -> None:
-        """What was driven is past."""
+        """Ignore the command: the trajectory was recorded."""
 
     def close(self) -> None:
-        """Nothing moves."""
+        """Do nothing: there is nothing to stop."""
 
     def _due(self) -> _Due:
         leg, since_ns = 0, self._clock() - self._began_ns
@@ -96,7 +94,7 @@ class ReplayRobot:
 
     def _frame(self, due: _Due) -> Frame:
         T_map_camera = self._T_map_world @ self._recording.T_world_camera[due.index]
-        pose = base_beneath(T_map_camera)
+        pose = base_below(T_map_camera)
         return Frame(
             stamp_ns=self._began_ns + due.stamp_ns,
             rgb=self._recording.rgb(due.index),
@@ -108,16 +106,15 @@ class ReplayRobot:
         )
 
     def _twist(self, due: _Due, pose: Pose2) -> Twist:
-        """Since the frame before, as wheels would tell it."""
+        """Return the velocity since the previous frame, as odometry would measure it."""
         other = due.index - 1 if due.leg % 2 == 0 else due.index + 1
         if not 0 <= other < len(self._recording):
             if due.leg == 0:
                 return STANDSTILL
-            other = (
-                2 * due.index - other
-            )  # it has just turned: the one before is the one that follows
+            # The playback has just turned: the previous frame is the following one.
+            other = 2 * due.index - other
         gap_s = abs(self._recording.stamp_ns(due.index) - self._recording.stamp_ns(other)) / 1e9
-        before = base_beneath(self._T_map_world @ self._recording.T_world_camera[other])
+        before = base_below(self._T_map_world @ self._recording.T_world_camera[other])
         return Twist(
             v_mps=before.distance_to(pose.x_m, pose.y_m) / gap_s,
             w_radps=wrap_angle(pose.yaw_rad - before.yaw_rad) / gap_s,
@@ -126,17 +123,18 @@ class ReplayRobot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Due:
-    """Which frame is shown."""
+    """The frame that is due."""
 
     leg: int
-    """How often the recording has turned; every other leg goes back."""
+    """Number of times the playback has turned; odd legs play backwards."""
     index: int
+    """Index of the frame in the recording."""
     stamp_ns: int
-    """Since the first frame was due."""
+    """Due time since the first frame."""
 
 
 def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
-    """Every frame once, as the robot gives it when the clock goes from one to the next."""
+    """Yield every frame once, as the robot gives it when the clock steps from one to the next."""
     now_ns = 0
     robot = ReplayRobot(recording, T_map_world, clock=lambda: now_ns)
     for index in range(len(recording)):
@@ -145,13 +143,10 @@ def frames_of(recording: Recording, T_map_world: Matrix) -> Iterator[Frame]:
             yield frame
 
 
-def base_beneath(T_map_camera: Matrix) -> Pose2:
-    """Where a robot would stand that has this camera above the middle of its base, heading where it
-    looks."""
+def base_below(T_map_camera: Matrix) -> Pose2:
+    """Return the pose of a base below the camera, heading along the view."""
     ahead = T_map_camera[:3, 2]
-    if (
-        math.hypot(ahead[0], ahead[1]) < 1e-6
-    ):  # it looks straight down or up: along the picture's upper edge then
+    if math.hypot(ahead[0], ahead[1]) < 1e-6:  # vertical view: take the image's up axis
         ahead = -T_map_camera[:3, 1]
     return Pose2(
         x_m=float(T_map_camera[0, 3]),
@@ -163,10 +158,12 @@ def base_beneath(T_map_camera: Matrix) -> Pose2:
 def map_around(
     recording: Recording, T_map_world: Matrix, *, reach_m: float, resolution_m: float
 ) -> GridSpec:
-    """The grid of all that the camera can have measured from where it was."""
-    places = recording.T_world_camera[:, :3, 3] @ T_map_world[:2, :3].T + T_map_world[:2, 3]
-    low = np.floor((places.min(axis=0) - reach_m) / resolution_m)
-    cols, rows = (np.ceil((places.max(axis=0) + reach_m) / resolution_m) - low).astype(int).tolist()
+    """Return the grid of everything within `reach_m` of the camera positions."""
+    positions = recording.T_world_camera[:, :3, 3] @ T_map_world[:2, :3].T + T_map_world[:2, 3]
+    low = np.floor((positions.min(axis=0) - reach_m) / resolution_m)
+    cols, rows = (
+        (np.ceil((positions.max(axis=0) + reach_m) / resolution_m) - low).astype(int).tolist()
+    )
     return GridSpec(
         resolution_m=resolution_m,
         rows=rows,

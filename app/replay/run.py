@@ -1,5 +1,5 @@
-"""A recording through the navigator: the map it builds, what is told of it, and the path from where
-the camera ended."""
+"""Replay of a recording through the navigator: the map, a report, and the path from the last
+pose."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from app.replay.recording import Recording
-from app.replay.reference import Agreement, Reference, agreement, standing
-from app.replay.robot import base_beneath, frames_of, map_around
+from app.replay.reference import Agreement, Reference, agreement, occupied_cells
+from app.replay.robot import base_below, frames_of, map_around
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import Matrix
@@ -20,28 +20,29 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
 from navcore.perception.labels import Segmenter
-from navcore.planning.path import Path
+from navcore.planning.path import NoPath, Path
 from navcore.robot.profile import RobotProfile
 
 RESOLUTION_M = 0.05
+"""Cell size of the map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Replayed:
-    """A recording that has gone through the navigator."""
+    """Result of a replayed recording."""
 
     navigator: Navigator
-    """With the map."""
+    """Navigator with the map."""
     decision: TickResult
-    """Of the last frame, with the route."""
+    """Result of the last tick, with the route."""
     frames: int
-    """How many there were."""
+    """Number of frames."""
     T_map_world: Matrix
-    """(4, 4) from the recording's world to the map."""
+    """(4, 4) transform from the recording's world frame to the map frame."""
     goal: tuple[float, float]
-    """Where the route leads, or should."""
+    """Goal of the route, metres of the map frame."""
     tick_ms: float
-    """Median duration of a tick."""
+    """Median duration of a tick, milliseconds."""
 
 
 def replay(
@@ -55,16 +56,15 @@ def replay(
     goal: tuple[float, float] | None = None,
     on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Replayed:
-    """Tick through all frames, and at the last plan to a goal, by default to where the camera
-    began.
+    """Tick through all frames; at the last one plan to `goal`, by default the camera's start.
 
-    Raises `BadGeometry` for a goal that is not on the map.
+    Raises `BadGeometry` for a goal outside the map.
     """
     spec = map_around(
         recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
     )
-    began = base_beneath(T_map_world @ recording.T_world_camera[0])
-    goal = goal or (began.x_m, began.y_m)
+    start = base_below(T_map_world @ recording.T_world_camera[0])
+    goal = goal or (start.x_m, start.y_m)
     if not spec.contains(*goal):
         raise BadGeometry(
             f"the goal ({goal[0]:g}, {goal[1]:g}) is outside the recording's map, {spec.extent()}"
@@ -75,9 +75,9 @@ def replay(
         order = NavigationRequest(
             goal=goal if done == len(recording) else None, beware=beware, zones=()
         )
-        begun = time.perf_counter()
+        started = time.perf_counter()
         decision = navigator.tick(frame, order)
-        durations_ms.append((time.perf_counter() - begun) * 1e3)
+        durations_ms.append((time.perf_counter() - started) * 1e3)
         on_progress(done, len(recording))
     return Replayed(
         navigator=navigator,
@@ -90,25 +90,25 @@ def replay(
 
 
 def compare(replayed: Replayed, reference: Reference, config: NavigatorConfig) -> Agreement:
-    """The geometric layer of the map against what the reference has between obstacle height and
+    """Compare the geometric layer of the map with the reference between obstacle height and
     ceiling."""
     rules, spec = config.points, replayed.navigator.map.spec
     heights_m = (rules.obstacle_height_m, rules.ceiling_m)
     return agreement(
         replayed.decision.occupancy.grid.geometric,
-        *standing(reference, replayed.T_map_world, spec, heights_m=heights_m),
+        *occupied_cells(reference, replayed.T_map_world, spec, heights_m=heights_m),
     )
 
 
 def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
-    """What came of it, as JSON."""
+    """Return the report as a JSON object."""
     world, grid, route = (
         replayed.navigator.map,
         replayed.decision.occupancy.grid,
         replayed.decision.route,
     )
     outcome = route.outcome if route is not None else None
-    found = isinstance(outcome, Path)
+    path = outcome if isinstance(outcome, Path) else None
     return {
         "frames": replayed.frames,
         "explored_m2": round(world.explored.area_m2, 2),
@@ -122,10 +122,12 @@ def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
         "T_map_world": replayed.T_map_world.tolist(),
         "start": [replayed.decision.frame.pose.x_m, replayed.decision.frame.pose.y_m],
         "goal": list(replayed.goal),
-        "path_m": round(outcome.length * world.spec.resolution_m, 3)
-        if isinstance(outcome, Path)
-        else None,
-        "no_path": None if found else str(getattr(outcome, "reason", "")),
+        "path_m": None if path is None else round(path.length * world.spec.resolution_m, 3),
+        "no_path": None if path is not None else _refusal(outcome),
         "waypoints": route.waypoints.tolist() if route is not None else [],
         "reference": None if judged is None else asdict(judged),
     }
+
+
+def _refusal(outcome: NoPath | Path | None) -> str:
+    return str(outcome.reason) if isinstance(outcome, NoPath) else ""

@@ -1,5 +1,5 @@
-"""Faults of the software above the robot, scheduled as those of the sensors are: a planner that
-hangs, a segmentation that fails."""
+"""Injection of software faults by the scenario's schedule: a hanging planner, a failing
+segmentation."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ POLL_S = 0.02
 
 
 class InjectedFailure(RuntimeError):  # noqa: N818 - named after what happens
-    """Raised instead of the result of a stage that is to fail."""
+    """Raised instead of the result of a stage that has to fail."""
 
 
 class FaultInjector:
-    """Makes the stages of a tick fail, hang or give garbage while a fault of the schedule is on."""
+    """Makes stages of a tick fail, hang or return garbage while a scheduled fault is active."""
 
     def __init__(self, faults: Callable[[], Sequence[Fault]], now_s: Callable[[], float]) -> None:
-        """`faults` and `now_s` are read in each tick: the schedule may grow, by the same clock."""
+        """`faults` and `now_s` are called in each tick: the schedule may grow."""
         self._faults, self._now_s = faults, now_s
         self._wait: Callable[[float], None] | None = None
 
@@ -39,13 +39,13 @@ class FaultInjector:
         )
 
     def take_time(self, wait: Callable[[float], None]) -> None:
-        """Let a stage that hangs or is slow take its time by `wait(seconds)`; else it takes none."""
+        """Let a hanging or slow stage wait by `wait(seconds)`; without this it takes no time."""
         self._wait = wait
 
     def delay_s(self) -> float:
         """Duration of a tick that starts now, for simulations whose time passes in steps."""
         now_s = self._now_s()
-        faults = [fault for fault in self._faults() if fault.holds(now_s)]
+        faults = [fault for fault in self._faults() if fault.is_active(now_s)]
         hanging = [fault.until_s - now_s for fault in faults if fault.kind == "hang"]
         slow = [
             fault.delay_s
@@ -70,10 +70,8 @@ class FaultInjector:
 
     def _present(self, sensor: str) -> Fault | None:
         now_s = self._now_s()
-        return next(
-            (fault for fault in self._faults() if fault.sensor == sensor and fault.holds(now_s)),
-            None,
-        )
+        active = (fault for fault in self._faults() if fault.is_active(now_s))
+        return next((fault for fault in active if fault.sensor == sensor), None)
 
     def _delay(self, fault: Fault) -> None:
         if self._wait is None:

@@ -1,9 +1,8 @@
-"""The console's threads: think (the navigator's tick) and command (20 times a second, alone sends
-to the robot).
+"""The console's threads: think (the navigator's tick) and command (sends to the robot at 20 Hz).
 
-The third, sense, lives with the link of each robot back end and fills its one-slot mailbox. The web
-server and viser bring their own. Command waits on nothing but its own clock: whatever hangs above
-it, it sends zero by itself when the command is too old.
+A third thread, sense, belongs to the link of each robot back end and keeps the newest frame. The
+web server and viser have their own. Command waits for nothing but its own clock: whatever hangs
+above it, it sends zero when the command has expired.
 """
 
 from __future__ import annotations
@@ -22,30 +21,33 @@ from navcore.robot.frame import Frame
 from navcore.safety.gate import GateDecision
 
 FRAME_WAIT_S = 0.2
-LONGEST_RETRY_S = 2.0
-"""A tick that goes on breaking is tried again after 0.2 s, 0.4 s, … and at least this often."""
+"""Longest wait for a frame, and first wait after a failed tick, seconds."""
+MAX_RETRY_S = 2.0
+"""Longest wait after a failed tick, seconds; each failure doubles the wait."""
+JOIN_S = 2.0
+"""Longest wait for the end of a thread, seconds."""
 log = logging.getLogger(__name__)
 
 
 class LiveRobot(Robot, Protocol):
-    """A robot that runs by itself: its pictures can be waited for."""
+    """A robot in real time, whose frames can be waited for."""
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The newest picture if it is another than `after`; None when none comes in time."""
+        """Return the newest frame once it is another than `after`; None when none comes in time."""
 
 
 class ControlLoop:
-    """Runs the pilot on a live robot until it is stopped."""
+    """Runs the controller on a live robot until it is stopped."""
 
     def __init__(
         self,
         robot: LiveRobot,
-        pilot: RobotController,
+        controller: RobotController,
         *,
         on_decision: Callable[[TickResult], None],
         on_verdict: Callable[[GateDecision], None],
     ) -> None:
-        self._robot, self._pilot = robot, pilot
+        self._robot, self._controller = robot, controller
         self._on_decision, self._on_verdict = on_decision, on_verdict
         self._ended = threading.Event()
         self._threads = [
@@ -59,12 +61,12 @@ class ControlLoop:
             thread.start()
 
     def stop(self) -> None:
-        """Send zero, then end both threads; a second call does nothing new."""
+        """Send zero and end both threads; a second call has no effect."""
         self._ended.set()
         think, command = self._threads
-        command.join(timeout=2.0)
+        command.join(timeout=JOIN_S)
         self._robot.send(STANDSTILL)
-        think.join(timeout=2.0)
+        think.join(timeout=JOIN_S)
 
     def _think(self) -> None:
         frame: Frame | None = None
@@ -75,17 +77,17 @@ class ControlLoop:
                 if newest is None:
                     continue
                 frame = newest
-                decision = self._pilot.think(frame, clock=self._robot.now_ns)
+                decision = self._controller.think(frame, clock=self._robot.now_ns)
                 if decision is not None:
                     self._on_decision(decision)
                 retry_s = FRAME_WAIT_S
             except Exception as error:
-                # The loop outlives any bug above it: the robot stands with this reason and the next
-                # picture is tried.
+                # The loop survives any bug above it: the robot stands with this reason, and the
+                # next frame is tried.
                 log.exception("the tick failed")
-                self._pilot.note_failure(frame, error)
+                self._controller.note_failure(frame, error)
                 self._ended.wait(retry_s)
-                retry_s = min(2 * retry_s, LONGEST_RETRY_S)
+                retry_s = min(2 * retry_s, MAX_RETRY_S)
 
     def _command(self) -> None:
         due = last = time.monotonic()
@@ -94,20 +96,19 @@ class ControlLoop:
             try:
                 newest = self._robot.newest_frame()
                 self._on_verdict(
-                    self._pilot.command(
+                    self._controller.command(
                         self._robot.now_ns, now - last, self._robot.send, newest=newest
                     )
                 )
             except Exception:
-                log.exception("the command thread goes on, and sends zero")
+                log.exception("the command thread continues and sends zero")
                 self._robot.send(STANDSTILL)
             last, due = now, max(due + COMMAND_PERIOD_S, now)
             self._ended.wait(max(due - time.monotonic(), 0.0))
 
 
 class PeriodicThread:
-    """Does something again and again, in a thread of its own: what has to happen by the clock and
-    not by a picture."""
+    """Calls a function periodically in a thread of its own."""
 
     def __init__(self, act: Callable[[], None], *, period_s: float, name: str) -> None:
         self._act, self._period_s = act, period_s
@@ -115,18 +116,18 @@ class PeriodicThread:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Begin, at once."""
+        """Start the thread; the first call is immediate."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; waits for what is being done."""
+        """End the thread after the present call."""
         self._ended.set()
-        self._thread.join(timeout=2.0)
+        self._thread.join(timeout=JOIN_S)
 
     def _run(self) -> None:
         while not self._ended.is_set():
             try:
                 self._act()
             except Exception:
-                log.exception("%s goes on", self._thread.name)
+                log.exception("the thread %r continues", self._thread.name)
             self._ended.wait(self._period_s)

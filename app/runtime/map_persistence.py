@@ -1,5 +1,5 @@
-"""What a robot may know of its world before it starts: a map from elsewhere, or its own of an
-earlier session."""
+"""Loading and saving of maps: a prior map from elsewhere, the robot's own map of an earlier
+session."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from navcore.mission.beware_list import BewareList
 
 
 def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
-    """Put on an empty map what is known; raises `BadConfiguration` naming the file that does not
-    fit."""
+    """Load the prior map and the saved map into an empty map; raises `BadConfiguration` naming a
+    file that does not fit."""
     if kept is not None and kept.exists():
         stored = map_file.load(kept)
         map_file.check_classes(stored, beware)
         cloud.restore(stored.state)
     if prior is not None:
-        # Where the camera has been, the map knows better: what it saw to be gone does not come back
-        # with the next start.
+        # The saved map has priority where it was measured: an obstacle of the prior map that was
+        # seen to be gone stays gone.
         occupied = prior_layer(nav2_map.load(prior), cloud.spec).copy()
         measured = cloud.explored.was_measured(np.flatnonzero(occupied))
         occupied[occupied] = ~measured
@@ -34,15 +34,14 @@ def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: P
 
 
 def save_map(cloud: PointMap, beware: BewareList, kept: Path | None) -> None:
-    """Write the map to its file; what was there stays intact until the new one is whole."""
+    """Write the map to its file, atomically."""
     if kept is not None:
         map_file.save(kept, cloud.state(), {**_names_in(kept), **beware.names})
 
 
 def _names_in(kept: Path) -> Mapping[int, str]:
-    """What the classes of a map were called that was made before; a class that was taken off the
-    list keeps its name there."""
+    """Return the class names of the saved map, which keeps those of removed classes."""
     try:
         return map_file.load(kept).class_names if kept.exists() else {}
     except BadConfiguration:
-        return {}  # damaged since it was read: it is written anew
+        return {}  # damaged since it was read: it is overwritten

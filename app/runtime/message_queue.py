@@ -1,5 +1,4 @@
-"""Sends over a pipe from a thread of its own, so that whoever has something to say never waits for
-whoever should listen."""
+"""A non-blocking sender over a pipe that keeps only the newest message per key."""
 
 from __future__ import annotations
 
@@ -8,12 +7,13 @@ from collections import OrderedDict
 from multiprocessing.connection import Connection
 
 MAX_WAITING = 1000
+"""Largest number of messages that wait; the oldest is dropped."""
 JOIN_S = 1.0
+"""Longest wait for the end of the thread, seconds."""
 
 
 class LatestMessageQueue:
-    """Of the messages under one key only the newest waits; a listener that hangs costs memory for
-    one of each, not time."""
+    """A thread that sends messages; a receiver that hangs never blocks `post`."""
 
     def __init__(self, link: Connection, name: str) -> None:
         self._link = link
@@ -24,8 +24,7 @@ class LatestMessageQueue:
         self._thread.start()
 
     def post(self, key: str, message: bytes) -> None:
-        """Send a message as soon as the pipe takes it, instead of any that still waits under the
-        same key."""
+        """Send a message as soon as the pipe takes it, replacing a waiting one under its key."""
         with self._news:
             self._waiting[key] = message
             while len(self._waiting) > MAX_WAITING:
@@ -33,7 +32,7 @@ class LatestMessageQueue:
             self._news.notify()
 
     def close(self) -> None:
-        """Send what waits if that is possible at once, and end."""
+        """Send the waiting messages if the pipe takes them, and end the thread."""
         with self._news:
             self._ended = True
             self._news.notify()
@@ -49,4 +48,4 @@ class LatestMessageQueue:
             try:
                 self._link.send_bytes(message)
             except (OSError, ValueError):
-                return  # The other side is gone; frames stop coming, and the gate stops the robot for that reason.
+                return  # the receiver is gone: frames stop coming, so the gate stops the robot

@@ -1,9 +1,8 @@
-"""The operator's intent, the navigator and the gate, joined: what to do with a frame, and what to
-send to the wheels.
+"""The robot controller: operator's state, navigator and safety gate joined.
 
-One pilot serves the headless episode (one thread, simulated time) and the console (threads, real
-time) alike. `think` and `command` may run in different threads; what they share is a handful of
-references to immutable values, swapped under a lock.
+One controller serves the headless episode (one thread, simulated time) and the console (threads,
+real time) alike. `think` and `command` may run in different threads; they share a few references
+to immutable values, replaced under a lock.
 """
 
 from __future__ import annotations
@@ -13,16 +12,16 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from app.runtime.operator_state import OperatorState
 from app.runtime.stage_timer import TICK, StageTimer
 from navcore.behaviours.assisted_teleop import stays_out
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.cell_description import describe_cell
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
-from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, TickResult
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.driver import Command
@@ -30,67 +29,68 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import RecentObstacles
 from navcore.safety.gate import (
-    BLOCKED_NS,
-    COMMAND_LIFE_NS,
     Cause,
     GateDecision,
     GateInput,
     StopReason,
     gate,
-    pushes_in_vain,
     ranked,
+    wheels_blocked,
 )
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_PERIOD_S = 0.05
-"""How often a command is sent."""
+"""Time between two commands, seconds."""
 MOVING = (Phase.DRIVING, Phase.LEAVING)
 """Phases of a mission in which the robot may move."""
-STANDS_BELOW_MPS = 0.03
-"""A robot slower than this stands, as far as arriving is concerned."""
-MEANWHILE_NS = 100_000_000
-"""A command so little younger than the clock's reading was decided while the command thread waited
-for its turn."""
-HAND_LIFE_NS = COMMAND_LIFE_NS
-"""How long a velocity that somebody gives by hand is good for."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OperatorState:
-    """All that the operator wants, at one moment."""
-
-    mission: Mission
-    """Goals, and whether to drive."""
-    beware: BewareList
-    """What must not be touched."""
-    zones: tuple[Zone, ...] = ()
-    """Where the robot must not be."""
-    stopped_by: str | None = None
-    """Who latched the emergency stop; None when it is not latched."""
-    by_hand: Command | None = None
-    """What a hand on the console asked for last; None when there is none."""
+STANDSTILL_MPS = 0.03
+"""Speed below which the robot may have arrived, m/s."""
+CLOCK_SLACK_NS = 100_000_000
+"""A command that is younger than the clock's reading by at most this much was decided while the
+command thread waited for the lock, nanoseconds."""
+HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
+"""Lifetime of a command of teleoperation, nanoseconds."""
+CONTROLLER_STOPS = {
+    ControllerState.IN_ZONE: StopReason(
+        cause=Cause.IN_ZONE,
+        text="The robot stands in a beware area: have it leave, or change the area.",
+    ),
+    ControllerState.BLOCKED: StopReason(
+        cause=Cause.BOXED_IN, text="Every motion would come too close to an obstacle."
+    ),
+    ControllerState.GIVEN_UP: StopReason(
+        cause=Cause.BOXED_IN,
+        text="The robot gives up: waiting, backing off and turning round opened no path. "
+        "Clear its path, or choose another goal.",
+    ),
+    ControllerState.WAIT_FOR_PEOPLE: StopReason(
+        cause=Cause.YIELDING,
+        text="A person is in the robot's path; it waits until they have passed.",
+    ),
+}
+"""Reasons for which the local planner holds the robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TickState:
-    """The outcome of the newest tick."""
+    """Outcome of the newest tick."""
 
     decision: TickResult | None = None
-    """Of the newest good frame."""
+    """Result of the newest accepted frame; None before the first."""
     frame_ns: int | None = None
-    """Capture time of the newest frame that came in, good or bad."""
+    """Capture time of the newest frame, accepted or not, in nanoseconds; None before the first."""
     command: Command | None = None
-    """What it asks the wheels to do."""
-    order: NavigationRequest | None = None
-    """What the operator wanted when it was decided."""
+    """Command of the newest tick; None when it asks for nothing."""
+    request: NavigationRequest | None = None
+    """Request that the command was decided for."""
     bad_frame: str | None = None
-    """Why the newest frame was refused; None when it was not."""
+    """Reason for which the newest frame was refused; None when it was not."""
     failure: str | None = None
-    """What broke in the newest tick; None when nothing did."""
+    """Error of the newest tick; None when it succeeded."""
 
 
 class RobotController:
-    """Joins intent, navigator and gate."""
+    """Decides what to do with a frame (`think`) and what to send to the wheels (`command`)."""
 
     def __init__(
         self,
@@ -100,58 +100,57 @@ class RobotController:
         intent: OperatorState,
         timer: StageTimer | None = None,
     ) -> None:
-        """`timer`: the one that the navigator's stages were wrapped with; it times the ticks too."""
+        """`timer`: the timer of the navigator's stages, which times the ticks too."""
         self.navigator = navigator
         self.timer = timer or StageTimer()
-        """Durations of ticks and stages."""
+        """Durations of the ticks and their stages."""
         self._tick = self.timer.timed(TICK, navigator.tick)
         self.profile = profile
         self._lock = threading.Lock()
         self._intent = intent
-        self._thought = TickState()
+        self._tick_state = TickState()
         self._sent = STANDSTILL
-        # Two observers of the same frames: one for what enters the map, one for the gate, which
-        # hears of a frame first and waits for no tick.
+        # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
+        # a frame first and waits for no tick.
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._near = RecentObstacles()
-        self._pushing_ns: int | None = None
+        self._blocked_since_ns: int | None = None
         self._corrected: dict[int, Pose2] = {}
-        self._put_down = False
+        self._pose_accepted = False
 
     @property
     def intent(self) -> OperatorState:
-        """The operator's will, as of now."""
+        """The operator's state at present."""
         return self._intent
 
     @property
-    def thought(self) -> TickState:
-        """The newest tick's outcome."""
-        return self._thought
+    def tick_state(self) -> TickState:
+        """Outcome of the newest tick."""
+        return self._tick_state
 
     @property
     def sent(self) -> Twist:
-        """What was last sent to the wheels."""
+        """Velocity that was last sent to the wheels."""
         return self._sent
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
-        """Replace the intent by `edit(intent)`, as one step; when `edit` raises, nothing has
-        changed."""
+        """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
+        raises."""
         with self._lock:
             self._intent = edit(self._intent)
             return self._intent
 
     def change_mission(self, edit: Callable[[Mission], Mission]) -> Mission:
-        """Replace the mission by `edit(mission)`, as one step."""
+        """Replace the mission by `edit(mission)` in one step."""
         return self.change(
             lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
         ).mission
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Past poses as they are known by now, e.g. after a loop closure; the map follows before
-        the next tick.
+        """Correct past poses, by pose ID, e.g. after a loop closure; the map follows before the
+        next tick.
 
-        Raises `BadConfiguration` for a pose ID that is not on the map, and then has changed
-        nothing.
+        Raises `BadConfiguration`, and changes nothing, for a pose ID that is not on the map.
         """
         known = len(self.navigator.map.poses)  # it only grows
         for pose_id in poses:
@@ -161,66 +160,69 @@ class RobotController:
             self._corrected |= poses
 
     def think(self, frame: Frame, *, clock: Callable[[], int]) -> TickResult | None:
-        """One tick; None when the frame was refused or shows nothing new. `clock` dates the
-        command, after the work is done."""
+        """Run one tick; None when the frame was refused or shows nothing new.
+
+        `clock` gives the time in ns and dates the command when the tick has ended.
+        """
         intent = self._intent
         goal = intent.mission.goal
-        order = request_of(intent)
+        request = request_of(intent)
         with self._lock:
             corrected, self._corrected = self._corrected, {}
-            put_down, self._put_down = self._put_down, False
+            pose_accepted, self._pose_accepted = self._pose_accepted, False
             senses = self._mapped = self._mapped.after(frame, self.profile)
-        if corrected:  # here and not where they come in: only this thread touches the map
+        if corrected:  # here and not in `correct_poses`: only this thread changes the map
             self.navigator.map.correct(corrected)
-        if put_down:
+        if pose_accepted:
             self.navigator.reset_pose()
-        if senses.doubt is not None or senses.repeats:
-            # What cannot be true must not enter the map; the gate says why the robot stands, or the
-            # command just expires.
-            command = None if senses.doubt is not None else self._thought.command
-            self._thought = dataclasses.replace(
-                self._thought, frame_ns=frame.stamp_ns, command=command
+        if senses.fault is not None or senses.repeats:
+            # An implausible frame must not enter the map; the gate says why the robot stands, or
+            # the command just expires.
+            command = None if senses.fault is not None else self._tick_state.command
+            self._tick_state = dataclasses.replace(
+                self._tick_state, frame_ns=frame.stamp_ns, command=command
             )
             return None
         try:
-            decision: TickResult = self._tick(frame, order)
+            decision: TickResult = self._tick(frame, request)
         except BadFrame as error:
-            self._thought = dataclasses.replace(
-                self._thought, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
+            self._tick_state = dataclasses.replace(
+                self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
             )
             return None
         command = (
-            Command(twist=decision.motion.twist, stamp_ns=clock()) if goal or order.leave else None
+            Command(twist=decision.motion.twist, stamp_ns=clock())
+            if goal or request.leave
+            else None
         )
-        self._thought = TickState(
-            decision=decision, frame_ns=frame.stamp_ns, command=command, order=order
+        self._tick_state = TickState(
+            decision=decision, frame_ns=frame.stamp_ns, command=command, request=request
         )
-        # Without a path the end of the way is where the robot looks at what closes it, and never
-        # the goal.
-        led_there = decision.route is not None and isinstance(decision.route.outcome, Path)
+        # Without a path the robot arrives at a viewpoint before the blockage, not at the goal.
+        on_path = decision.route is not None and isinstance(decision.route.outcome, Path)
         if (
-            led_there
+            on_path
             and decision.motion.outcome is ControllerState.ARRIVED
-            and abs(frame.twist.v_mps) < STANDS_BELOW_MPS
+            and abs(frame.twist.v_mps) < STANDSTILL_MPS
         ):
             if goal:
                 self.change_mission(
                     lambda mission: mission.arrive() if mission.goal == goal else mission
                 )
-            elif order.leave:
+            elif request.leave:
                 self.change_mission(
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
         return decision
 
     def note_failure(self, frame: Frame | None, error: Exception) -> None:
-        """The tick of a frame broke, or none could be had: stand, and say so, until one succeeds."""
-        failure, frame_ns = (
-            f"{type(error).__name__}: {error}",
-            self._thought.frame_ns if frame is None else frame.stamp_ns,
-        )
-        self._thought = dataclasses.replace(
-            self._thought, frame_ns=frame_ns, failure=failure, command=None
+        """Note that a tick failed, or that no frame could be read; the robot then stands with this
+        reason until a tick succeeds."""
+        self._tick_state = dataclasses.replace(
+            self._tick_state,
+            frame_ns=self._tick_state.frame_ns if frame is None else frame.stamp_ns,
+            failure=f"{type(error).__name__}: {error}",
+            command=None,
         )
 
     def command(
@@ -231,19 +233,18 @@ class RobotController:
         *,
         newest: Frame | None,
     ) -> GateDecision:
-        """Decide what to send now, `period_s` after the last time, and send it. `newest` is the
-        last frame that came in.
+        """Decide what to send now, `period_s` after the last command, and send it.
 
-        `clock` gives the time in ns. It is read last of all: what has expired while this waited or
-        looked is not sent.
+        `newest` is the newest frame. `clock` gives the time in ns and is read last, so that a
+        command that expired while this waited for the lock or checked the frame is not sent.
 
         A mission that does not drive never moves the robot. Deciding and sending are one step
-        against `change`: once a stop, a cancel or a zone is acknowledged, nothing decided before it
-        is sent any more.
+        with respect to `change`: once a stop, a cancel or a zone is acknowledged, nothing decided
+        before it is sent any more.
         """
         with self._lock:
-            if period_s * 1e9 > COMMAND_LIFE_NS:
-                self._sent = STANDSTILL  # the driver has forgotten the last command by now
+            if period_s * 1e9 > DEFAULT_SAFETY.gate.command_life_ns:
+                self._sent = STANDSTILL  # the last command has expired in the driver
             self._watch(clock(), newest)
             verdict = self._verdict(clock(), period_s)
             self._sent = verdict.twist
@@ -253,67 +254,72 @@ class RobotController:
     @property
     def pose_in_doubt(self) -> bool:
         """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
-        return self._watched.doubt is SensorFault.POSE or self._mapped.doubt is SensorFault.POSE
+        return self._watched.fault is SensorFault.POSE or self._mapped.fault is SensorFault.POSE
 
     def trust_pose(self) -> None:
-        """The operator says that the next frame's pose and stamp are true, whatever came before."""
+        """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
         with self._lock:
             if self.pose_in_doubt:
-                self._put_down = True
-                self._near = (
-                    RecentObstacles()
-                )  # where it was is not told by this pose; else what is out of sight is still there
+                self._pose_accepted = True
+                # The new pose does not tell where the obstacles are that are out of view.
+                self._near = RecentObstacles()
             self._mapped = self._watched = SensorMonitor()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
-        """Look at the newest frame, independently of the tick, and at whether the wheels obey."""
+        """Check the newest frame, independently of the tick, and whether the wheels turn."""
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile)
             if self._watched.newest_is_trusted:
                 self._near = self._near.after(newest)
-        held = self._pushing_ns is not None and now_ns - self._pushing_ns >= BLOCKED_NS
+        since_ns = self._blocked_since_ns
+        held = since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
         if self._intent.mission.phase not in MOVING:
-            self._pushing_ns = None
-        elif newest is None or not pushes_in_vain(self._sent, newest.twist, self.profile):
-            self._pushing_ns = self._pushing_ns if held else None
-        elif self._pushing_ns is None:
-            self._pushing_ns = now_ns
+            self._blocked_since_ns = None
+        elif newest is None or not wheels_blocked(self._sent, newest.twist, self.profile):
+            self._blocked_since_ns = self._blocked_since_ns if held else None
+        elif self._blocked_since_ns is None:
+            self._blocked_since_ns = now_ns
 
     def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
-        """Why the robot stands although it was told to drive, as of now; the most severe first."""
+        """Return why the robot stands although it was told to drive, the most severe reason
+        first."""
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
-        intent, thought, hand = self._intent, self._thought, self._slowed(self.hand(now_ns))
-        # A velocity decided before the operator's last word is void; the next tick brings one that
-        # has heard it.
-        driving = intent.mission.phase in MOVING and thought.order == request_of(intent)
-        command = hand or (thought.command if driving else None)
-        if command is not None and now_ns < command.stamp_ns <= now_ns + MEANWHILE_NS:
+        intent, tick_state, hand = self._intent, self._tick_state, self._limited(self.hand(now_ns))
+        # A command decided before the newest change of the operator's state is void; the next tick
+        # decides for the new one.
+        driving = intent.mission.phase in MOVING and tick_state.request == request_of(intent)
+        command = hand or (tick_state.command if driving else None)
+        if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
             now_ns = command.stamp_ns
         facts = GateInput(
             now_ns=now_ns,
             frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
             stopped_by=intent.stopped_by,
             command=command,
-            senses=self._watched,
-            near=self._near.points,
-            pushing_ns=self._pushing_ns,
+            sensors=self._watched,
+            obstacles=self._near.points,
+            blocked_since_ns=self._blocked_since_ns,
         )
         verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
-        found = self._objections_to(hand) if hand is not None else self._obstacles(intent, thought)
+        found = (
+            self._teleop_stops(hand)
+            if hand is not None
+            else _planner_stops(intent, tick_state, self._watched)
+        )
         twist = STANDSTILL if hand is not None and found else verdict.twist
         return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
 
     def hand(self, now_ns: int) -> Command | None:
-        """What somebody asks for by hand, while it is fresh and no mission drives."""
+        """Return the command of teleoperation while it is fresh and no mission drives."""
         command = self._intent.by_hand
         if command is None or self._intent.mission.phase in MOVING:
             return None
         return command if 0 <= now_ns - command.stamp_ns <= HAND_LIFE_NS else None
 
-    def _slowed(self, hand: Command | None) -> Command | None:
-        """The same command, as slow as the operator's speed limits want it."""
+    def _limited(self, hand: Command | None) -> Command | None:
+        """Return a command of teleoperation within the operator's speed limits."""
         newest = self._watched.newest
         if hand is None or newest is None:
             return hand
@@ -323,18 +329,14 @@ class RobotController:
             twist=self.navigator.limit(asked, self._intent.zones, newest.pose, newest.twist).twist,
         )
 
-    def _objections_to(self, hand: Command) -> list[StopReason]:
-        """A hand may go wherever the gate lets it, but into no zone, and into nothing that the map
-        has of the beware list.
+    def _teleop_stops(self, hand: Command) -> list[StopReason]:
+        """Return why teleoperation may not go on: it would enter a zone, or a mapped object of the
+        beware list.
 
-        The zones are those of now: they bind a hand before the first tick, too, and when ticks
-        fail.
+        The present zones hold before the first tick, too, and when ticks fail.
         """
-        decision, newest, spec = (
-            self._thought.decision,
-            self._watched.newest,
-            self.navigator.map.spec,
-        )
+        decision, newest = self._tick_state.decision, self._watched.newest
+        spec = self.navigator.map.spec
         seen = None if decision is None else decision.occupancy
         if newest is None:
             return []
@@ -345,80 +347,50 @@ class RobotController:
         return [
             StopReason(
                 cause=Cause.BEWARE_AHEAD,
-                text="A beware area lies that way; drive by hand in another direction.",
+                text="There is a beware area in this direction; drive in another one.",
             )
         ]
 
-    def _obstacles(self, intent: OperatorState, thought: TickState) -> list[StopReason]:
-        """Why the planners, rather than the gate, keep the robot where it is."""
-        found = []
-        if (
-            thought.bad_frame is not None and not self._watched.malformed
-        ):  # then the gate has said so
-            found.append(
-                StopReason(
-                    cause=Cause.BAD_FRAME,
-                    text=f"The camera's picture is refused: {thought.bad_frame}.",
-                )
-            )
-        if thought.failure is not None:
-            found.append(
-                StopReason(
-                    cause=Cause.PLANNER_FAILED, text=f"The navigation failed: {thought.failure}."
-                )
-            )
-        if intent.mission.phase is Phase.PAUSED:
-            found.append(
-                StopReason(cause=Cause.PAUSED, text="The mission is paused; resume it to drive on.")
-            )
-        if intent.mission.phase not in MOVING or thought.decision is None:
-            return found
-        route, outcome = thought.decision.route, thought.decision.motion.outcome
-        if (
-            route is not None
-            and isinstance(route.outcome, NoPath)
-            and thought.decision.motion.twist == STANDSTILL
-        ):
-            why = _why_no_path(intent, thought.decision, route.outcome)
-            found.append(
-                StopReason(cause=Cause.NO_PATH, text=f"There is no path to the goal: {why}.")
-            )
-        if outcome is ControllerState.IN_ZONE:
-            found.append(
-                StopReason(
-                    cause=Cause.IN_ZONE,
-                    text="The robot stands in a beware area: have it leave, or change the area.",
-                )
-            )
-        if outcome is ControllerState.BOXED_IN:
-            found.append(
-                StopReason(
-                    cause=Cause.BOXED_IN,
-                    text="No motion keeps clear of what stands near the robot.",
-                )
-            )
-        if outcome is ControllerState.GIVEN_UP:
-            tried = "it has waited, backed off and looked round, and found no way"
-            text = f"The robot gives up: {tried}. Clear its way, or pick another goal."
-            found.append(StopReason(cause=Cause.BOXED_IN, text=text))
-        if outcome is ControllerState.YIELD:
-            found.append(
-                StopReason(
-                    cause=Cause.YIELDING,
-                    text="Somebody is in the robot's way; it waits until he has passed.",
-                )
-            )
+
+def _planner_stops(
+    intent: OperatorState, tick_state: TickState, sensors: SensorMonitor
+) -> list[StopReason]:
+    """Return why the planners, rather than the gate, hold the robot."""
+    mission, decision = intent.mission, tick_state.decision
+    found = []
+    # A malformed frame is a reason of the gate already.
+    if tick_state.bad_frame is not None and not sensors.malformed:
+        text = f"The camera image is refused: {tick_state.bad_frame}."
+        found.append(StopReason(cause=Cause.BAD_FRAME, text=text))
+    if tick_state.failure is not None:
+        text = f"The navigation failed: {tick_state.failure}."
+        found.append(StopReason(cause=Cause.PLANNER_FAILED, text=text))
+    if mission.phase is Phase.PAUSED:
+        text = "The mission is paused; resume it to drive on."
+        found.append(StopReason(cause=Cause.PAUSED, text=text))
+    if mission.phase not in MOVING or decision is None:
         return found
+    outcome = None if decision.route is None else decision.route.outcome
+    if isinstance(outcome, NoPath) and decision.motion.twist == STANDSTILL:
+        text = f"There is no path to the goal: {_why_no_path(intent, decision, outcome)}."
+        found.append(StopReason(cause=Cause.NO_PATH, text=text))
+    if decision.motion.outcome in CONTROLLER_STOPS:
+        found.append(CONTROLLER_STOPS[decision.motion.outcome])
+    return found
 
 
 def _why_no_path(intent: OperatorState, decision: TickResult, outcome: NoPath) -> str:
+    """Return why there is no path, with what blocks the goal."""
     goal, grid = intent.mission.goal, decision.occupancy.grid
     if outcome.reason is not Reason.GOAL_BLOCKED or goal is None:
         return str(outcome.reason)
-    return f"{outcome.reason}, it lies {describe_cell(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
+    return (
+        f"{outcome.reason}, the goal is {describe_cell(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
+    )
 
 
 def request_of(intent: OperatorState) -> NavigationRequest:
+    """Return the navigator's request for an operator's state."""
     goal = intent.mission.goal
     return NavigationRequest(
         goal=(goal.x_m, goal.y_m) if goal else None,

@@ -1,5 +1,4 @@
-"""Which segmenter drives: the network with the colour rules, or the rules alone, and what to tell
-the operator about it."""
+"""Composition of the segmenter: the network with the colour rules, or the rules alone."""
 
 from __future__ import annotations
 
@@ -10,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.runtime.segmenter_choice import SegmenterChoice
+from navcore.config.inference import InferenceConfig
+from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet.inference.engine import THREADS
@@ -32,38 +33,38 @@ from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
 CAMERA = Size(height=240, width=424)
-"""Of the simulated D455; the working size of weights that do not name their own is the nearest to
-it."""
+"""Image size of the simulated D455; weights without a working size of their own use the nearest."""
 RANDOM_CLASSES = 12
+"""Number of classes of the network with random weights."""
 SLOW_MS = 100.0
-"""Where every engine takes longer for a picture, a robot that drives in the present is shown
-smaller ones."""
+"""Time per image, in milliseconds, above which a robot in real time uses smaller images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Perception:
-    """A segmenter, and what is to be said of it."""
+    """A segmenter with its description."""
 
     segmenter: Segmenter
-    """What labels the pictures."""
+    """Segmenter of the camera images."""
     title: str
-    """For people, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 448 × 256`."""
+    """Title for operators, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 448 × 256`."""
     identity: str
-    """Whatever changes its labels: the weights' hash, size and precision. Two campaigns with the
-    same one are comparable."""
+    """Everything that determines the labels: hash of the weights, image size and precision.
+    Campaigns with the same identity are comparable."""
     warning: str | None = None
-    """What the operator must know: that the network does not run, and why. None when all is as it
-    should be."""
+    """Why the network does not run, for the operator; None when it does or was not asked for."""
     trials: tuple[EngineBenchmark, ...] = ()
-    """What was measured of the engines to choose one."""
+    """Measurements of the engines, from which one was chosen."""
     choice: SegmenterChoice
-    """That gives the same segmenter again: the engine that was found is named."""
+    """Options that give the same segmenter again, with the chosen engine."""
 
 
-def colour_perception(warning: str | None = None) -> Perception:
-    """The colour rules alone."""
+def colour_perception(
+    warning: str | None = None, config: PerceptionConfig = DEFAULT_PERCEPTION
+) -> Perception:
+    """Return the colour rules alone."""
     return Perception(
-        segmenter=ColourSegmenter(),
+        segmenter=ColourSegmenter(config),
         title="colour rules",
         identity="colour rules",
         warning=warning,
@@ -71,29 +72,33 @@ def colour_perception(warning: str | None = None) -> Perception:
     )
 
 
-def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
-    """The segmenter asked for.
+def compose(
+    choice: SegmenterChoice,
+    *,
+    shipped: Path = SHIPPED,
+    config: PerceptionConfig = DEFAULT_PERCEPTION,
+) -> Perception:
+    """Compose the chosen segmenter.
 
-    Raises `BadConfiguration` where a network was asked for by name and cannot run; with `auto` and
-    the shipped weights that is a warning, and the colour rules drive.
+    Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
+    the shipped weights this gives a warning, and the colour rules are used.
     """
     if choice.kind == "colour":
         if choice.weights is not None:
             raise BadConfiguration(
-                "--weights with --segmenter colour: the colour rules have no weights; leave one of them out"
+                "--weights with --segmenter colour: the colour rules have no weights; "
+                "leave one of them out"
             )
-        return colour_perception()
+        return colour_perception(config=config)
     try:
-        perception = _network(choice, choice.weights or shipped)
+        perception = _network(choice, choice.weights or shipped, config)
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
         why = str(error) if shipped.exists() else "no trained weights come with this version"
-        warning = (
-            f"The network does not run, only the colour rules look for things to beware of: {why}"
-        )
+        warning = f"The network does not run, only the colour rules are used: {why}"
         log.warning("%s", warning)
-        return colour_perception(warning)
+        return colour_perception(warning, config)
     log.info("segmentation: %s", perception.title)
     return perception
 
@@ -101,10 +106,10 @@ def compose(choice: SegmenterChoice, *, shipped: Path = SHIPPED) -> Perception:
 def measure_segmenter(
     weights: Path | None = None, *, trial_s: float = 2.0, threads: int = THREADS
 ) -> tuple[str, list[EngineBenchmark]]:
-    """What network was measured, and p50 and p99 of each engine that is installed.
+    """Measure each installed engine; returns a description of the network and the measurements.
 
-    Without `weights` it is the shipped network, and where none ships one of its shape with random
-    weights, which takes as long.
+    Without `weights` the shipped network is measured or, without that, one of its shape with random
+    weights, which takes the same time.
     """
     try:
         file = open_network(weights or SHIPPED, camera=CAMERA)
@@ -113,10 +118,11 @@ def measure_segmenter(
             raise
         file = _random_network()
     what = f"{file.title}, {len(file.class_names)} classes, {_by(file.size)}, {threads} threads"
-    return what, [trial for _, trial in benchmark_engines(file, threads=threads, trial_s=trial_s)]
+    config = InferenceConfig(trial_s=trial_s)
+    return what, [trial for _, trial in benchmark_engines(file, threads=threads, config=config)]
 
 
-def _network(choice: SegmenterChoice, path: Path) -> Perception:
+def _network(choice: SegmenterChoice, path: Path, config: PerceptionConfig) -> Perception:
     file = open_network(path, camera=CAMERA)
     if choice.smaller:
         file = file.smaller() or file
@@ -126,7 +132,7 @@ def _network(choice: SegmenterChoice, path: Path) -> Perception:
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
     if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
         log.warning(
-            "segmentation: too slow here for pictures of %s, it is shown %s",
+            "segmentation: too slow here for images of %s, using %s",
             _by(file.size),
             _by(smaller.size),
         )
@@ -141,7 +147,7 @@ def _network(choice: SegmenterChoice, path: Path) -> Perception:
     )
     _, precision = engine.name.split()
     return Perception(
-        segmenter=FusedSegmenter(network),
+        segmenter=FusedSegmenter(network, config),
         title=f"network {file.title}, {engine.name}, {_by(file.size)}",
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=trials,

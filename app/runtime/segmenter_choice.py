@@ -12,21 +12,19 @@ Backend = Literal["auto", "torch", "onnxruntime", "openvino", "openvino-bf16", "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmenterChoice:
-    """What the operator asked for."""
+    """Options of the segmenter."""
 
     kind: Kind = "auto"
-    """`auto` takes the network if its weights are there and whole, else the colour rules, and says
-    so."""
+    """`auto`: the network if its weights are present and valid, else the colour rules with a
+    warning."""
     weights: Path | None = None
-    """A `.safetensors` or `.onnx` file; None for the one that comes with the package."""
+    """Weights, a `.safetensors` or `.onnx` file; None for the shipped ones."""
     engine: str = "auto"
-    """`auto` tries those that are installed; else an engine, in f32 unless it says otherwise, e.g.
+    """Inference engine; `auto` measures the installed ones. f32 unless a precision is given, e.g.
     `openvino bf16`."""
     live: bool = False
-    """Whether the world does not wait for it: where no engine is quick enough, it is shown smaller
-    pictures."""
+    """Whether it must keep up with real time: smaller images if no engine is fast enough."""
     smaller: bool = False
-    """Whether it is shown smaller pictures than it was trained on; found by trying, as the engine.
-    """
+    """Whether smaller images than in training are used; chosen by measuring, as the engine."""
     threads: int = 2
-    """That it may use."""
+    """Number of CPU threads of the engine."""

@@ -1,8 +1,7 @@
-"""The simulated robot as a process of its own, at real time: like a real robot it has its own
-clock, link and time-out.
+"""The simulated robot as a process of its own in real time, with its own clock, link and time-out.
 
-Physics and camera never hold the console's interpreter lock, and a hung console leaves the robot to
-its driver's time-out. The link carries JSON headers and raw pixels, nothing that could be executed.
+Physics and camera never hold the console's interpreter lock, and the driver's time-out stops the
+robot when the console hangs. The link carries JSON headers and raw pixels, nothing executable.
 """
 
 from __future__ import annotations
@@ -21,29 +20,31 @@ from typing import Any
 import numpy as np
 
 from app.runtime.message_queue import LatestMessageQueue
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
-from navcore.safety.gate import COMMAND_LIFE_NS
 from sim.scenario.load import load_scenario
 from sim.simulator import Simulator
 
+COMMAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 START_S = 60.0
-"""How long the world may take to build."""
+"""Longest time until the first frame, seconds."""
 MAX_BEHIND_S = 0.25
-"""A simulator that lags more than this does not try to catch up: it is slower than real time, and
-so be it."""
+"""Lag behind real time that the simulator makes up, seconds; a longer lag is given up."""
+JOIN_S = 2.0
+"""Longest wait for the end of the process and of the thread, seconds."""
 
 
 class SimulatorFailed(BewareNavError):  # noqa: N818 - named after what happened, as all of them
-    """The simulator process did not come up or has died."""
+    """The simulator process did not start or has died."""
 
 
 class SimulatorProcess:
-    """A `Robot` whose wheels and camera live in another process. Stamps are of the machine's
-    monotonic clock."""
+    """A `Robot` whose wheels and camera are simulated in another process. Stamps are those of the
+    machine's monotonic clock."""
 
     def __init__(self, scenario: str, *, seed: int, profile: RobotProfile) -> None:
         self.profile = profile
@@ -66,53 +67,52 @@ class SimulatorProcess:
             self._news.wait_for(lambda: self._frame is not None or self._ended, START_S)
         if self._frame is None:
             self.close()
-            raise SimulatorFailed(f"the simulator ended, or sent no picture within {START_S:g} s")
+            raise SimulatorFailed(f"the simulator ended, or sent no frame within {START_S:g} s")
 
     def now_ns(self) -> int:
-        """The machine's monotonic clock."""
+        """Return the time of the machine's monotonic clock in nanoseconds."""
         return time.monotonic_ns()
 
     def newest_frame(self) -> Frame | None:
-        """The last picture that came over the link."""
+        """Return the newest frame of the link; None before the first."""
         return self._frame
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """The newest picture if it is another than `after`, waiting for it; None when none comes in
-        time."""
+        """Return the newest frame once it is another than `after`; None when none comes in time."""
         with self._news:
             self._news.wait_for(lambda: self._frame is not after, timeout_s)
             return self._frame if self._frame is not after else None
 
     def send(self, twist: Twist) -> None:
-        """Pass a velocity on; the robot's driver forgets it after 0.25 s."""
+        """Send a velocity, which expires in the robot's driver."""
         message = {"kind": "twist", "v": twist.v_mps, "w": twist.w_radps, "stamp_ns": self.now_ns()}
         self._outbox.post("twist", json.dumps(message).encode())
 
     def watch_zones(self, polygons: list[list[tuple[float, float]]]) -> None:
-        """Tell the referee which zones to judge by."""
+        """Tell the referee the zones in force."""
         self._tell(kind="zones", polygons=polygons)
 
     def note_stop(self, reason: str | None) -> None:
-        """Tell the referee why the robot is held, None when it is not."""
+        """Tell the referee why the robot is held; None when it is not."""
         self._tell(kind="stop", reason=reason)
 
     def new_run(self) -> None:
-        """Let the referee start afresh."""
+        """Let the referee start a new judgement."""
         self._tell(kind="new_run")
 
     def referee_report(self) -> dict[str, Any]:
-        """What the referee has judged since the last `new_run`, as of the newest picture."""
+        """Return the judgement since the last `new_run`, as of the newest frame."""
         return self._report
 
     def close(self) -> None:
         """Stop the wheels and end the process."""
         self._tell(kind="close")
-        self._process.join(timeout=2.0)
+        self._process.join(timeout=JOIN_S)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
         self._outbox.close()
-        self._reader.join(timeout=2.0)
+        self._reader.join(timeout=JOIN_S)
         self._link.close()
 
     def _tell(self, **message: Any) -> None:
@@ -134,11 +134,10 @@ class SimulatorProcess:
 
 
 def _serve(link: Connection, scenario: str, seed: int) -> None:
-    """The simulator process: step at real time, send each picture, obey what comes in."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C is the console's to hear; it sends zero, and then says close
-    outbox = LatestMessageQueue(link, "pictures")
+    """Run the simulator in real time: send each frame, execute the messages."""
+    # Ctrl-C is for the console, which sends zero and then closes the link.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    outbox = LatestMessageQueue(link, "frames")
     with Simulator(load_scenario(scenario), seed=seed) as simulator:
         frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
         while _obey(link, simulator):
@@ -153,7 +152,7 @@ def _serve(link: Connection, scenario: str, seed: int) -> None:
             if simulator.newest_frame() is not frame:
                 frame = simulator.newest_frame()
                 if frame is not None:
-                    # A picture that is late, or wrongly dated, by a fault stays so on the machine's
+                    # A frame that a fault made late or wrongly dated stays so on the machine's
                     # clock.
                     outbox.post(
                         "frame",
@@ -162,7 +161,7 @@ def _serve(link: Connection, scenario: str, seed: int) -> None:
 
 
 def _obey(link: Connection, simulator: Simulator) -> bool:
-    """Apply all messages that wait; False when the link is closed."""
+    """Execute all waiting messages; False when the link is closed."""
     try:
         while link.poll():
             message = json.loads(link.recv_bytes())
@@ -191,14 +190,14 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "pose": asdict(frame.pose),
         "twist": asdict(frame.twist),
         "stamp_ns": stamp_ns,
-        # JSON has no infinity: a clearance that was never measured is none.
+        # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
             for key, value in report.items()
         },
     }
     text = json.dumps(header).encode()
-    text += b" " * (-(4 + len(text)) % 8)  # keeps the depth aligned, as compiled code wants it
+    text += b" " * (-(4 + len(text)) % 8)  # aligns the depth, as compiled code requires
     return len(text).to_bytes(4, "little") + text + frame.depth_m.tobytes() + frame.rgb.tobytes()
 
 

@@ -1,4 +1,4 @@
-"""What must survive a restart or a `kill -9`: one SQLite file, WAL, synchronous FULL. `Store` is
-its door."""
+"""Persistent storage: one SQLite file (WAL, synchronous FULL) that survives restarts and `kill -9`.
+`Store` is its interface."""
 
 from app.storage.store import Store as Store

@@ -1,5 +1,5 @@
-"""What happened, in the order it happened: entries are added and read, never changed. The oldest
-give way to new ones."""
+"""The audit log on disk: entries are added and read, never changed; the oldest are deleted when
+there are too many."""
 
 from __future__ import annotations
 
@@ -11,32 +11,29 @@ from typing import Any
 from app.storage.database import Database
 
 MAX_ENTRIES = 100_000
-SWEEP_EVERY = 1_000
+SWEEP_PERIOD = 1_000
+"""Number of new entries after which surplus old ones are deleted."""
 
 
-class Journal:
-    """All entries of one kind. The wall clock only dates them; nothing is decided by it, and the id
-    gives the order."""
+class AuditTable:
+    """Satisfies `web`'s port of the audit log.
 
-    def __init__(self, database: Database, kind: str) -> None:
-        self._database, self._kind = database, kind
+    The wall clock only dates the entries; nothing is decided by it, and the id gives the order.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def add(self, entry: Mapping[str, Any]) -> int:
-        """Put down what happened just now; the new entry's id."""
+        """Add an entry dated now and return its id."""
         at = _stamp(datetime.now(UTC))
         with self._database.writing() as connection:
-            values = (self._kind, at, json.dumps(dict(entry)))
-            number = int(
-                connection.execute(
-                    "INSERT INTO journal (kind, at, entry) VALUES (?, ?, ?)", values
-                ).lastrowid
-                or 0
+            added = connection.execute(
+                "INSERT INTO audit (at, entry) VALUES (?, ?)", (at, json.dumps(dict(entry)))
             )
-            if number % SWEEP_EVERY == 0:
-                kept = "SELECT id FROM journal WHERE kind = ? ORDER BY id DESC LIMIT -1 OFFSET ?"
-                connection.execute(
-                    f"DELETE FROM journal WHERE id IN ({kept})", (self._kind, MAX_ENTRIES)
-                )
+            number = int(added.lastrowid or 0)
+            if number % SWEEP_PERIOD == 0:
+                connection.execute("DELETE FROM audit WHERE id <= ?", (number - MAX_ENTRIES,))
         return number
 
     def newest(
@@ -48,22 +45,22 @@ class Journal:
         since: datetime | None = None,
         until: datetime | None = None,
     ) -> tuple[dict[str, Any], ...]:
-        """At most `count` entries, newest first, each with `id` and `at` (UTC); `before` goes on
-        from an id.
+        """Return at most `count` entries, newest first, each with its `id` and `at` (UTC).
 
-        `who` keeps those whose `who` it is; `since` and `until`, which know their time zone, those
-        put down between the two.
+        `before` continues from an id. `who` selects the entries of one user; `since` and `until`,
+        which know their time zone, select those dated between the two.
         """
-        wanted: list[tuple[str, object]] = [("kind = ?", self._kind)]
+        wanted: list[tuple[str, object]] = []
         wanted += [("id < ?", before)] if before is not None else []
         wanted += [("json_extract(entry, '$.who') = ?", who)] if who is not None else []
         wanted += [("at >= ?", _stamp(since))] if since is not None else []
         wanted += [("at <= ?", _stamp(until))] if until is not None else []
-        query = f"SELECT id, at, entry FROM journal WHERE {' AND '.join(test for test, _ in wanted)} ORDER BY id DESC LIMIT ?"
+        where = f" WHERE {' AND '.join(test for test, _ in wanted)}" if wanted else ""
+        query = f"SELECT id, at, entry FROM audit{where} ORDER BY id DESC LIMIT ?"
         rows = self._database.rows(query, (*(value for _, value in wanted), count))
         return tuple({"id": row[0], "at": row[1], **json.loads(row[2])} for row in rows)
 
 
 def _stamp(at: datetime) -> str:
-    """As entries are dated: texts that sort like times."""
+    """Return the date of an entry as text that sorts like the times."""
     return at.astimezone(UTC).isoformat(timespec="milliseconds")

@@ -1,5 +1,4 @@
-"""The SQLite file itself: opened, brought to the present layout, read and written. An acknowledged
-write is on the disk."""
+"""The SQLite file: opening, reading and durable writing."""
 
 from __future__ import annotations
 
@@ -10,19 +9,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from app.storage.schema import migrate
+from app.storage.schema import create_schema
 from navcore.errors import StorageFailed
 
 BUSY_S = 0.5
-"""How long a write waits for another process's lock before it is refused."""
+"""Time for which a write waits for the lock of another process before it is refused, seconds."""
 FILE = "console.sqlite"
 
 
 class Database:
-    """One connection, safe to use from any thread."""
+    """One connection, safe to use from any thread. An acknowledged write is on the disk."""
 
     def __init__(self, folder: Path) -> None:
-        """Open or make the file in `folder`; raises `StorageFailed` when it cannot be used."""
+        """Open or create the file in `folder`; raises `StorageFailed` when it cannot be used."""
         self._lock = threading.Lock()
         self.path = folder / FILE
         connection = None
@@ -33,7 +32,7 @@ class Database:
             )
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = FULL")
-            migrate(connection)
+            create_schema(connection)
         except (OSError, sqlite3.Error, StorageFailed) as error:
             if connection is not None:
                 connection.close()
@@ -41,12 +40,12 @@ class Database:
         self._connection = connection
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the file."""
         with self._lock:
             self._connection.close()
 
     def rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        """All rows of a query."""
+        """Return all rows of a query."""
         with self._lock:
             try:
                 return self._connection.execute(query, values).fetchall()
@@ -54,15 +53,14 @@ class Database:
                 raise StorageFailed(f"the store {self.path} cannot be read: {error}") from None
 
     def write(self, statement: str, values: tuple[object, ...] = ()) -> None:
-        """One statement, on the disk when this returns; raises `StorageFailed`, and then nothing
-        has changed."""
+        """Execute one statement, which is on the disk on return; raises `StorageFailed`, and then
+        nothing has changed."""
         with self.writing() as connection:
             connection.execute(statement, values)
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
-        """Several statements that hold together: all are on the disk at the end, or none when
-        anything fails."""
+        """One transaction: all its statements are on the disk at the end, or none if any fails."""
         with self._lock:
             try:
                 self._connection.execute("BEGIN IMMEDIATE")

@@ -1,5 +1,5 @@
-"""The log of decisions on disk: what the navigation decided over all the console's starts. The
-oldest give way to new ones."""
+"""The event log on disk, over all starts of the console; the oldest entries are deleted when there
+are too many."""
 
 from __future__ import annotations
 
@@ -7,53 +7,57 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from app.storage.database import Database
-from web.insight import Entry, Kind
+from web.interface.insight import Entry, Kind
 
 MAX_ENTRIES = 100_000
 _COLUMNS = "id, start, stamp_s, unix_s, kind, text, x_m, y_m"
 
 
-class DecisionTable:
-    """Satisfies `app.journal.Shelf`. Whoever writes has numbered the entries: an entry written
-    twice is one entry."""
+class EventTable:
+    """Satisfies `app.insight.event_log.EventStore`.
 
-    def __init__(self, database: Database, *, most: int = MAX_ENTRIES) -> None:
-        self._database, self._most = database, most
+    The writer has numbered the entries: an entry that is written twice is stored once.
+    """
+
+    def __init__(self, database: Database, *, max_entries: int = MAX_ENTRIES) -> None:
+        self._database, self._max_entries = database, max_entries
 
     def last(self) -> tuple[int, int]:
-        """The largest id and the newest start of the console that wrote anything; zeros before the
-        first entry."""
+        """Return the largest id and the number of the newest start that wrote an entry; zeros
+        before the first."""
         ((number, start),) = self._database.rows(
-            "SELECT coalesce(max(id), 0), coalesce(max(start), 0) FROM decisions"
+            "SELECT coalesce(max(id), 0), coalesce(max(start), 0) FROM events"
         )
         return int(number), int(start)
 
     def oldest(self) -> int:
-        """The smallest id; 0 before the first entry."""
-        ((number,),) = self._database.rows("SELECT coalesce(min(id), 0) FROM decisions")
+        """Return the smallest id; 0 before the first entry."""
+        ((number,),) = self._database.rows("SELECT coalesce(min(id), 0) FROM events")
         return int(number)
 
     def append(self, entries: Sequence[Entry]) -> None:
-        """All of them, as one write, or none: then it raises `StorageFailed`."""
+        """Write all entries or none; raises `StorageFailed` when none is written."""
         with self._database.writing() as connection:
             marks = "?, ?, ?, ?, ?, ?, ?, ?"
             connection.executemany(
-                f"INSERT OR REPLACE INTO decisions ({_COLUMNS}) VALUES ({marks})",
+                f"INSERT OR REPLACE INTO events ({_COLUMNS}) VALUES ({marks})",
                 map(_row, entries),
             )
             connection.execute(
-                "DELETE FROM decisions WHERE id <= (SELECT max(id) FROM decisions) - ?",
-                (self._most,),
+                "DELETE FROM events WHERE id <= (SELECT max(id) FROM events) - ?",
+                (self._max_entries,),
             )
 
     def between(
         self, since: int, before: int, *, kinds: Collection[Kind], limit: int
     ) -> tuple[Entry, ...]:
-        """The newest entries of these kinds (none: all) with an id between the two, at most
+        """Return the newest entries of some kinds (none: all), `since` < id < `before`, at most
         `limit`, oldest first."""
         chosen = sorted(kinds)
         only = f" AND kind IN ({', '.join('?' * len(chosen))})" if chosen else ""
-        query = f"SELECT {_COLUMNS} FROM decisions WHERE id > ? AND id < ?{only} ORDER BY id DESC LIMIT ?"
+        query = (
+            f"SELECT {_COLUMNS} FROM events WHERE id > ? AND id < ?{only} ORDER BY id DESC LIMIT ?"
+        )
         rows = self._database.rows(query, (since, before, *chosen, limit))
         return tuple(_entry(row) for row in reversed(rows))
 

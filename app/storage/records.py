@@ -1,9 +1,7 @@
-"""Zones and goals as JSON for the store, and back. What an older version wrote stays readable:
-later fields have defaults."""
+"""Conversion of zones and goals to JSON and back."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,27 +11,39 @@ from navcore.mission.zone_shapes import Circle, Corridor, Shape
 
 
 def zone_record(zone: Zone) -> dict[str, Any]:
-    """A zone as JSON."""
-    record = {field.name: getattr(zone, field.name) for field in dataclasses.fields(Zone)}
-    return {**record, "kind": str(zone.kind), "drawn": _shape_record(zone.drawn)}
+    """Convert a zone to JSON."""
+    return {
+        "id": zone.id,
+        "name": zone.name,
+        "polygon": zone.polygon,
+        "enabled": zone.enabled,
+        "margin_m": zone.margin_m,
+        "version": zone.version,
+        "kind": str(zone.kind),
+        "max_speed_mps": zone.max_speed_mps,
+        "colour": zone.colour,
+        "expires_at_s": zone.expires_at_s,
+        "drawn": _shape_record(zone.drawn),
+    }
 
 
 def zone_of(record: Mapping[str, Any]) -> Zone:
-    """The zone of a record."""
-    fields = dict(record)
-    fields["polygon"] = _corners(fields["polygon"])
-    fields["kind"] = ZoneKind(fields.get("kind", ZoneKind.KEEP_OUT))
-    fields["drawn"] = _shape_of(fields.get("drawn"))
-    return Zone(**fields)
+    """Convert a record to a zone."""
+    converted = {
+        "polygon": _corners(record["polygon"]),
+        "kind": ZoneKind(record["kind"]),
+        "drawn": _shape_of(record["drawn"]),
+    }
+    return Zone(**{**record, **converted})
 
 
 def goal_record(goal: Goal) -> dict[str, Any]:
-    """A goal as JSON, but for its id."""
+    """Convert a goal to JSON, without its id."""
     return {"x_m": goal.x_m, "y_m": goal.y_m, "yaw_rad": goal.yaw_rad, "name": goal.name}
 
 
 def goal_of(record: Mapping[str, Any]) -> Goal:
-    """The goal of a record; it gets its id from the mission that takes it."""
+    """Convert a record to a goal; the mission that takes the goal gives it an id."""
     return Goal(id=0, **record)
 
 

@@ -1,4 +1,4 @@
-"""Who may log in. Passwords and tokens come here as hashes only."""
+"""User accounts. Passwords and tokens are stored as hashes only."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 from app.storage.database import Database
 from navcore.errors import NotKnown, Refused
-from web.access.roles import Role
-from web.access.users import User
+from web.auth.roles import Role
+from web.auth.users import User
 
 
 class UserTable:
@@ -20,7 +20,7 @@ class UserTable:
         self._database = database
 
     def all(self) -> tuple[User, ...]:
-        """By name."""
+        """Return all users, sorted by name."""
         rows = self._database.rows(
             "SELECT name, role, password_hash, token_hash FROM users ORDER BY name"
         )
@@ -30,7 +30,7 @@ class UserTable:
         )
 
     def add(self, user: User) -> None:
-        """Raises `Refused` when the name is taken."""
+        """Add a user; raises `Refused` when the name is taken."""
         with self._database.writing() as connection:
             if connection.execute("SELECT 1 FROM users WHERE name = ?", (user.name,)).fetchone():
                 raise Refused(f"there is a user {user.name!r} already")
@@ -49,15 +49,16 @@ class UserTable:
         token_hash: str | None = None,
         instead_of: str | None = None,
     ) -> User:
-        """Role, password or token of an existing one; raises `NotKnown`, and `Refused` for the last
-        admin's loss of it.
+        """Change role, password or token of a user.
 
-        What is not said stays as it is by then: two who change one user at once undo nothing of
-        each other.
+        A field that is None keeps its stored value, so that concurrent changes of one user do not
+        undo each other. With `instead_of` the change is made only while the stored password hash is
+        this one. Raises `NotKnown`, and `Refused` when the last admin would lose the role.
         """
         query = (
             "UPDATE users SET role = coalesce(?, role), password_hash = coalesce(?, password_hash),"
-            " token_hash = coalesce(?, token_hash) WHERE name = ? AND password_hash = coalesce(?, password_hash)"
+            " token_hash = coalesce(?, token_hash)"
+            " WHERE name = ? AND password_hash = coalesce(?, password_hash)"
         )
         with self._database.writing() as connection:
             values = (
@@ -79,7 +80,7 @@ class UserTable:
         return User(name=name, role=Role(row[0]), password_hash=row[1], token_hash=row[2])
 
     def remove(self, name: str) -> None:
-        """Raises `NotKnown`, and `Refused` for the last admin."""
+        """Remove a user; raises `NotKnown`, and `Refused` for the last admin."""
         with self._database.writing() as connection:
             if connection.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount == 0:
                 raise NotKnown(f"no user is called {name!r}")
@@ -93,6 +94,6 @@ def _need_an_admin(connection: sqlite3.Connection) -> None:
 
 @contextmanager
 def user_table(folder: Path) -> Iterator[UserTable]:
-    """The users of a data folder, beside a console that may be running on it."""
+    """Open the users of a data folder, also while a console runs on it."""
     with closing(Database(folder)) as database:
         yield UserTable(database)

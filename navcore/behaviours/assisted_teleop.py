@@ -1,5 +1,4 @@
-"""Driving by hand keeps out of beware areas, as driving by itself does: what the footprint sweeps
-until it stands is judged."""
+"""Assisted teleoperation: a velocity given by hand may not drive the footprint into a forbidden area."""
 
 from __future__ import annotations
 
@@ -10,6 +9,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.behaviours import TeleopConfig
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.costmap.costmap import Costmap, box_around
 from navcore.costmap.local_costmap import split_areas
 from navcore.geometry.kinematics import arc_position
@@ -17,11 +18,9 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import Zone
 from navcore.robot.profile import RobotProfile
-from navcore.safety.collision_monitor import REACTION_S, braking_s
+from navcore.safety.collision_monitor import braking_s
 
-LATE_S = 0.35
-"""On top of the reaction: the picture that the pose comes from may be that old."""
-STEP_S = 0.05
+_DEFAULT = TeleopConfig()
 
 
 def stays_out(
@@ -32,15 +31,18 @@ def stays_out(
     zones: Sequence[Zone],
     spec: GridSpec,
     seen: Costmap | None,
+    config: TeleopConfig = _DEFAULT,
 ) -> bool:
-    """Whether the robot, driving so and then braking, comes over no more of any beware area than it
-    stands over now.
+    """Return whether the robot, driving at a velocity and then braking, covers no more of any
+    forbidden area than it covers now.
 
-    Whoever stands in one may thus be driven out of it, and no farther in, nor over a thing or
-    another zone that lies in it. `zones` are the operator's, as they are now; `seen`, over `spec`,
-    holds what of the beware list is known, None for nothing.
+    A robot that stands in an area may thus be driven out of it, and not farther in, nor over an
+    object or another zone inside of it. `zones` are the operator's present ones; `seen`, a costmap
+    over `spec`, holds what is known of the beware list, None for nothing.
     """
-    until_s = REACTION_S + LATE_S + braking_s(twist, profile) / 2
+    until_s = (
+        DEFAULT_SAFETY.collision.reaction_s + config.pose_age_s + braking_s(twist, profile) / 2
+    )
     reach_m = (
         profile.circumscribed_radius_m
         + abs(twist.v_mps) * until_s
@@ -52,32 +54,32 @@ def stays_out(
         else seen.around(pose, reach_m)
     )
     under, others = split_areas(grid, zones, profile, pose)
-    steps = math.ceil(until_s / STEP_S)
-    ways = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
+    steps = math.ceil(until_s / config.step_s)
+    poses = [pose @ _after(twist, until_s * step / steps) for step in range(1, steps + 1)]
     for area in (*under, others):
         if area.any():
             covered = _covered(area, grid.spec, pose, profile)
-            if any(_covered(area, grid.spec, way, profile) > covered for way in ways):
+            if any(_covered(area, grid.spec, later, profile) > covered for later in poses):
                 return False
     return True
 
 
 def _nothing(spec: GridSpec) -> OccupancyGrid:
-    """Of a place where nothing was seen yet."""
+    """An occupancy grid without obstacles."""
     empty = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     return OccupancyGrid(spec=spec, geometric=empty, beware={}, zones=empty)
 
 
 def _after(twist: Twist, t_s: float) -> Pose2:
-    """Where an arc from the origin leads."""
-    x_m, y_m = arc_position(twist.v_mps, twist.w_radps, t_s)
+    """The pose on an arc from the origin after some seconds."""
+    x_m, y_m = arc_position(float(twist.v_mps), float(twist.w_radps), t_s)
     return Pose2(x_m=x_m, y_m=y_m, yaw_rad=twist.w_radps * t_s)
 
 
 def _covered(
-    ruled: npt.NDArray[np.bool_], spec: GridSpec, pose: Pose2, profile: RobotProfile
+    forbidden: npt.NDArray[np.bool_], spec: GridSpec, pose: Pose2, profile: RobotProfile
 ) -> int:
-    """So many of the footprint's points, half a cell apart, lie on a ruled cell."""
+    """Number of footprint points, half a cell apart, on forbidden cells."""
     body = _body(profile.length_m, profile.width_m, spec.resolution_m / 2)
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     x = pose.x_m + cos * body[:, 0] - sin * body[:, 1]
@@ -85,12 +87,12 @@ def _covered(
     col = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
     row = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
     inside = (row >= 0) & (row < spec.rows) & (col >= 0) & (col < spec.cols)
-    return int(np.count_nonzero(ruled[row[inside], col[inside]]))
+    return int(np.count_nonzero(forbidden[row[inside], col[inside]]))
 
 
 @lru_cache(maxsize=4)
 def _body(length_m: float, width_m: float, step_m: float) -> npt.NDArray[np.float64]:
-    """(N, 2) points all over the footprint, base frame."""
+    """(N, 2) points all over the footprint in metres of the base frame."""
     x = np.linspace(-length_m / 2, length_m / 2, math.ceil(length_m / step_m) + 1)
     y = np.linspace(-width_m / 2, width_m / 2, math.ceil(width_m / step_m) + 1)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

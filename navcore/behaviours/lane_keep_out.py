@@ -1,21 +1,22 @@
-"""Who walks to and fro along the robot's way: where he walks is left to him, and the path leads
-beside it.
+"""Keep-out zones along the lanes of people who walk to and fro.
 
-People who walk are no part of the map, so the shortest path may lie in somebody's lane; he stops
-before the robot that waits there for him, and both wait. After a while his lane is closed like a
-zone, until the robot has passed or nobody walks there any more, but only if the way beside it is
-hardly longer. A value with its transition, one for each tick.
+People who walk are not part of the map, so the shortest path may follow the lane of a person; the
+person stops before the robot that waits for them, and both wait. After a while the lane is closed
+like a zone, until the robot has passed or no person walks there any more, but only if the route
+beside it is hardly longer.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
-from navcore.behaviours.waiting import HERE_M, STEP_S
+from navcore.behaviours.waiting import elapsed_s
+from navcore.config.behaviours import BehavioursConfig, LaneConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Pose2
@@ -23,41 +24,29 @@ from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.perception.people.track import Track
 from navcore.robot.profile import RobotProfile
 
-REMEMBERED_S, REMEMBERED_M = 20.0, 8.0
-"""Where somebody walked so long ago, or so far from the robot, is no longer his lane."""
-SPACING_M = 0.2
-"""His places are noted so far apart."""
-LONGER_M = 4.0
-"""For a way longer by more than this the lane is not left."""
-OPEN_S = 20.0
-"""A lane that was opened again is not closed for so long."""
-ANEW_S = 2.0
-"""So often what is closed follows where he walks, and where the robot is."""
-ROOM_M = 0.15
-"""Beyond the circle that the robot turns in: there the lane ends, for the robot does not stand in
-what it closes."""
-SMALLEST_M2 = 0.05
+_DEFAULT = BehavioursConfig()
+Walked = tuple[tuple[int, int, float, float], ...]
+"""Stamp in nanoseconds, track id, x and y in metres of the map frame of people who walked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneKeepOut:
-    """Where people have walked of late, for how long the robot has waited for them, and what of it
-    is closed."""
+    """A value with its transition, one for each tick."""
 
     zones: tuple[Zone, ...] = ()
-    """The lanes that are closed."""
-    walked: tuple[tuple[int, int, float, float], ...] = ()
-    """Stamp in ns, id, x and y in the map frame of those who walked, oldest first."""
+    """Closed lanes."""
+    walked: Walked = ()
+    """Recent positions of people who walk, oldest first."""
     at: Pose2 | None = None
-    """Where the robot waits …"""
+    """Pose where the robot waits, map frame; None before it waits."""
     waited_s: float = 0.0
-    """… and for how long it has; negative while no lane is to be closed again."""
+    """Time in seconds for which it has waited there; negative while no lane may be closed again."""
     now_ns: int = 0
-    """Stamp of the newest tick …"""
+    """Stamp of the newest tick in nanoseconds."""
     closed_ns: int = 0
-    """… and of when the lanes were closed as they are."""
+    """Stamp in nanoseconds at which the closed lanes were last updated."""
     before_m: float = 0.0
-    """Length of the way when the lanes were closed."""
+    """Length of the route in metres when the lanes were closed."""
 
     def after(
         self,
@@ -66,86 +55,93 @@ class LaneKeepOut:
         pose: Pose2,
         stamp_ns: int,
         *,
-        way_m: float | None,
+        route_m: float | None,
         profile: RobotProfile,
         people_config: PeopleConfig,
+        config: BehavioursConfig = _DEFAULT,
     ) -> LaneKeepOut:
-        """With one more tick. `way_m` is the length of the way to the goal, None without one."""
-        now = dataclasses.replace(
-            self, now_ns=stamp_ns, walked=self._walked(people, pose, stamp_ns)
-        )
+        """Return the state after one more tick. `route_m` is the length of the route to the goal in
+        metres, None without one."""
+        rules, walked = config.lanes, self._walked(people, pose, stamp_ns, config.lanes)
+        now = dataclasses.replace(self, now_ns=stamp_ns, walked=walked)
         if self.zones:
-            passed = not now.walked or (
-                self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > REMEMBERED_M
-            )
-            if way_m is None or way_m > self.before_m + LONGER_M or passed:
-                return dataclasses.replace(now, zones=(), waited_s=-OPEN_S)
-            if (stamp_ns - self.closed_ns) / 1e9 < ANEW_S:
-                return now
-            return dataclasses.replace(
-                now,
-                zones=tuple(_lanes(now.walked, pose, profile, people_config)),
-                closed_ns=stamp_ns,
-            )
-        moved = self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M
-        step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
-        gained_s = step_s if motion.outcome is ControllerState.YIELD or self.waited_s < 0 else 0.0
+            return now._while_closed(pose, route_m, profile, people_config, rules)
+        moved = self._distance_m(pose) > config.waiting.position_m
+        step_s = elapsed_s(self.now_ns, stamp_ns, config.waiting)
+        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE or self.waited_s < 0
+        gained_s = step_s if waits else 0.0
         waited_s = gained_s if moved and self.waited_s >= 0 else self.waited_s + gained_s
         now = dataclasses.replace(now, at=pose if moved else self.at, waited_s=waited_s)
-        if waited_s < people_config.lane_s or way_m is None:
+        if waited_s < people_config.lane_s or route_m is None:
             return now
-        zones = tuple(_lanes(now.walked, pose, profile, people_config))
+        zones = tuple(_lanes(now.walked, pose, profile, people_config, rules))
         return dataclasses.replace(
-            now, zones=zones, closed_ns=stamp_ns, before_m=way_m, waited_s=0.0
+            now, zones=zones, closed_ns=stamp_ns, before_m=route_m, waited_s=0.0
         )
 
+    def _while_closed(
+        self,
+        pose: Pose2,
+        route_m: float | None,
+        profile: RobotProfile,
+        people_config: PeopleConfig,
+        rules: LaneConfig,
+    ) -> LaneKeepOut:
+        passed = not self.walked or (
+            self.at is not None and self._distance_m(pose) > rules.remembered_m
+        )
+        if route_m is None or route_m > self.before_m + rules.max_detour_m or passed:
+            return dataclasses.replace(self, zones=(), waited_s=-rules.reopened_s)
+        if (self.now_ns - self.closed_ns) / 1e9 < rules.update_s:
+            return self
+        zones = tuple(_lanes(self.walked, pose, profile, people_config, rules))
+        return dataclasses.replace(self, zones=zones, closed_ns=self.now_ns)
+
+    def _distance_m(self, pose: Pose2) -> float:
+        return math.inf if self.at is None else self.at.distance_to(pose.x_m, pose.y_m)
+
     def _walked(
-        self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int
-    ) -> tuple[tuple[int, int, float, float], ...]:
-        last = {name: (x, y) for _, name, x, y in self.walked}
-        found = [note for note in self.walked if 0 <= stamp_ns - note[0] < REMEMBERED_S * 1e9]
-        for one in people:
-            near = pose.distance_to(one.x_m, one.y_m) < REMEMBERED_M
-            x, y = last.get(one.id, (float("inf"), float("inf")))
-            apart = abs(one.x_m - x) + abs(one.y_m - y) > SPACING_M
-            if one.speed_mps > 0 and one.unseen_s == 0 and near and apart:
-                found.append((stamp_ns, one.id, one.x_m, one.y_m))
+        self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int, rules: LaneConfig
+    ) -> Walked:
+        last = {track_id: (x, y) for _, track_id, x, y in self.walked}
+        life_ns = rules.remembered_s * 1e9
+        found = [note for note in self.walked if 0 <= stamp_ns - note[0] < life_ns]
+        for person in people:
+            near = pose.distance_to(person.x_m, person.y_m) < rules.remembered_m
+            x, y = last.get(person.id, (math.inf, math.inf))
+            apart = abs(person.x_m - x) + abs(person.y_m - y) > rules.spacing_m
+            if person.speed_mps > 0 and person.unseen_s == 0 and near and apart:
+                found.append((stamp_ns, person.id, person.x_m, person.y_m))
         return tuple(found)
 
 
 def _lanes(
-    walked: tuple[tuple[int, int, float, float], ...],
+    walked: Walked,
     pose: Pose2,
     profile: RobotProfile,
     people_config: PeopleConfig,
+    rules: LaneConfig,
 ) -> list[Zone]:
-    """The strips that people walked in, as wide as they are with the room that they are left,
-    without the robot's own place.
+    """Return the strips in which people walked, as wide as a person with their personal distance.
 
-    One that lies all round the robot is none: it could not be left.
+    The circle that the robot turns in is left free, and a strip that surrounds the robot is left
+    out: the robot could not leave it.
     """
-    lines = []
-    for name in sorted({note[1] for note in walked}):
-        places = [(x, y) for _, other, x, y in walked if other == name]
-        lines.append(
-            (LineString(places) if len(places) > 1 else Point(places[0])).buffer(
-                BODY_M + people_config.personal_m
-            )
-        )
-    here = Point(pose.x_m, pose.y_m).buffer(profile.circumscribed_radius_m + ROOM_M)
-    left = unary_union(lines).difference(here).simplify(0.05)
+    lines, width_m = [], rules.person_radius_m + people_config.personal_m
+    for track_id in sorted({note[1] for note in walked}):
+        points = [(x, y) for _, other, x, y in walked if other == track_id]
+        line = LineString(points) if len(points) > 1 else Point(points[0])
+        lines.append(line.buffer(width_m))
+    here = Point(pose.x_m, pose.y_m).buffer(profile.circumscribed_radius_m + rules.gap_m)
+    left = unary_union(lines).difference(here).simplify(rules.simplify_m)
     parts = left.geoms if isinstance(left, MultiPolygon) else [left]
     return [
         Zone(
             id=f"lane {index}",
-            name="where somebody walks to and fro",
+            name="where a person walks to and fro",
             colour=OWN_COLOUR,
             polygon=tuple((x, y) for x, y in part.exterior.coords[:-1]),
         )
         for index, part in enumerate(parts)
-        if isinstance(part, Polygon) and part.area > SMALLEST_M2 and not part.interiors
+        if isinstance(part, Polygon) and part.area > rules.min_area_m2 and not part.interiors
     ]
-
-
-BODY_M = 0.3
-"""Half of somebody's width."""

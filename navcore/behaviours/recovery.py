@@ -1,9 +1,9 @@
-"""What a robot does that is boxed in: wait, back off along the driven path, look round, call the
-way closed, give up plainly.
+"""Recovery of a robot that is blocked: wait, back off along the driven path, spin, close the
+passage, give up.
 
-A value with its transition, one for each tick. Each means is tried once at a place, the mildest
-first, and the path is tried again after each; who comes away from the place begins anew the next
-time.
+A value with its transition, one for each tick. Each action is tried once at a position, the mildest
+first, and the path is tried again after each; a robot that gets away from the position starts afresh
+the next time.
 """
 
 from __future__ import annotations
@@ -24,98 +24,84 @@ from navcore.robot.profile import RobotProfile
 
 
 class RecoveryAction(IntEnum):
-    """What is tried, the mildest first."""
+    """Recovery actions, the mildest first."""
 
     NONE = 0
-    """Nothing: the path is followed."""
+    """Follow the path."""
     WAIT = 1
-    """What stands in the way may go."""
-    BACK = 2
-    """Back off along the driven path, to where there was room."""
-    LOOK = 3
-    """Turn once round in place: the camera has not been everywhere."""
+    """Wait for the obstacle to move away."""
+    BACK_UP = 2
+    """Back off along the driven path."""
+    SPIN = 3
+    """Spin once in place: the camera has not looked everywhere."""
     CLOSE = 4
-    """Take the way for closed, and have another planned."""
+    """Take the passage for closed, and have another route planned."""
     GIVE_UP = 5
-    """Nothing has helped: say so, and stand until the path can be followed after all."""
+    """Report failure, and stand until the path can be followed after all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovery:
-    """Where it stands with the recovery; nothing is wrong, as it is made."""
+    """State of the recovery; the default is a robot that is not blocked."""
 
-    means: RecoveryAction = RecoveryAction.NONE
-    """What is being tried."""
+    action: RecoveryAction = RecoveryAction.NONE
+    """Action that is being tried."""
     tried: RecoveryAction = RecoveryAction.NONE
-    """The last that was tried at this place; the next is a stronger one."""
+    """Last action that failed at this position; the next one is stronger."""
     at: Pose2 | None = None
-    """Where the robot was boxed in; None when it was not."""
+    """Pose where the robot was blocked, map frame; None when it was not."""
     began: Pose2 | None = None
-    """Where it began with the means of now."""
+    """Pose where the present action started."""
     since_ns: int = 0
-    """When it did."""
+    """Stamp in nanoseconds at which the present action started."""
     turned_rad: float = 0.0
-    """How far it has turned since."""
+    """Angle in radians that the robot has turned since."""
     heading_rad: float = 0.0
-    """Its heading at the last tick."""
+    """Heading in radians at the newest tick."""
     backs: int = 0
-    """How often at this place it has backed off a little, or manoeuvred, and come no farther …"""
+    """Number of short retreats or manoeuvres at this position that gained nothing."""
     backed_from: Pose2 | None = None
-    """… the last time from here."""
+    """Pose where the last of those started."""
 
     def after(self, motion: Motion, pose: Pose2, stamp_ns: int, rules: RecoveryConfig) -> Recovery:
-        """With the motion of one more tick, decided at a pose of the map frame."""
+        """Return the state after one more tick; `pose` is in the map frame."""
         if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > rules.left_m:
             return Recovery()
         turned = self.turned_rad + abs(wrap_angle(pose.yaw_rad - self.heading_rad))
-        now = dataclasses.replace(
-            self._counted(motion, pose), turned_rad=turned, heading_rad=pose.yaw_rad
-        )
-        stuck = motion.outcome is ControllerState.BOXED_IN or now.backs >= rules.tries
+        counted = self._counted(motion, pose, rules)
+        now = dataclasses.replace(counted, turned_rad=turned, heading_rad=pose.yaw_rad)
+        stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
-        if self.means is RecoveryAction.NONE:
+        if self.action is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
-        if self.means is RecoveryAction.GIVE_UP:
-            return (
-                dataclasses.replace(now, means=RecoveryAction.NONE)
-                if motion.outcome in ONWARD
-                else now
-            )
-        if self.means is RecoveryAction.WAIT:
+        if self.action is RecoveryAction.GIVE_UP:
+            return now._ended() if motion.outcome in _ONWARD else now
+        if self.action is RecoveryAction.WAIT:
             if not stuck:
-                return dataclasses.replace(now, means=RecoveryAction.NONE)
-            return (
-                now._enter(RecoveryAction(max(self.tried, RecoveryAction.WAIT) + 1), pose, stamp_ns)
-                if lasts_s >= rules.wait_s
-                else now
-            )
-        if (
-            motion.outcome is ControllerState.BOXED_IN
-            or lasts_s >= rules.manoeuvre_s
-            or now._is_done(pose, rules)
-        ):
-            return dataclasses.replace(now, means=RecoveryAction.NONE, tried=self.means, backs=0)
+                return now._ended()
+            stronger = RecoveryAction(max(self.tried, RecoveryAction.WAIT) + 1)
+            return now._enter(stronger, pose, stamp_ns) if lasts_s >= rules.wait_s else now
+        blocked = motion.outcome is ControllerState.BLOCKED
+        if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
+            return dataclasses.replace(now._ended(), tried=self.action, backs=0)
         return now
 
-    def _counted(self, motion: Motion, pose: Pose2) -> Recovery:
-        if (
-            self.means is not RecoveryAction.NONE
-            or motion.began is None
-            or motion.began == self.backed_from
-        ):
+    def _ended(self) -> Recovery:
+        return dataclasses.replace(self, action=RecoveryAction.NONE)
+
+    def _counted(self, motion: Motion, pose: Pose2, rules: RecoveryConfig) -> Recovery:
+        began, last = motion.began, self.backed_from
+        if self.action is not RecoveryAction.NONE or began is None or began == last:
             return self
-        again = (
-            self.backed_from is None
-            or self.backed_from.distance_to(motion.began.x_m, motion.began.y_m) < AGAIN_M
-        )
+        again = last is None or last.distance_to(began.x_m, began.y_m) < rules.retry_m
         return dataclasses.replace(
-            self, at=self.at or pose, backs=self.backs + again, backed_from=motion.began
+            self, at=self.at or pose, backs=self.backs + again, backed_from=began
         )
 
-    def _enter(self, means: RecoveryAction, pose: Pose2, stamp_ns: int) -> Recovery:
+    def _enter(self, action: RecoveryAction, pose: Pose2, stamp_ns: int) -> Recovery:
         return dataclasses.replace(
             self,
-            means=means,
+            action=action,
             at=self.at or pose,
             began=pose,
             since_ns=stamp_ns,
@@ -124,60 +110,53 @@ class Recovery:
         )
 
     def _is_done(self, pose: Pose2, rules: RecoveryConfig) -> bool:
-        if self.means is RecoveryAction.BACK:
-            return (
-                self.began is not None
-                and self.began.distance_to(pose.x_m, pose.y_m) >= rules.back_m
-            )
-        return self.means is RecoveryAction.CLOSE or self.turned_rad >= 2 * math.pi
+        if self.action is RecoveryAction.BACK_UP:
+            began = self.began
+            return began is not None and began.distance_to(pose.x_m, pose.y_m) >= rules.back_m
+        return self.action is RecoveryAction.CLOSE or self.turned_rad >= 2 * math.pi
 
 
-ONWARD = (
+_ONWARD = (
     ControllerState.FOLLOW,
     ControllerState.TURN,
     ControllerState.ALIGN,
     ControllerState.ARRIVED,
 )
-"""Who can do one of these after having given up has found a way after all."""
-AGAIN_M = 0.5
-"""What is begun nearer than this to where it was begun before has not helped."""
-TRAIL_STEP_M, TRAIL_POINTS = 0.1, 50
-"""The driven path is remembered so densely, and for so many points."""
-CLOSED_M = 0.2
-"""Half the side of the square that closes a way."""
+"""Controller states in which a robot that has given up can follow its path after all."""
+_DEFAULT = RecoveryConfig()
 
 
-def trail_with(trail: Points, pose: Pose2) -> Points:
-    """(N, 2) the driven path, newest first, with one more pose of the map frame; without the loops
-    in it.
+def trail_with(trail: Points, pose: Pose2, config: RecoveryConfig = _DEFAULT) -> Points:
+    """Return the (N, 2) driven path in the map frame, newest first, extended by one pose.
 
-    A robot that is back where it was before has come no further: what it drove in between is not on
-    its way back.
+    Loops are left out: a robot that returns to an earlier position has come no further, so what it
+    drove in between is not part of its retreat.
     """
     here = np.array([[pose.x_m, pose.y_m]])
-    again = np.flatnonzero(np.hypot(*(trail - here).T) < TRAIL_STEP_M)
-    return trail[again[-1] :] if len(again) else np.vstack([here, trail[: TRAIL_POINTS - 1]])
+    again = np.flatnonzero(np.hypot(*(trail - here).T) < config.trail_step_m)
+    if len(again):
+        return trail[again[-1] :]
+    return np.vstack([here, trail[: config.trail_points - 1]])
 
 
-def closed_way(path: Points, at: Pose2, profile: RobotProfile) -> Zone:
-    """A place not to be in: there the (N, 2) path, map frame, goes on before a robot that was boxed
-    in there.
+def closed_way(
+    path: Points, at: Pose2, profile: RobotProfile, config: RecoveryConfig = _DEFAULT
+) -> Zone:
+    """Return a keep-out zone that closes the passage ahead of a pose where the robot was blocked.
 
-    So far from it that the robot does not stand in that place itself, whichever way it has turned
-    meanwhile.
+    `path` is (N, 2) in the map frame. The zone lies on it, far enough ahead that the robot does not
+    stand in it, whichever way it turns.
     """
+    half = config.closed_half_side_m
     away = np.hypot(path[:, 0] - at.x_m, path[:, 1] - at.y_m)
     nearest = int(np.argmin(away))
-    beyond = np.flatnonzero(
-        away[nearest:] >= profile.circumscribed_radius_m + math.sqrt(2) * CLOSED_M + 0.05
-    )
+    clear_m = profile.circumscribed_radius_m + math.sqrt(2) * half + config.closed_gap_m
+    beyond = np.flatnonzero(away[nearest:] >= clear_m)
     x, y = path[nearest + beyond[0] if len(beyond) else -1].tolist()
-    corners = (
-        (x + a * CLOSED_M, y + b * CLOSED_M) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    )
+    corners = ((x + a * half, y + b * half) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     return Zone(
         id=f"closed {x:.2f} {y:.2f}",
-        name="a way that was found closed",
+        name="a blocked passage",
         polygon=tuple(corners),
         colour=OWN_COLOUR,
     )

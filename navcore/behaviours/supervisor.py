@@ -1,4 +1,4 @@
-"""What the robot does beyond following the route: recovery, waiting for people, keep-outs of its own."""
+"""Supervision of the controller: recovery, waiting for people, keep-outs of the robot's own."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Behaviour:
     @property
     def retreat(self) -> Points | None:
         """(N, 2) driven path to back off along, map frame; None unless the recovery backs off."""
-        return self.trail if self.recovery.means is RecoveryAction.BACK else None
+        return self.trail if self.recovery.action is RecoveryAction.BACK_UP else None
 
     @property
     def spins(self) -> bool:
         """Whether the recovery turns the robot once in place."""
-        return self.recovery.means is RecoveryAction.LOOK
+        return self.recovery.action is RecoveryAction.SPIN
 
     def towards(self, request: NavigationRequest) -> Behaviour:
         """Start afresh for another goal: what was blocked on the way to the last one need not be."""
@@ -83,7 +83,7 @@ class Behaviour:
         to clear, or when every recovery has failed.
         """
         now = self._with_people(motion, frame, route, people, profile, config)
-        now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose))
+        now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose, config.recovery))
         at_viewpoint = (
             route is not None
             and isinstance(route.outcome, NoPath)
@@ -93,16 +93,16 @@ class Behaviour:
             return now._without_path(frame, request), motion
         recovery = now.recovery.after(motion, frame.pose, frame.stamp_ns, config.recovery)
         closed = now.closed
-        closes = recovery.means is RecoveryAction.CLOSE
+        closes = recovery.action is RecoveryAction.CLOSE
         if (
             closes
-            and now.recovery.means is not RecoveryAction.CLOSE
+            and now.recovery.action is not RecoveryAction.CLOSE
             and now.recovery.at is not None
         ):
             # Ahead of where the robot stands now: it has moved a little since it was blocked, and
             # must not stand inside of what it closes.
-            closed = (*closed, closed_way(route.track, frame.pose, profile))
-        if recovery.means is RecoveryAction.GIVE_UP:
+            closed = (*closed, closed_way(route.track, frame.pose, profile, config.recovery))
+        if recovery.action is RecoveryAction.GIVE_UP:
             closed = ()  # should one of the passages be open again, the robot goes on
         now = dataclasses.replace(now, recovery=recovery, closed=closed)
         return now, now._directed(motion)
@@ -122,11 +122,12 @@ class Behaviour:
             people,
             pose,
             stamp_ns,
-            way_m=None if route is None else route.length_m,
+            route_m=None if route is None else route.length_m,
             profile=profile,
             people_config=config.people,
+            config=config.behaviours,
         )
-        waiting = self.waiting.after(motion, pose, stamp_ns)
+        waiting = self.waiting.after(motion, pose, stamp_ns, config.behaviours.waiting)
         return dataclasses.replace(self, waiting=waiting, lanes=lanes)
 
     def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
@@ -134,14 +135,14 @@ class Behaviour:
             # Only a passage that was closed may be in the way: rather give up at this pose than
             # report that no path exists.
             given_up = Recovery(
-                means=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
+                action=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
             )
             return dataclasses.replace(self, closed=(), recovery=given_up)
         return dataclasses.replace(self, recovery=Recovery())
 
     def _directed(self, motion: Motion) -> Motion:
-        if self.recovery.means is RecoveryAction.GIVE_UP:
+        if self.recovery.action is RecoveryAction.GIVE_UP:
             return Motion(twist=STANDSTILL, outcome=ControllerState.GIVEN_UP)
-        if self.recovery.means is RecoveryAction.WAIT:
-            return Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
+        if self.recovery.action is RecoveryAction.WAIT:
+            return Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
         return motion

@@ -1,45 +1,49 @@
-"""How long the robot has waited for people at one place, and whether it has waited enough.
+"""Timer of how long the robot has waited for people at one position.
 
-A robot that waits in somebody's lane may wait for ever: he comes up to it, waits for it, turns
-round and is soon back. So after a while it asks no longer where he may be by the time it gets
-there, and goes on as if he stood still where he is; but never faster than it can stop before he
-reaches it (`navcore.yielding.speed_limit_near_people`). A value with its transition, one for each
-tick.
+A robot that waits in the lane of a person may wait for ever: the person comes up to it, waits too,
+turns round and is soon back. So after `patience_s` the robot no longer avoids where people may come
+to, only where they are; it is still never faster than it can stop before a person reaches it
+(`navcore.control.social.speed_limit_near_people`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from navcore.config.behaviours import WaitingConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Pose2
 
-HERE_M = 1.0
-"""Who has moved no farther than this still waits at the same place."""
-STEP_S = 0.3
-"""Between two pictures further apart than this nobody was seen to wait."""
+_DEFAULT = WaitingConfig()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitingTimer:
-    """Where the robot waits, and for how long it has."""
+    """A value with its transition, one for each tick."""
 
     at: Pose2 | None = None
-    """Where it waited first."""
+    """Pose where the robot started to wait, map frame."""
     waited_s: float = 0.0
-    """For how long there, in all."""
+    """Time in seconds for which it has waited there in all."""
     now_ns: int = 0
-    """Stamp of the newest tick."""
+    """Stamp of the newest tick in nanoseconds."""
 
-    def after(self, motion: Motion, pose: Pose2, stamp_ns: int) -> WaitingTimer:
-        """With the motion of one more tick, decided at a pose of the map frame."""
-        if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > HERE_M:
+    def after(
+        self, motion: Motion, pose: Pose2, stamp_ns: int, config: WaitingConfig = _DEFAULT
+    ) -> WaitingTimer:
+        """Return the timer after one more tick; `pose` is in the map frame."""
+        if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > config.position_m:
             return WaitingTimer(at=pose, now_ns=stamp_ns)
-        step_s = min(max((stamp_ns - self.now_ns) / 1e9, 0.0), STEP_S)
-        waits = motion.outcome is ControllerState.YIELD
+        step_s = elapsed_s(self.now_ns, stamp_ns, config)
+        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
         return WaitingTimer(at=self.at, waited_s=self.waited_s + step_s * waits, now_ns=stamp_ns)
 
     def is_over(self, people_config: PeopleConfig) -> bool:
-        """Whether it has waited enough, until it has come away from the place."""
+        """Return whether the robot has waited long enough, until it leaves the position."""
         return self.waited_s >= people_config.patience_s
+
+
+def elapsed_s(before_ns: int, now_ns: int, config: WaitingConfig) -> float:
+    """Return the seconds between two ticks that count as watched, 0 to `max_gap_s`."""
+    return min(max((now_ns - before_ns) / 1e9, 0.0), config.max_gap_s)

@@ -91,8 +91,8 @@ class TurnConfig:
     spin_check_deg: float = ranged(5.0, 180.0, default=30.0)
     """Angle in degrees ahead that must be free for a robot that spins to look around."""
     goal_drift_factor: float = ranged(1.0, 5.0, default=2.0)
-    """Factor on the goal tolerance while the robot turns to its final heading: skidding wheels carry
-    it off the spot."""
+    """Factor on the goal tolerance while the robot turns to its final heading: wheels that skid
+    carry it off the spot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +203,7 @@ class ManoeuvreConfig:
     view_from_m: float = ranged(0.1, 10.0, default=1.2)
     """Least distance in metres from the robot's centre at which the camera sees the ground."""
     view_to_m: float = ranged(0.2, 20.0, default=2.5)
-    """Largest distance in metres at which a viewpoint looks at an unobserved cell."""
+    """Largest distance in metres from a viewpoint to the unobserved cell."""
     view_deg: float = ranged(1.0, 90.0, default=25.0)
     """Angle in degrees off the heading up to which the camera surely sees a cell."""
     forward_mps: float = ranged(0.02, 2.0, default=0.4)

@@ -41,7 +41,8 @@ class ConfidenceConfig:
     most: float = ranged(0.0, 10.0, default=3.0)
     """Largest log-odds."""
     certain: float = ranged(0.0, 1.0, default=0.95)
-    """Largest confidence that the beware list can ask for (the logistic of `most`, rounded down)."""
+    """Largest confidence that the beware list can ask for (the logistic of `most`, rounded
+    down)."""
     trusted_m: float = ranged(0.2, 20.0, default=4.0)
     """Depth in metres beyond which images do not count; a network may miss small objects there."""
     border_px: int = ranged(1, 200, default=8)
@@ -60,7 +61,8 @@ class RaycastConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingConfig:
-    """When a pose gets a new ID, when a point is removed, and how much memory the points may take."""
+    """When a pose gets a new ID, when a point is removed, and how much memory the points may
+    take."""
 
     pose_spacing_m: float = ranged(0.01, 5.0, default=0.25)
     """Distance in metres from the last pose after which a new pose ID begins."""
@@ -74,7 +76,8 @@ class MappingConfig:
     nearest_m: float = ranged(0.0, 2.0, default=0.2)
     """Smallest depth in metres at which points are checked; the camera measures nothing nearer."""
     flat_m: float = ranged(0.0, 0.5, default=0.05)
-    """Height in metres below which beware points are floor markings, which depth cannot disprove."""
+    """Height in metres below which beware points are floor markings, which depth cannot
+    disprove."""
     nearer_share: float = ranged(0.0, 1.0, default=0.7)
     """Share of a point's former distance below which a new measurement replaces the point."""
     floor_m: float = ranged(0.0, 0.5, default=0.05)

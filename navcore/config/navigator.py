@@ -1,15 +1,15 @@
-"""Everything that can be set about the navigation, with the values a new installation starts with."""
+"""Configuration of the navigation, with its defaults."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from navcore.config.behaviours import RecoveryConfig
+from navcore.config.behaviours import BehavioursConfig, RecoveryConfig
 from navcore.config.control import ControlConfig, LocalPlannerConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.people import PeopleConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception import ObservationConfig, PerceptionConfig
 from navcore.config.planning import MAX_VERTEX_ANGLE_DEG, PlanningConfig
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, ranged, read_toml
@@ -21,31 +21,36 @@ class NavigatorConfig:
     name."""
 
     safety_margin_m: float = ranged(0.0, 1.0, default=0.15)
-    """Added to half the vehicle's width before obstacles are inflated, s_m in the paper."""
+    """Clearance in metres added to half the vehicle's width to give the inflation radius, s_m in the
+    paper."""
     max_vertex_angle_deg: float = ranged(135.1, 179.9, default=MAX_VERTEX_ANGLE_DEG)
-    """A path cell is a waypoint where the angle between its two neighbours is below this, θ_th in
-    the paper. A path turns by 45° at least: below 135° bends would be left out, and the lines
-    between waypoints cross what the path goes round."""
+    """Angle in degrees between the two neighbours of a path cell below which the cell is a waypoint,
+    θ_th in the paper. A path turns by at least 45°: with less than 135° bends would be left out, and
+    the lines between waypoints would cross obstacles."""
     start_relief_m: float = ranged(0.0, 2.0, default=0.6)
-    """A robot that stands inside the inflation plans from the nearest free cell within this
-    distance."""
+    """Distance in metres within which a robot that stands inside the inflation looks for the free
+    cell to plan from."""
     plan_budget: int = ranged(1_000, 1_000_000_000, default=2_000_000)
-    """Work after which a search is given up ("time budget exceeded"), in straight walks and
-    diagonal steps; a large maze has some ten thousand, so that this is some seconds. A count and
-    not a clock, so that the same run takes the same turn."""
+    """Number of straight walks and diagonal steps after which a search is given up ("time budget
+    exceeded"); a large maze takes some ten thousand. A count and not a clock, so that a run can be
+    repeated exactly."""
     start_clear_m: float = ranged(0.0, 5.0, default=1.2)
-    """Within this distance of where it is put down the robot has room; the camera cannot look
-    there."""
+    """Radius in metres of the floor that is taken for free around the start pose, where the camera
+    cannot look."""
     points: ObservationConfig = field(default_factory=ObservationConfig)
-    """Which measurements count."""
+    """Which measurements become map points."""
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    """Tuning of the perception stage."""
     map: MappingConfig = field(default_factory=MappingConfig)
-    """When points are replaced and cleared."""
+    """When points of the map are replaced and cleared."""
     local: LocalPlannerConfig = field(default_factory=LocalPlannerConfig)
-    """How the local planner moves."""
+    """Local planner."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """What it tries when it is boxed in."""
+    """Recovery of a blocked robot."""
+    behaviours: BehavioursConfig = field(default_factory=BehavioursConfig)
+    """Waiting for people, their lanes, driving by hand."""
     people: PeopleConfig = field(default_factory=PeopleConfig)
-    """How it behaves beside people."""
+    """Behaviour beside people."""
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     """Tuning of the planning stage."""
     control: ControlConfig = field(default_factory=ControlConfig)
@@ -53,16 +58,15 @@ class NavigatorConfig:
 
 
 def load_config(path: Path, robot: RobotProfile = HUSKY) -> NavigatorConfig:
-    """The configuration that a robot starts with, but for what a file says otherwise; raises
+    """Load the configuration of a robot, with the values that a TOML file changes; raises
     `BadConfiguration`."""
     return from_table(NavigatorConfig, read_toml(path), path.name, config_for(robot))
 
 
 def config_for(robot: RobotProfile) -> NavigatorConfig:
-    """The configuration that a robot starts with: the defaults, which were found with the Husky,
-    fitted to body and limits.
+    """Return the default configuration of a robot: that of the Husky, scaled to body and limits.
 
-    The margin is the same share of the room that a turn in place needs beyond half the width;
+    The margin is the same share of the clearance that a turn in place needs beyond half the width;
     speeds and decelerations are the same shares of the platform's limits.
     """
     usual, rules = NavigatorConfig(), LocalPlannerConfig()

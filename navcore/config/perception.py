@@ -320,6 +320,10 @@ class PerceptionConfig:
     """Low regions that are the base of a taller object."""
     people: PeopleTrackerConfig = field(default_factory=PeopleTrackerConfig)
     """Detection and tracking of people."""
+    instances: InstancesConfig = field(default_factory=InstancesConfig)
+    """Labelled regions that are reported as detections."""
+    region_growing: RegionGrowingConfig = field(default_factory=RegionGrowingConfig)
+    """Objects that are outlined after a click."""
 
 
 DEFAULT_PERCEPTION = PerceptionConfig()

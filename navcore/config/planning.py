@@ -16,7 +16,7 @@ class ElasticBandConfig:
     """The elastic band that moves the path away from obstacles."""
 
     stretch_m: float = ranged(0.5, 100.0, default=8.0)
-    """Length in metres of the path that is straightened and relaxed; the local planner looks no
+    """Length in metres of the path that is straightened and relaxed; the local planner sees no
     further."""
     extra_clearance_m: float = ranged(0.0, 2.0, default=0.1)
     """Clearance in metres beyond the circle in which the robot turns, kept where there is room for
@@ -42,7 +42,7 @@ class GapViewpointConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EscapeConfig:
-    """The search for the shortest way out of a forbidden area."""
+    """The search for the shortest path out of a forbidden area."""
 
     first_range_m: float = ranged(0.5, 100.0, default=4.0)
     """Distance in metres about the robot that is searched first; doubled until an exit is found."""
@@ -66,7 +66,7 @@ class PlanningConfig:
     viewpoint: GapViewpointConfig = field(default_factory=GapViewpointConfig)
     """Viewpoints before blocked gaps and goals."""
     escape: EscapeConfig = field(default_factory=EscapeConfig)
-    """Search for a way out of a forbidden area."""
+    """Search for a path out of a forbidden area."""
     constraint_removal: ConstraintRemovalConfig = field(default_factory=ConstraintRemovalConfig)
     """Search for the rules that block the path."""
 

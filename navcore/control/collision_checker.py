@@ -48,7 +48,7 @@ class CollisionChecker:
     """Tuning of the control stage."""
     padding_m: float = field(init=False)
     """Clearance in metres to keep: the one asked for, or the present one if that is smaller, since
-    a robot in a tight place may leave it but not make it tighter."""
+    a robot that is closer to an obstacle may leave it but not come nearer."""
     unseen_clearance_m: float = field(init=False)
     """Clearance in metres to keep to the centres of unobserved cells, which may be obstacles up to
     their edge; less where the body is nearer to one already."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.local_planner import plan_motion
+from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import PeopleState
 from navcore.control.speed_limits import allowed_speed_mps, slowed
@@ -65,13 +65,13 @@ class Controller:
 
     def control(self, task: ControlTask) -> Motion:
         """Compute the motion until the next frame; standing without a track."""
-        costmap, pose, rules = task.costmap, task.pose, self._config.local
-        reach_m = rules.reach_m + self._profile.circumscribed_radius_m
+        costmap, pose, local = task.costmap, task.pose, self._config.local
+        reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
         hard, forbidden = obstacle_masks(around)
         if task.leaving is not None:
             # Near the end of the escape path is still inside.
-            rules = dataclasses.replace(rules, nearly_m=0.0)
+            local = dataclasses.replace(local, nearly_m=0.0)
             _, forbidden = split_areas(around, task.leaving, self._profile, pose)
         forbidden_points = nearby(forbidden, around, pose, reach_m)
         cell_m = around.spec.resolution_m
@@ -81,23 +81,27 @@ class Controller:
             self._motion = in_zone if trapped else IDLE
             return self._motion
         unseen = frontier(self._explored.known(around.spec))
-        self._motion = plan_motion(
-            geometric=nearby(hard, around, pose, reach_m),
-            ruled=forbidden_points,
-            unseen=nearby(unseen, around, pose, reach_m),
-            path_map=task.track,
-            pose=pose,
-            previous=self._motion,
-            profile=self._profile,
-            rules=rules,
-            cell_m=cell_m,
-            people=PeopleState.of(task.people, pose, self._config.people),
-            people_config=self._config.people,
-            goal_yaw_rad=task.goal_yaw_rad,
-            retreat_map=task.retreat,
-            look_round=task.spin,
-            ignore_predictions=task.ignore_predictions,
-            now=task.twist,
+        people, control = self._config.people, self._config.control
+        self._motion = compute_velocity(
+            LocalPlannerInput(
+                geometric=nearby(hard, around, pose, reach_m),
+                forbidden=forbidden_points,
+                unseen=nearby(unseen, around, pose, reach_m),
+                cell_m=cell_m,
+                path=task.track,
+                pose=pose,
+                twist=task.twist,
+                previous=self._motion,
+                profile=self._profile,
+                local=local,
+                control=control,
+                people=PeopleState.of(task.people, pose, people, control.social),
+                people_config=people,
+                goal_yaw_rad=task.goal_yaw_rad,
+                retreat=task.retreat,
+                spin=task.spin,
+                ignore_predictions=task.ignore_predictions,
+            )
         )
         at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)
         if at_end and not task.reaches_goal:
@@ -106,8 +110,9 @@ class Controller:
 
     def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
-        rules = self._config.local
-        return slowed(motion, allowed_speed_mps(zones, pose, twist.v_mps, self._profile, rules))
+        local, limits = self._config.local, self._config.control.speed_limits
+        allowed = allowed_speed_mps(zones, pose, twist.v_mps, self._profile, local, limits)
+        return slowed(motion, allowed)
 
     def reset(self) -> None:
         """Forget the newest motion: the robot was moved by other means."""

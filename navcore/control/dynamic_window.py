@@ -45,9 +45,8 @@ def avoid(checker: CollisionChecker, path: Points, now: Twist) -> Motion:
     config, profile = checker.control.dynamic_window, checker.profile
     pairs = _pairs(profile.max_speed_mps, checker.local.turn_rate_radps, config)
     poses = _poses(profile, pairs, now, config)
-    aim = points_at(
-        path, metres_along(path), np.array([config.horizon_s * profile.max_speed_mps])
-    )[0]
+    ahead_m = np.array([config.horizon_s * profile.max_speed_mps])
+    aim = points_at(path, metres_along(path), ahead_m)[0]
     change = np.abs(pairs[:, 0] - now.v_mps) + profile.circumscribed_radius_m * np.abs(
         pairs[:, 1] - now.w_radps
     )
@@ -61,9 +60,9 @@ def avoid(checker: CollisionChecker, path: Points, now: Twist) -> Motion:
             twist = Twist(v_mps=float(pairs[index, 0]), w_radps=float(pairs[index, 1]))
             if checker.is_free(stopping_trajectory(twist, profile), checker.padding_m / 2):
                 stands = twist == STANDSTILL
-                state = ControllerState.YIELD if stands else ControllerState.DODGE
+                state = ControllerState.WAIT_FOR_PEOPLE if stands else ControllerState.AVOID
                 return Motion(twist=twist, outcome=state)
-    return Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
+    return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
 
 
 def will_collide(checker: CollisionChecker, twist: Twist, now: Twist) -> bool:
@@ -74,9 +73,7 @@ def will_collide(checker: CollisionChecker, twist: Twist, now: Twist) -> bool:
     return bool(_meeting_cost(checker, poses)[0] >= config.collision_cost)
 
 
-def _poses(
-    profile: RobotProfile, pairs: Floats, now: Twist, config: DynamicWindowConfig
-) -> Floats:
+def _poses(profile: RobotProfile, pairs: Floats, now: Twist, config: DynamicWindowConfig) -> Floats:
     """(A, S, 3) the rollout of each pair of velocities, base frame."""
     limits = profile.max_accel_mps2, profile.max_yaw_accel_radps2
     steps = round(config.horizon_s / config.step_s)
@@ -165,7 +162,7 @@ def _meeting(
     distance_per_s: float,
     costs: _Costs,
 ) -> Floats:
-    """(A,) cost of meeting (P, 5) walking people, or of passing close to them, along each rollout."""
+    """(A,) cost of meeting (P, 5) people who walk, or passing close to them, along each rollout."""
     count, steps = poses.shape[0], poses.shape[1]
     cost = np.zeros(count)
     for a in range(count):

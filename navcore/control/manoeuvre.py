@@ -37,7 +37,7 @@ class Manoeuvre:
     """Clearance in metres that the manoeuvre was searched with."""
     target: tuple[float, float]
     """(x, y) in the map frame of the point on the path that the manoeuvre leads to, or that is
-    nearest to what is looked at from its end."""
+    nearest to the cell viewed from its end."""
 
     def in_base(self, pose: Pose2) -> Points:
         """(K, 3) the poses in the base frame of a robot at a pose."""
@@ -58,7 +58,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManoeuvreProblem:
-    """A tight place, in the base frame."""
+    """The surroundings of a robot that no single arc leads out of, base frame."""
 
     obstacles: Points
     """(M, 2) centres of the cells that no part of the body may touch."""

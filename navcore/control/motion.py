@@ -19,12 +19,12 @@ class ControllerState(StrEnum):
     ALIGN = "turning to the heading asked for"
     ARRIVED = "arrived"
     IDLE = "no path to follow"
-    BOXED_IN = "boxed in: no motion keeps clear of what stands near"
+    BLOCKED = "blocked: no motion keeps clear of what is near"
     IN_ZONE = "standing in a beware area"
-    YIELD = "waiting for somebody to pass"
-    DODGE = "getting out of somebody's way"
-    LOOK = "looking round for a way"
-    GIVEN_UP = "given up: waiting, backing off and looking round have found no way"
+    WAIT_FOR_PEOPLE = "waiting for a person to pass"
+    AVOID = "getting out of the path of a person"
+    SPIN = "spinning to look for a path"
+    GIVEN_UP = "given up: waiting, backing off and spinning have opened no path"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,4 +47,4 @@ class Motion:
 
 ARRIVED = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
 IDLE = Motion(twist=STANDSTILL, outcome=ControllerState.IDLE)
-BOXED_IN = Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
+BLOCKED = Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)

@@ -22,7 +22,7 @@ from navcore.config.control import CONTROL_CONFIG, SocialConfig
 from navcore.config.people import PeopleConfig
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Pose2, Twist
-from navcore.perception.people.track import BRISK, Track
+from navcore.perception.people.track import Track
 from navcore.robot.profile import RobotProfile
 
 PEOPLE_CONFIG = PeopleConfig()
@@ -104,29 +104,24 @@ NO_PEOPLE = PeopleState(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
 
 def _may_walk(person: Track, rules: PeopleConfig) -> bool:
     """Whether a person walks, or has walked and may set out again; out of sight they may always."""
-    since_s = person.unseen_s + (0.0 if _walks(person) else person.stood_s)
-    return person.speed_mps + person.pace_mps > 0 and since_s < rules.settled_s
-
-
-def _walks(person: Track) -> bool:
-    """Whether a person walks on briskly; a slower one is about to stop or to turn."""
-    return person.speed_mps > BRISK * person.pace_mps
+    since_s = person.unseen_s + (0.0 if person.is_brisk() else person.stood_s)
+    return person.speed_mps + person.walking_speed_mps > 0 and since_s < rules.settled_s
 
 
 def _walking_speed(person: Track, config: SocialConfig) -> float:
-    return max(person.speed_mps, person.pace_mps, config.min_walking_mps)
+    return max(person.speed_mps, person.walking_speed_mps, config.min_walking_mps)
 
 
-def _motions(
-    person: Track, rules: PeopleConfig, config: SocialConfig
-) -> list[tuple[float, ...]]:
+def _motions(person: Track, rules: PeopleConfig, config: SocialConfig) -> list[tuple[float, ...]]:
     """x, y, velocity along both and radius, map frame, for each motion that a person may make."""
     x, y, radius = person.x_m, person.y_m, person.radius_m
     speed = _walking_speed(person, config)
-    course = person.course_rad if person.pace_mps else math.atan2(person.vy_mps, person.vx_mps)
+    course = (
+        person.course_rad if person.walking_speed_mps else math.atan2(person.vy_mps, person.vx_mps)
+    )
     vx, vy = speed * math.cos(course), speed * math.sin(course)
     back = (x, y, -vx, -vy, radius)
-    if _walks(person):
+    if person.is_brisk():
         return [(x, y, person.vx_mps, person.vy_mps, radius), back]
     return [(x, y, vx, vy, radius), back, (x, y, 0.0, 0.0, radius + speed * rules.passing_s)]
 

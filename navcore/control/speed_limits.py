@@ -1,4 +1,4 @@
-"""Where the robot may go but must go slowly, and how long a way takes under such limits."""
+"""Speed limits of zones: the speed they allow now, and the travel time along a route."""
 
 from __future__ import annotations
 
@@ -12,15 +12,12 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.config.control import LocalPlannerConfig
+from navcore.config.control import CONTROL_CONFIG, LocalPlannerConfig, SpeedLimitConfig
 from navcore.control.motion import Motion
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.robot.profile import RobotProfile
-
-LAG_S = 0.25
-"""Between a picture and the wheels that obey what was decided on it."""
 
 
 def allowed_speed_mps(
@@ -28,26 +25,27 @@ def allowed_speed_mps(
     pose: Pose2,
     speed_mps: float,
     profile: RobotProfile,
-    rules: LocalPlannerConfig,
+    local: LocalPlannerConfig,
+    config: SpeedLimitConfig = CONTROL_CONFIG.speed_limits,
 ) -> float:
-    """The speed that brakes down to each limit before the footprint touches its zone, and keeps it
-    there; inf without one.
+    """Return the speed that brakes down to each limit before the footprint touches its zone, and
+    keeps it there; inf without one.
 
-    `speed_mps` is what the robot drives now: so fast it goes on until the wheels hear of this.
+    `speed_mps` is the present speed, with which the robot drives on until the wheels respond.
     """
-    limits = [zone for zone in zones if _limits(zone)]
+    limits = [zone for zone in zones if _is_limit(zone)]
     if not limits:
         return math.inf
-    body = _body(pose, profile)
-    going_m = abs(speed_mps) * LAG_S
+    body = Polygon(pose.to_parent(profile.footprint()))
+    latency_m = abs(speed_mps) * config.latency_s
     return min(
-        _braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - going_m, rules)
+        _braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - latency_m, local)
         for zone in limits
     )
 
 
 def slowed(motion: Motion, allowed_mps: float) -> Motion:
-    """The same arc, no faster than is allowed."""
+    """Return the motion along the same arc, no faster than is allowed."""
     speed = abs(motion.twist.v_mps)
     if speed <= allowed_mps:
         return motion
@@ -61,38 +59,40 @@ def travel_time_s(
     points: Points,
     zones: Sequence[Zone],
     profile: RobotProfile,
-    rules: LocalPlannerConfig,
+    local: LocalPlannerConfig,
     *,
     start_yaw_rad: float | None = None,
 ) -> float:
-    """How long the robot takes along (N, 2) points in metres, about: at full speed, at each limit
-    within its zone, turning in place where the path begins or bends sharply. What makes it wait on
-    its way is not known beforehand."""
+    """Estimate the travel time in seconds along (N, 2) points in metres.
+
+    It counts full speed, each limit within its zone, and turns in place where the path begins or
+    bends sharply; waiting for people cannot be foreseen.
+    """
     if len(points) < 2:
         return 0.0
     steps = np.diff(points, axis=0)
     speeds = np.full(len(steps), profile.max_speed_mps)
     middles = shapely.points(points[:-1] + steps / 2)
     for zone in zones:
-        if _limits(zone):
+        if _is_limit(zone):
             touched = shapely.dwithin(
                 middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m
             )
             speeds[touched] = np.minimum(speeds[touched], _limit_mps(zone))
     driving_s = float((np.hypot(*steps.T) / speeds).sum())
-    return driving_s + _turning_rad(steps, rules, start_yaw_rad) / rules.turn_rate_radps
+    return driving_s + _turning_rad(steps, local, start_yaw_rad) / local.turn_rate_radps
 
 
-def _turning_rad(steps: Points, rules: LocalPlannerConfig, start_yaw_rad: float | None) -> float:
+def _turning_rad(steps: Points, local: LocalPlannerConfig, start_yaw_rad: float | None) -> float:
     moving = steps[np.hypot(*steps.T) > 0]
     headings = np.arctan2(moving[:, 1], moving[:, 0]).tolist()
     if start_yaw_rad is not None:
         headings.insert(0, start_yaw_rad)
     turns = (abs(wrap_angle(after - before)) for before, after in pairwise(headings))
-    return sum(turn for turn in turns if turn > math.radians(rules.turn_from_deg))
+    return sum(turn for turn in turns if turn > math.radians(local.turn_from_deg))
 
 
-def _limits(zone: Zone) -> bool:
+def _is_limit(zone: Zone) -> bool:
     return zone.enabled and zone.kind is ZoneKind.SPEED_LIMIT
 
 
@@ -101,14 +101,10 @@ def _limit_mps(zone: Zone) -> float:
     return zone.max_speed_mps
 
 
-def _braking_mps(zone: Zone, room_m: float, rules: LocalPlannerConfig) -> float:
+def _braking_mps(zone: Zone, distance_m: float, local: LocalPlannerConfig) -> float:
     return math.sqrt(
-        _limit_mps(zone) ** 2 + 2 * rules.braking_mps2 * max(room_m - zone.margin_m, 0.0)
+        _limit_mps(zone) ** 2 + 2 * local.braking_mps2 * max(distance_m - zone.margin_m, 0.0)
     )
-
-
-def _body(pose: Pose2, profile: RobotProfile) -> Polygon:
-    return Polygon(pose.to_parent(profile.footprint()))
 
 
 @lru_cache(maxsize=256)

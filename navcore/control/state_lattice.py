@@ -1,4 +1,4 @@
-"""The cheapest manoeuvre in a tight place: a search over (x, y, heading) with the oriented
+"""The cheapest manoeuvre among close obstacles: a search over (x, y, heading) with the oriented
 footprint at every pose.
 
 Hybrid A* after Dolgov et al. (2010), without a heuristic: the area is small, and any pose along the
@@ -189,9 +189,7 @@ def _search(
                 # The chord of the arc, which leaves at half its turn.
                 length = lattice.step
                 chord = kind * (
-                    lattice.step
-                    if turn == 0.0
-                    else lattice.step * math.sin(turn / 2) / (turn / 2)
+                    lattice.step if turn == 0.0 else lattice.step * math.sin(turn / 2) / (turn / 2)
                 )
                 bearing = heading + kind * turn / 2
                 there_x, there_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
@@ -283,9 +281,7 @@ def _clearance(x: float, y: float, heading: float, discs: _Obstacles, lattice: _
     top = min(math.floor((y + high + discs.reach) / BUCKET_M), side - 1)
     least = lattice.clearance
     for row in range(low, top + 1):
-        for index in range(
-            discs.starts[row * side + left], discs.starts[row * side + right + 1]
-        ):
+        for index in range(discs.starts[row * side + left], discs.starts[row * side + right + 1]):
             dx, dy = discs.points[index, 0] - x, discs.points[index, 1] - y
             out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
             out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)

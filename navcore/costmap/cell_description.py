@@ -1,4 +1,4 @@
-"""What makes a cell unfit to stand on, in words."""
+"""Descriptions of blocked cells, for goals that are refused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from navcore.grid.nearest import nearest_of, nearest_reachable
 
 
 def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
-    """Of a cell that is blocked."""
+    """Return in words why a blocked cell is blocked."""
     if grid.zones[cell] or any(mask[cell] for _, mask in grid.wide_zones):
         return "inside a beware zone"
     if any(layer[cell] for layer in grid.beware.values()):
@@ -20,18 +20,18 @@ def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
 
 
 def check_goal_free(
-    grid: OccupancyGrid, blocked: BoolGrid, place: tuple[float, float], *, robot: Pose2
+    grid: OccupancyGrid, blocked: BoolGrid, goal: tuple[float, float], *, robot: Pose2
 ) -> None:
-    """Raise `BlockedGoal` where the robot's centre may not be: what is there, and the nearest place
-    where it may.
+    """Raise `BlockedGoal` for a goal (x, y) in a blocked cell, with the reason and the nearest free
+    position.
 
-    `blocked` is (rows, cols). Offered is the nearest place that the robot can get to or, where it
-    can get nowhere, any other.
+    `blocked` is (rows, cols). The position offered is the nearest one that the robot can reach or,
+    if the robot is blocked itself, the nearest free one.
     """
     spec = grid.spec
-    if not spec.contains(*place) or not blocked[spec.cell(*place)]:
+    if not spec.contains(*goal) or not blocked[spec.cell(*goal)]:
         return
-    cell = spec.cell(*place)
+    cell = spec.cell(*goal)
     found = nearest_reachable(blocked, spec.cell(robot.x_m, robot.y_m), cell) or nearest_of(
         np.argwhere(~blocked), cell
     )
@@ -39,10 +39,10 @@ def check_goal_free(
     instead = (
         ""
         if nearest is None
-        else f"; the nearest place where it can is ({nearest[0]:.2f}, {nearest[1]:.2f})"
+        else f"; the nearest position where it can is ({nearest[0]:.2f}, {nearest[1]:.2f})"
     )
     where = describe_cell(grid, cell)
     raise BlockedGoal(
-        f"goal ({place[0]:.2f}, {place[1]:.2f}) lies {where}; the robot cannot stand there{instead}",
+        f"goal ({goal[0]:.2f}, {goal[1]:.2f}) lies {where}; the robot cannot stand there{instead}",
         nearest,
     )

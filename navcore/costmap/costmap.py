@@ -1,10 +1,5 @@
-"""The map as the planners see it: what is occupied, where the robot's centre therefore may not be,
-and both kept up to date.
-
-Following the map costs what has changed on it. An edit of the beware list or of the zones makes
-everything anew from the layers of bits, which takes some milliseconds on the largest maps: it acts
-within one tick on all that was ever seen.
-"""
+"""Costmap: the occupied cells by layer and the cells that the robot's centre must avoid, as an
+immutable snapshot of the map, the beware list and the zones."""
 
 from __future__ import annotations
 
@@ -20,14 +15,15 @@ from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, Box, GridSpec, OccupancyGrid
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone, cells_of
+from navcore.mission.zone import Zone, zone_masks
 
-Part = Callable[[CellMask], BoolGrid]
+Unpack = Callable[[CellMask], BoolGrid]
+"""Function that unpacks all cells of a layer, or a part of them."""
 
 
 class Costmap:
-    """The occupied and the blocked cells under one order: an immutable snapshot, unpacked only as
-    far as it is looked at."""
+    """Immutable snapshot of the occupied and the blocked cells; unpacked only as far as it is
+    read."""
 
     def __init__(
         self,
@@ -40,8 +36,8 @@ class Costmap:
         free: CellMask,
         version: int,
     ) -> None:
-        """`layers`: class id → cells, `NOTHING` for the geometric ones; `free`: where the robot's
-        centre may be."""
+        """`layers`: class id → cells, `NOTHING` for the geometric ones; `free`: cells that the
+        robot's centre may be in."""
         self.spec, self.version = spec, version
         self._layers, self._margins_m, self._zones, self._wide_zones = (
             layers,
@@ -55,7 +51,7 @@ class Costmap:
 
     @staticmethod
     def of(grid: OccupancyGrid, blocked: BoolGrid, *, version: int) -> Costmap:
-        """Of bool grids."""
+        """Return the costmap of an occupancy grid and (rows, cols) blocked cells."""
         return Costmap(
             spec=grid.spec,
             layers={
@@ -71,14 +67,14 @@ class Costmap:
 
     @property
     def grid(self) -> OccupancyGrid:
-        """Occupied cells by layer, of the whole map."""
+        """Occupied cells of the whole map by layer."""
         if self._grid is None:
-            self._grid = self._made(self.spec, lambda mask: mask.bools)
+            self._grid = self._unpacked(self.spec, lambda mask: mask.bools)
         return self._grid
 
     @property
     def blocked(self) -> BoolGrid:
-        """(rows, cols) where the robot's centre may not be."""
+        """(rows, cols) cells that the robot's centre must avoid."""
         if self._blocked is None:
             blocked = ~self._free.bools
             blocked.flags.writeable = False
@@ -87,13 +83,13 @@ class Costmap:
 
     @property
     def free(self) -> CellMask:
-        """Where the robot's centre may be."""
+        """Cells that the robot's centre may be in."""
         return self._free
 
     @property
     def masks(self) -> Mapping[Hashable, CellMask]:
-        """Every layer as it is packed, by class id, `"zones"`, `("wide", …)` and `"free"`: to see
-        what has changed."""
+        """Every layer of packed cells by class id, `"zones"`, `("wide", …)` and `"free"`, to detect
+        changes."""
         found: dict[Hashable, CellMask] = {"zones": self._zones, "free": self._free}
         found.update((class_id, mask) for class_id, mask in self._layers.items())
         found.update(
@@ -114,52 +110,53 @@ class Costmap:
         return found + [(None, margin_m, mask) for margin_m, mask in self._wide_zones]
 
     def part(self, top: int, left: int, bottom: int, right: int) -> OccupancyGrid:
-        """The part of the grid in rows top … bottom−1 and columns left … right−1, which lie on it."""
-        return self._made(
+        """Return rows top … bottom−1 and columns left … right−1, which must be within the
+        grid."""
+        return self._unpacked(
             self.spec.part(top, left, bottom, right),
             lambda mask: mask.window(top, left, bottom, right),
         )
 
     def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
-        """The part of the grid within a square of `reach_m` about a pose, widened by the largest
-        margin; may be empty."""
+        """Return the part of the grid within a square of `reach_m` around a pose, widened by the
+        largest margin; it may be empty."""
         widest = max(
             [0.0, *self._margins_m.values(), *(margin_m for margin_m, _ in self._wide_zones)]
         )
         return self.part(*box_around(self.spec, pose, reach_m + widest))
 
-    def _made(self, spec: GridSpec, part: Part) -> OccupancyGrid:
+    def _unpacked(self, spec: GridSpec, unpack: Unpack) -> OccupancyGrid:
         return OccupancyGrid(
             spec=spec,
-            geometric=part(self._layers[NOTHING]),
+            geometric=unpack(self._layers[NOTHING]),
             beware={
-                class_id: part(mask)
+                class_id: unpack(mask)
                 for class_id, mask in self._layers.items()
                 if class_id != NOTHING
             },
             margins_m=dict(self._margins_m),
-            zones=part(self._zones),
-            wide_zones=tuple((margin_m, part(mask)) for margin_m, mask in self._wide_zones),
+            zones=unpack(self._zones),
+            wide_zones=tuple((margin_m, unpack(mask)) for margin_m, mask in self._wide_zones),
         )
 
 
-def layer_grid(cloud: PointMap, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
-    """The map's layers under a beware list and zones, unpacked; everything ever seen counts,
-    whenever the list was edited."""
-    cloud.use(beware)
-    drawn, wide = cells_of(zones, cloud.spec)
+def layer_grid(point_map: PointMap, beware: BewareList, zones: Iterable[Zone]) -> OccupancyGrid:
+    """Return the unpacked layers of a map for a beware list and zones; all points count, whenever
+    the list was edited."""
+    point_map.use(beware)
+    plain, wide = zone_masks(zones, point_map.spec)
     return OccupancyGrid(
-        spec=cloud.spec,
-        geometric=cloud.layers.bools(NOTHING),
-        beware={entry.class_id: cloud.layers.bools(entry.class_id) for entry in beware.enabled},
+        spec=point_map.spec,
+        geometric=point_map.layers.bools(NOTHING),
+        beware={entry.class_id: point_map.layers.bools(entry.class_id) for entry in beware.enabled},
         margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
-        zones=drawn,
+        zones=plain,
         wide_zones=wide,
     )
 
 
 def box_around(spec: GridSpec, pose: Pose2, reach_m: float) -> Box:
-    """(top, left, bottom, right) cells of the grid within a square about a pose; may be empty."""
+    """Return the part of the grid within a square around a pose; it may be empty."""
     row, col = spec.cell(pose.x_m, pose.y_m)
     reach = math.ceil(reach_m / spec.resolution_m)
     top, left = min(max(row - reach, 0), spec.rows), min(max(col - reach, 0), spec.cols)
@@ -171,9 +168,9 @@ def box_around(spec: GridSpec, pose: Pose2, reach_m: float) -> Box:
     )
 
 
-def _held(
+def are_set(
     plane: BitPlane, rows: npt.NDArray[np.int64], cols: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.bool_]:
-    """(N,) which of some cells are set."""
+    """Return (N,) whether cells are set in a plane."""
     words = plane[rows + PAD, (cols + PAD) >> 6]
     return np.asarray((words >> (cols & 63).astype(np.uint64)) & np.uint64(1)).astype(np.bool_)

@@ -1,10 +1,15 @@
-"""The costmap that follows the map, the beware list and the zones incrementally."""
+"""Live costmap: follows the map, the beware list and the zones incrementally.
+
+An update costs what has changed on the map. An edit of the beware list or of the zones rebuilds
+everything from the layers of bits, which takes some milliseconds on the largest maps: it acts
+within one tick on everything ever seen.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from navcore.costmap.costmap import Costmap, _held
+from navcore.costmap.costmap import Costmap, are_set
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
@@ -13,40 +18,41 @@ from navcore.grid.inflation import InflatedGrid
 from navcore.mapping.layers import Changes
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
-from navcore.mission.zone import Zone, cells_of
+from navcore.mission.zone import Zone, zone_masks
 
 
 class LiveCostmap:
-    """Follows a map, and keeps the space that is free for the robot's centre: the union of all
-    layers, each inflated by the robot's half width, the safety margin and the layer's own margin.
-    """
+    """Costmap of a growing map, and the free space of the robot's centre: all cells outside of
+    every layer inflated by half the robot's width, the safety margin and the layer's own margin."""
 
-    def __init__(self, cloud: PointMap, *, vehicle_width_m: float, safety_margin_m: float) -> None:
-        self._cloud = cloud
+    def __init__(
+        self, point_map: PointMap, *, vehicle_width_m: float, safety_margin_m: float
+    ) -> None:
+        self._map = point_map
         self._width_m, self._margin_m = vehicle_width_m, safety_margin_m
-        self._inflated = InflatedGrid(cloud.spec.rows, cloud.spec.cols)
+        self._inflated = InflatedGrid(point_map.spec.rows, point_map.spec.cols)
         self._order: tuple[BewareList, tuple[Zone, ...]] | None = None
         self._groups: dict[int, list[BitPlane]] = {}
         self._radius_of: dict[int, int] = {}
         self._layers: dict[int, CellMask] = {}
-        self._drawn: (
+        self._zone_masks: (
             tuple[tuple[Zone, ...], CellMask, tuple[tuple[float, CellMask], ...]] | None
         ) = None
         self._now: Costmap | None = None
 
     @property
     def space(self) -> FreeSpace:
-        """Where the robot's centre may be; live, for the planner of paths."""
+        """Cells that the robot's centre may be in; live, for the path planner."""
         return self._inflated.space
 
     def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Costmap:
-        """The map as it is now under a beware list and zones; the same object as long as nothing
-        has changed."""
-        self._cloud.use(beware)
-        changes = self._cloud.layers.take_changes()
+        """Return the costmap of the present map for a beware list and zones; the same object as
+        long as nothing has changed."""
+        self._map.use(beware)
+        changes = self._map.layers.take_changes()
         if changes is None or self._order != (beware, zones) or self._now is None:
             self._order = (beware, zones)
-            self._make_anew(beware, zones)
+            self._rebuild(beware, zones)
         elif len(changes.cells):
             self._apply(changes)
         else:
@@ -54,12 +60,12 @@ class LiveCostmap:
         self._now = self._snapshot(beware)
         return self._now
 
-    def _make_anew(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
-        if self._drawn is None or self._drawn[0] != zones:
-            drawn, wide = cells_of(zones, self._cloud.spec)
+    def _rebuild(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
+        if self._zone_masks is None or self._zone_masks[0] != zones:
+            plain, wide = zone_masks(zones, self._map.spec)
             packed = tuple((margin_m, CellMask.of(mask)) for margin_m, mask in wide)
-            self._drawn = (zones, CellMask.of(drawn), packed)
-        _, self._zones, self._wide = self._drawn
+            self._zone_masks = (zones, CellMask.of(plain), packed)
+        _, self._zones, self._wide = self._zone_masks
         margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
         self._radius_of = {
             class_id: self._radius(margin_m) for class_id, margin_m in margins.items()
@@ -74,12 +80,12 @@ class LiveCostmap:
         self._inflated.replace(unions)
 
     def _regroup(self) -> None:
-        """The live planes that are inflated by the same radius."""
+        """Group the live planes that are inflated by the same radius."""
         self._groups = {self._radius(0.0): [self._zones.plane]}
         for margin_m, mask in self._wide:
             self._groups.setdefault(self._radius(margin_m), []).append(mask.plane)
         for class_id, radius in self._radius_of.items():
-            plane = self._cloud.layers.plane(class_id)
+            plane = self._map.layers.plane(class_id)
             self._groups.setdefault(radius, [])
             if plane is not None:
                 self._groups[radius].append(plane)
@@ -94,16 +100,16 @@ class LiveCostmap:
             radius_of[class_id] = radius
         radii = radius_of[changes.class_ids]
         for radius in np.unique(radii[radii >= 0]):
-            rows, cols = np.divmod(np.unique(changes.cells[radii == radius]), self._cloud.spec.cols)
+            rows, cols = np.divmod(np.unique(changes.cells[radii == radius]), self._map.spec.cols)
             occupied = np.zeros(len(rows), dtype=np.bool_)
             for plane in self._groups[int(radius)]:
-                occupied |= _held(plane, rows, cols)
+                occupied |= are_set(plane, rows, cols)
             cells = np.column_stack([rows, cols])
             self._inflated.set_cells(int(radius), cells[occupied], True)
             self._inflated.set_cells(int(radius), cells[~occupied], False)
 
     def _snapshot(self, beware: BewareList) -> Costmap:
-        spec, version = self._cloud.spec, 0 if self._now is None else self._now.version + 1
+        spec, version = self._map.spec, 0 if self._now is None else self._now.version + 1
         return Costmap(
             spec=spec,
             layers=dict(self._layers),
@@ -115,7 +121,7 @@ class LiveCostmap:
         )
 
     def _copied(self, class_id: int) -> CellMask:
-        plane, spec = self._cloud.layers.plane(class_id), self._cloud.spec
+        plane, spec = self._map.layers.plane(class_id), self._map.spec
         if plane is None:
             return CellMask(np.zeros_like(self._inflated.space.sentinel), spec.rows, spec.cols)
         return CellMask.copied(plane, spec.rows, spec.cols)
@@ -124,5 +130,5 @@ class LiveCostmap:
         return inflation_radius(
             vehicle_width_m=self._width_m,
             safety_margin_m=self._margin_m + margin_m,
-            resolution_m=self._cloud.spec.resolution_m,
+            resolution_m=self._map.spec.resolution_m,
         )

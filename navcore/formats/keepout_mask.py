@@ -1,7 +1,7 @@
-"""Zones from a picture of cells and back: Nav2's keep-out masks.
+"""Nav2 keep-out masks: zones from a mask of cells and back.
 
-A mask has staircases, holes and any number of parts; a zone is one simple polygon. Parts become
-zones of their own, a part with a hole is cut through the hole, so that the floor within a fence
+A mask has staircases, holes and any number of parts; a zone is one simple polygon. So every part
+becomes a zone, and a part with a hole is cut through the hole, so that the floor within a fence
 stays free.
 """
 
@@ -17,25 +17,27 @@ from shapely.geometry import MultiPolygon, Polygon, box
 from navcore.errors import BadGeometry
 from navcore.geometry.polyline import Corners
 from navcore.grid.grid import BoolGrid, GridSpec, inflate_by
-from navcore.mission.zone import MAX_CORNERS, Zone, cells_of
+from navcore.mission.zone import MAX_CORNERS, Zone, zone_masks
 
 MAX_PARTS, MAX_HOLES = 200, 2000
+"""Largest number of zones made from a mask, and of holes in a part."""
 INSET = 0.1
-"""So many cells the polygon stays inside its cells: on their border it would touch, and so take,
-the next ones."""
+"""Distance in cells of the polygon from the border of its cells; on the border it would touch, and
+so include, the neighbouring ones."""
 
 
 def closed_cells(zones: Iterable[Zone], spec: GridSpec) -> BoolGrid:
-    """(rows, cols) the keep-outs that are switched on, each grown by its own margin."""
-    plain, wide = cells_of(zones, spec)
+    """Return the (rows, cols) cells of the enabled keep-out zones, each inflated by its own
+    margin."""
+    plain, wide = zone_masks(zones, spec)
     for margin_m, mask in wide:
         plain = plain | inflate_by(mask, margin_m, spec.resolution_m)
     return plain
 
 
 def polygons_of(mask: BoolGrid, spec: GridSpec) -> tuple[Corners, ...]:
-    """Simple polygons that touch exactly the marked cells of (rows, cols), biggest first; raises
-    `BadGeometry` for too many."""
+    """Return simple polygons that touch exactly the marked cells of (rows, cols), largest first;
+    raises `BadGeometry` for too many."""
     count, _ = cv2.connectedComponents(mask.view(np.uint8), connectivity=4)
     if count - 1 > MAX_PARTS:
         raise _too_many()
@@ -54,12 +56,12 @@ def polygons_of(mask: BoolGrid, spec: GridSpec) -> tuple[Corners, ...]:
 
 def _too_many() -> BadGeometry:
     return BadGeometry(
-        f"the mask falls into more than {MAX_PARTS} zones; is it a map instead of a keep-out mask?"
+        f"the mask has more than {MAX_PARTS} zones; is it a map instead of a keep-out mask?"
     )
 
 
 def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
-    """One box for each run of marked cells in a row."""
+    """Yield one box for each run of marked cells in a row."""
     edges = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     rows, starts = np.nonzero(edges == 1)
     _, ends = np.nonzero(edges == -1)
@@ -69,8 +71,8 @@ def _runs(mask: BoolGrid, spec: GridSpec) -> Iterator[Polygon]:
 
 
 def _simple(whole: Polygon, most: int) -> list[Polygon]:
-    """The polygon cut in two, and again, until no part has a hole or too many corners; raises
-    `BadGeometry` for too many."""
+    """Cut a polygon in two repeatedly, until no part has a hole or too many corners; raises
+    `BadGeometry` for too many parts."""
     if len(whole.interiors) > MAX_HOLES:
         raise _too_many()
     found, waiting = list[Polygon](), [whole]
@@ -81,14 +83,14 @@ def _simple(whole: Polygon, most: int) -> list[Polygon]:
         if not polygon.interiors and len(polygon.exterior.coords) <= MAX_CORNERS:
             found.append(polygon)
         else:
-            one_way, other_way = _cut(polygon)
-            waiting += one_way if len(one_way) <= len(other_way) else other_way
+            vertical, horizontal = _cut(polygon)
+            waiting += vertical if len(vertical) <= len(horizontal) else horizontal
     return found
 
 
 def _cut(polygon: Polygon) -> list[list[Polygon]]:
-    """What it falls into, cut through a hole, so that it is one no more, or else in the middle: up
-    and down, and across."""
+    """Return the parts after a vertical and after a horizontal cut, through a hole if there is one,
+    otherwise through the middle."""
     left, low, right, top = polygon.bounds
     middle = (
         polygon.interiors[0].centroid if polygon.interiors else box(left, low, right, top).centroid
@@ -97,13 +99,13 @@ def _cut(polygon: Polygon) -> list[list[Polygon]]:
         min(max(middle.x, left + 1e-6), right - 1e-6),
         min(max(middle.y, low + 1e-6), top - 1e-6),
     )
-    ways = (
+    cuts = (
         (box(left, low, at_x, top), box(at_x, low, right, top)),
         (box(left, low, right, at_y), box(left, at_y, right, top)),
     )
     return [
         [piece for half in halves for piece in _polygons(polygon.intersection(half))]
-        for halves in ways
+        for halves in cuts
     ]
 
 

@@ -1,4 +1,4 @@
-"""The picture of a map: PGM (P2, P5) and PNG from bytes and back, every pixel kept as it is."""
+"""Map images: PGM (P2, P5) and PNG from bytes and back, with every pixel value preserved."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from navcore.errors import BadConfiguration
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 MAX_SIDE, MAX_PIXELS = 65_000, 1 << 26
-"""What the planner can search: 64 Mi pixels."""
+"""Largest side and number of pixels; the path planner can search 64 Mi cells."""
 MAX_BYTES = 1 << 28
-"""The largest file that is read."""
+"""Largest file that is read, in bytes."""
 _GAP = rb"(?:\s|#[^\n]*\n)+"
 _HEADER = re.compile(rb"P([25])" + 3 * (_GAP + rb"(\d{1,9})") + rb"\s")
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -26,23 +26,23 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapImage:
-    """A picture as it is stored."""
+    """Image as it is stored."""
 
     pixels: Pixels
-    """(rows, cols) grey, or (rows, cols, 3) blue, green, red, or (rows, cols, 4) with opacity; row
-    0 at the top."""
+    """(rows, cols) grey, (rows, cols, 3) blue, green, red or (rows, cols, 4) with opacity; row 0 is
+    at the top."""
     white: int
-    """The value of a fully lit channel: 255, 65535, or what a PGM declares."""
+    """Value of white in a channel: 255, 65535, or the maximum value that a PGM declares."""
 
     @property
     def suffix(self) -> str:
-        """`.pgm` for grey pictures, `.png` for the others, which a PGM cannot hold."""
+        """File suffix: `.pgm` for grey images, `.png` for others, which a PGM cannot hold."""
         return ".pgm" if self.pixels.ndim == 2 else ".png"
 
 
 def decode(data: bytes, where: str) -> MapImage:
-    """A picture from the bytes of a file, whatever the file's name; `where` names it in the
-    refusals (`BadConfiguration`)."""
+    """Return the image of a file's contents, whatever its name; raises `BadConfiguration`, in which
+    `where` names the file."""
     if data.startswith((b"P2", b"P5")):
         image = _decode_pgm(data, where)
     elif data.startswith(_PNG):
@@ -56,7 +56,7 @@ def decode(data: bytes, where: str) -> MapImage:
 
 
 def encode(image: MapImage) -> bytes:
-    """The file that `decode` makes the same picture of: binary PGM for grey pixels, PNG for colour."""
+    """Return the contents of a file with the image: binary PGM for grey pixels, PNG for colour."""
     if image.pixels.ndim == 2:
         rows, cols = image.pixels.shape
         return (
@@ -71,7 +71,7 @@ def _decode_pgm(data: bytes, where: str) -> MapImage:
     header = _HEADER.match(data)
     if header is None:
         raise BadConfiguration(
-            f"{where}: the PGM header is broken; expected P5, columns, rows and the value of white"
+            f"{where}: the PGM header is invalid; expected P5, columns, rows and the value of white"
         )
     cols, rows, white = (int(number) for number in header.groups()[1:])
     _check_size(rows, cols, where)
@@ -102,7 +102,7 @@ def _binary(raster: bytes, count: int, white: int, where: str) -> npt.NDArray[np
 def _plain(raster: bytes, count: int, where: str) -> npt.NDArray[np.integer]:
     text = re.sub(rb"#[^\n]*", b"", raster)
     if re.fullmatch(rb"[\d\s]*", text) is None:
-        raise BadConfiguration(f"{where}: a plain PGM (P2) holds numbers only, this one does not")
+        raise BadConfiguration(f"{where}: a plain PGM (P2) has numbers only, this one does not")
     values = (
         np.fromstring(text, dtype=np.int64, sep=" ")
         if text.strip()
@@ -121,7 +121,7 @@ def _decode_png(data: bytes, where: str) -> MapImage:
     _check_chunks(data, where)
     cols, rows = struct.unpack(">II", data[16:24])
     _check_size(rows, cols, where)
-    # One, two and four bits a pixel come as eight.
+    # One, two and four bits a pixel are decoded as eight.
     pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.shape[:2] != (rows, cols):
         raise BadConfiguration(f"{where}: the PNG cannot be read")
@@ -131,16 +131,14 @@ def _decode_png(data: bytes, where: str) -> MapImage:
 
 
 def _check_chunks(data: bytes, where: str) -> None:
-    """Whole from IHDR to IEND, every checksum right: OpenCV is not asked to make something of a
-    torn file."""
+    """Raise `BadConfiguration` unless the PNG is complete from IHDR to IEND with valid checksums;
+    OpenCV would decode a truncated file."""
     at, kind = len(_PNG), b""
     while kind != b"IEND":
         length = int.from_bytes(data[at : at + 4], "big")
         kind, body_end = data[at + 4 : at + 8], at + 8 + length
         if body_end + 4 > len(data) or (at == len(_PNG) and (kind != b"IHDR" or length != 13)):
-            raise BadConfiguration(
-                f"{where}: the PNG is torn: {len(data)} bytes, and more are missing"
-            )
+            raise BadConfiguration(f"{where}: the PNG is truncated after {len(data)} bytes")
         if zlib.crc32(data[at + 4 : body_end]) != int.from_bytes(
             data[body_end : body_end + 4], "big"
         ):
@@ -153,5 +151,6 @@ def _check_chunks(data: bytes, where: str) -> None:
 def _check_size(rows: int, cols: int, where: str) -> None:
     if not (1 <= rows <= MAX_SIDE and 1 <= cols <= MAX_SIDE and rows * cols <= MAX_PIXELS):
         raise BadConfiguration(
-            f"{where}: {cols} × {rows} pixels; allowed are sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
+            f"{where}: {cols} × {rows} pixels; allowed are sides of 1 to {MAX_SIDE} and at most "
+            f"{MAX_PIXELS} pixels"
         )

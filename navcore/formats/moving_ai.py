@@ -18,34 +18,34 @@ from navcore.formats.map_image import MAX_BYTES, MAX_PIXELS, MAX_SIDE
 from navcore.grid.grid import BoolGrid, Cell
 
 PASSABLE, IMPASSABLE = b".GS", b"@OTW"
-"""Ground, ground and swamp; out of bounds twice, trees and water (water cannot be entered from
-ground)."""
+"""Letters of free cells (ground, ground, swamp) and blocked cells (out of bounds twice, trees, and
+water, which cannot be entered from ground)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Query:
-    """One line of a `.scen` file."""
+    """Path query: one line of a `.scen` file."""
 
     bucket: int
-    """Group of queries of about the same length."""
+    """Number of the group of queries of about the same length."""
     map_name: str
-    """The map's path, as the benchmark names it."""
+    """Path of the map in the benchmark."""
     rows: int
-    """Height of the map that is meant."""
+    """Height of the map in cells."""
     cols: int
-    """Width of the map that is meant."""
+    """Width of the map in cells."""
     start: Cell
-    """(row, col)."""
+    """Start cell (row, col)."""
     goal: Cell
-    """(row, col)."""
+    """Goal cell (row, col)."""
     length: float
-    """Of the shortest path, in cells; a diagonal step is √2 and needs both orthogonal neighbours
-    free."""
+    """Length of the shortest path in cells; a diagonal step is √2 and needs both orthogonal
+    neighbours free."""
 
 
 def load_map(path: Path) -> BoolGrid:
-    """(rows, cols) True where nobody can go; raises `BadConfiguration` with what is wrong, and
-    where."""
+    """Return (rows, cols), True for blocked cells; raises `BadConfiguration` with the line and the
+    error."""
     lines = read_whole(path, at_most=MAX_BYTES).splitlines()
     if _value(lines, 0, b"type", path) != "octile":
         raise BadConfiguration(
@@ -70,8 +70,8 @@ def load_map(path: Path) -> BoolGrid:
 
 
 def load_scenario(path: Path) -> tuple[Query, ...]:
-    """The queries of a `.scen` file; raises `BadConfiguration` with the line and the column that is
-    wrong."""
+    """Return the queries of a `.scen` file; raises `BadConfiguration` with the line and the column
+    of the error."""
     lines = read_whole(path, at_most=MAX_BYTES).splitlines()
     if _value(lines, 0, b"version", path) not in ("1", "1.0"):
         raise BadConfiguration(f"{path.name}, line 1: expected 'version 1', got {_shown(lines, 0)}")
@@ -90,7 +90,8 @@ def _blocked(letters: bytes, rows: int, cols: int, path: Path) -> BoolGrid:
         row, col = (int(number) for number in np.argwhere(kinds == 2)[0])
         letter = chr(letters[row * cols + col])
         raise BadConfiguration(
-            f"{path.name}, line {row + 5}: unknown terrain {letter!r} in column {col}; known: .GS@OTW"
+            f"{path.name}, line {row + 5}: unknown terrain {letter!r} in column {col}; known: "
+            ".GS@OTW"
         )
     return kinds.view(np.bool_)
 
@@ -143,11 +144,12 @@ def _whole(text: str, where: str) -> int:
 
 
 def _value(lines: list[bytes], at: int, key: bytes, path: Path) -> str:
-    """What stands behind the key in a line of the head."""
+    """Return the value of a key in a line of the header."""
     words = lines[at].split() if at < len(lines) else []
     if len(words) != 2 or words[0] != key:
         raise BadConfiguration(
-            f"{path.name}, line {at + 1}: expected {key.decode()!r} and a value, got {_shown(lines, at)}"
+            f"{path.name}, line {at + 1}: expected {key.decode()!r} and a value, got "
+            f"{_shown(lines, at)}"
         )
     return words[1].decode("utf-8", "replace")
 
@@ -156,7 +158,8 @@ def _side(lines: list[bytes], at: int, key: bytes, path: Path) -> int:
     side = _whole(_value(lines, at, key, path), f"{path.name}, line {at + 1}: {key.decode()}")
     if not 1 <= side <= MAX_SIDE:
         raise BadConfiguration(
-            f"{path.name}, line {at + 1}: {key.decode()} {side} is out of range, allowed 1 to {MAX_SIDE}"
+            f"{path.name}, line {at + 1}: {key.decode()} {side} is out of range, allowed 1 to "
+            f"{MAX_SIDE}"
         )
     return side
 

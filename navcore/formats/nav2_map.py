@@ -1,7 +1,7 @@
-"""Maps in Nav2's format: a YAML file that says what the pixels of a picture beside it mean.
+"""Nav2 maps: a YAML file that describes the pixels of an image beside it.
 
-The picture's row 0 is the top of the map, its largest y; grids of this project begin at the
-smallest y. Pixels are kept as they are, so that a map goes out as it came in.
+Row 0 of the image is the top of the map, its largest y; grids of this project begin at the smallest
+y. Pixels keep their values, so that a map is written as it was read.
 """
 
 from __future__ import annotations
@@ -24,65 +24,66 @@ from navcore.formats.map_image import MAX_BYTES, MapImage, decode, encode
 from navcore.grid.grid import BoolGrid, GridSpec
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
-"""What a map drawn here consists of, as Nav2's own map saver draws."""
+"""Pixel values of maps that are written here, those of Nav2's map saver."""
 _LARGEST_YAML = 1 << 16
+"""Largest YAML file that is read, in bytes."""
 
 
 class Mode(StrEnum):
-    """How the shade of a pixel says how occupied a cell is."""
+    """Conversion of a pixel's shade to the occupancy of a cell."""
 
     TRINARY = "trinary"
-    """The darker, the more occupied; opacity, where there is any, counts as a fourth colour."""
+    """Dark pixels are occupied; opacity, if there is any, counts as a fourth colour."""
     SCALE = "scale"
-    """The same, but what is not opaque is unknown."""
+    """Dark pixels are occupied; pixels that are not opaque are unknown."""
     RAW = "raw"
-    """The pixel's value, 0 to 100 of 255, is the occupancy in per cent, and anything above is
+    """The value of a pixel, 0 to 100 of 255, is the occupancy in per cent, and larger ones are
     unknown; `negate` is ignored."""
 
 
 class State(IntEnum):
-    """What a cell is."""
+    """Occupancy state of a cell."""
 
     FREE = 0
-    """Less occupied than `free_thresh`."""
+    """Occupancy below `free_thresh`."""
     OCCUPIED = 1
-    """More occupied than `occupied_thresh`."""
+    """Occupancy above `occupied_thresh`."""
     UNKNOWN = 2
-    """Anything between, in every mode."""
+    """Occupancy between the thresholds, or not given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description:
-    """The YAML file, but for the picture's name."""
+    """Contents of the YAML file, except for the name of the image."""
 
     resolution_m: float
-    """Side of a pixel."""
+    """Side of a pixel in metres."""
     origin_x_m: float
-    """x of the lower-left corner of the lower-left pixel."""
+    """x in metres of the lower-left corner of the lower-left pixel."""
     origin_y_m: float
-    """y of the lower-left corner of the lower-left pixel."""
+    """y in metres of the lower-left corner of the lower-left pixel."""
     mode: Mode = Mode.TRINARY
-    """What shades mean."""
+    """Conversion of shades to occupancy."""
     negate: bool = False
-    """Bright pixels are the occupied ones."""
+    """Whether bright pixels, instead of dark ones, are occupied."""
     occupied_thresh: float = 0.65
-    """Occupied above this, 0 to 1."""
+    """Occupancy, 0 to 1, above which a cell is occupied."""
     free_thresh: float = 0.196
-    """Free below this, 0 to 1; a pixel of 205 has 0.19608 and is unknown."""
+    """Occupancy, 0 to 1, below which a cell is free; a pixel of 205 has 0.19608 and is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nav2Map:
-    """A map as it is stored."""
+    """Map as it is stored."""
 
     description: Description
-    """What the pixels mean."""
+    """Description of the pixels."""
     image: MapImage
-    """The pixels, row 0 at the top."""
+    """Pixels, row 0 at the top."""
 
     @property
     def spec(self) -> GridSpec:
-        """Where the map's cells lie; one cell a pixel."""
+        """Size and position of the map's grid, one cell a pixel."""
         rows, cols = self.image.pixels.shape[:2]
         about = self.description
         return GridSpec(
@@ -94,17 +95,17 @@ class Nav2Map:
         )
 
     def states(self) -> npt.NDArray[np.uint8]:
-        """(rows, cols) `State` of every cell, row 0 at the smallest y."""
+        """Return the (rows, cols) `State` of every cell, row 0 at the smallest y."""
         return np.ascontiguousarray(_states(self.image, self.description)[::-1])
 
     def cells(self, state: State) -> BoolGrid:
-        """(rows, cols) the cells in one state, row 0 at the smallest y."""
+        """Return the (rows, cols) cells in one state, row 0 at the smallest y."""
         return np.equal(self.states(), state)
 
 
-def drawn(*, occupied: BoolGrid, known: BoolGrid, spec: GridSpec) -> Nav2Map:
-    """A map of (rows, cols) cells, row 0 at the smallest y; occupied cells are occupied whether
-    known or not."""
+def map_from_cells(*, occupied: BoolGrid, known: BoolGrid, spec: GridSpec) -> Nav2Map:
+    """Return a map of (rows, cols) cells, row 0 at the smallest y; occupied cells need not be
+    known."""
     pixels = np.where(known, np.uint8(FREE_PIXEL), np.uint8(UNKNOWN_PIXEL))
     pixels[occupied] = OCCUPIED_PIXEL
     return Nav2Map(
@@ -114,69 +115,72 @@ def drawn(*, occupied: BoolGrid, known: BoolGrid, spec: GridSpec) -> Nav2Map:
 
 
 def description_of(spec: GridSpec) -> Description:
-    """What stands beside the picture of a map that was drawn here."""
+    """Return the description of a map that is made here."""
     return Description(
         resolution_m=spec.resolution_m, origin_x_m=spec.origin_x_m, origin_y_m=spec.origin_y_m
     )
 
 
 def load(path: Path) -> Nav2Map:
-    """The map of a YAML file and the picture that it names; raises `BadConfiguration` with the key
-    that is wrong.
+    """Return the map of a YAML file and its image; raises `BadConfiguration` with the invalid key.
 
-    The picture has to lie in the YAML's folder or below it: a map from elsewhere must not make us
-    read other files.
+    The image must be in the folder of the YAML file or below: a map from elsewhere must not make
+    the program read other files.
     """
     entries = _entries(read_whole(path, at_most=_LARGEST_YAML), path.name)
     description = _description(entries, path.name)
-    picture = _picture(entries, path)
-    return Nav2Map(
-        description=description, image=decode(read_whole(picture, at_most=MAX_BYTES), str(picture))
-    )
+    image_path = _image_path(entries, path)
+    data = read_whole(image_path, at_most=MAX_BYTES)
+    return Nav2Map(description=description, image=decode(data, str(image_path)))
 
 
-def read(text: bytes, picture: bytes, where: str) -> Nav2Map:
-    """The map of a YAML file's text and its picture's bytes, wherever they come from; the picture's
-    name is not looked at."""
-    if len(text) > _LARGEST_YAML or len(picture) > MAX_BYTES:
+def read(text: bytes, image: bytes, where: str) -> Nav2Map:
+    """Return the map of the contents of a YAML file and its image; the name of the image is
+    ignored."""
+    if len(text) > _LARGEST_YAML or len(image) > MAX_BYTES:
         raise BadConfiguration(f"{where}: larger than a map may be")
     description = _description(_entries(text, f"{where}.yaml"), f"{where}.yaml")
-    return Nav2Map(description=description, image=decode(picture, f"{where}.picture"))
+    return Nav2Map(description=description, image=decode(image, f"{where}.picture"))
 
 
 def save(nav2_map: Nav2Map, path: Path) -> Path:
-    """Write the YAML file and the picture beside it, of the same name; returns the picture's path.
-    Raises `StorageFailed`."""
+    """Write the YAML file and the image beside it; return the path of the image.
+
+    Raises `StorageFailed`, and `BadConfiguration` for another suffix than .yaml.
+    """
     if path.suffix not in (".yaml", ".yml"):
         raise BadConfiguration(f"{path}: expected a file name that ends in .yaml")
-    picture = path.with_suffix(nav2_map.image.suffix)
-    write_whole(picture, encode(nav2_map.image))
-    write_whole(path, yaml_text(nav2_map.description, picture.name).encode())
-    return picture
+    image_path = path.with_suffix(nav2_map.image.suffix)
+    write_whole(image_path, encode(nav2_map.image))
+    write_whole(path, yaml_text(nav2_map.description, image_path.name).encode())
+    return image_path
 
 
 def yaml_text(description: Description, image: str) -> str:
-    """The YAML file that describes the picture `image`."""
+    """Return the YAML file that describes the image file `image`."""
     name = (
         image if re.fullmatch(r"[A-Za-z][\w-]*\.(pgm|png)", image, re.ASCII) else json.dumps(image)
     )
     x, y = _written(description.origin_x_m), _written(description.origin_y_m)
     return (
-        f"image: {name}\nmode: {description.mode}\nresolution: {_written(description.resolution_m)}\n"
+        f"image: {name}\nmode: {description.mode}\nresolution: "
+        f"{_written(description.resolution_m)}\n"
         f"origin: [{x}, {y}, 0.0]\nnegate: {description.negate:d}\n"
-        f"occupied_thresh: {_written(description.occupied_thresh)}\nfree_thresh: {_written(description.free_thresh)}\n"
+        f"occupied_thresh: {_written(description.occupied_thresh)}\nfree_thresh: "
+        f"{_written(description.free_thresh)}\n"
     )
 
 
 def _written(number: float) -> str:
-    """Exactly the same number again when read; YAML 1.1 takes 1e-05 for text, 1.0e-05 for a number."""
+    """Return a text that reads as the same number; YAML 1.1 takes 1e-05 for text, but 1.0e-05 for a
+    number."""
     text = repr(float(number))
     return text if "." in text else text.replace("e", ".0e")
 
 
 def _states(image: MapImage, description: Description) -> npt.NDArray[np.uint8]:
-    """(rows, cols) as in the picture; through a table, one entry for each sum of a pixel's
-    channels."""
+    """Return (rows, cols) states, row 0 at the top, from a table with an entry for each sum of a
+    pixel's channels."""
     pixels, mode = image.pixels, description.mode
     if pixels.ndim == 2:
         grey: npt.NDArray[np.uint8] = _table(image.white, 1, description)[pixels]
@@ -206,8 +210,8 @@ _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "
 
 
 def _entries(text: bytes, where: str) -> dict[str, yaml.Node]:
-    """The YAML's keys with what they stand before, unread: Nav2 too reads text as a number where it
-    needs one."""
+    """Return the keys with their unparsed values: Nav2 too reads text as a number where it needs
+    one."""
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
@@ -236,7 +240,8 @@ def _description(entries: dict[str, yaml.Node], where: str) -> Description:
     x_m, y_m, yaw_rad = _origin(entries["origin"], f"{where}.origin")
     if yaw_rad != 0:
         raise BadConfiguration(
-            f"{where}.origin[2]: a yaw of {yaw_rad:g} rad is not supported, expected 0; turn the picture"
+            f"{where}.origin[2]: a yaw of {yaw_rad:g} rad is not supported, expected 0; rotate "
+            "the image"
         )
     made = Description(
         resolution_m=_number(entries["resolution"], f"{where}.resolution", 1e-3, 100.0),
@@ -252,7 +257,8 @@ def _description(entries: dict[str, yaml.Node], where: str) -> Description:
     )
     if made.free_thresh >= made.occupied_thresh:
         raise BadConfiguration(
-            f"{where}.free_thresh: {made.free_thresh:g} must be below occupied_thresh, {made.occupied_thresh:g}"
+            f"{where}.free_thresh: {made.free_thresh:g} must be below occupied_thresh, "
+            f"{made.occupied_thresh:g}"
         )
     return made
 
@@ -268,17 +274,18 @@ def _origin(node: yaml.Node, where: str) -> tuple[float, float, float]:
     return x_m, y_m, yaw_rad
 
 
-def _picture(entries: dict[str, yaml.Node], path: Path) -> Path:
+def _image_path(entries: dict[str, yaml.Node], path: Path) -> Path:
     where, name = f"{path.name}.image", _text(entries["image"], f"{path.name}.image")
     if not name or "\0" in name:
         raise BadConfiguration(f"{where}: expected the name of a PGM or PNG file")
-    folder = Path(os.path.abspath(path.parent))  # noqa: PTH100 - a link is followed as any program would, dots are not
-    picture = Path(os.path.abspath(folder / name))  # noqa: PTH100
-    if not picture.is_relative_to(folder):
+    folder = Path(os.path.abspath(path.parent))  # noqa: PTH100 - links are followed, dots are not
+    image_path = Path(os.path.abspath(folder / name))  # noqa: PTH100
+    if not image_path.is_relative_to(folder):
         raise BadConfiguration(
-            f"{where}: {name!r:.200} lies outside the map's folder; put the picture beside the YAML file"
+            f"{where}: {name!r:.200} is outside the map's folder; put the image beside the "
+            "YAML file"
         )
-    return picture
+    return image_path
 
 
 def _text(node: yaml.Node, where: str) -> str:

@@ -1,9 +1,10 @@
-"""Pinhole camera model: intrinsics, back-projection (the paper's equations 1 to 3) and projection."""
+"""Pinhole camera model: intrinsics, back-projection (the paper's equations 1 to 3) and
+projection."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,8 @@ import numpy.typing as npt
 from navcore.compiled import inlined
 from navcore.geometry.arrays import Floats
 
+Real = float | np.floating[Any]
+Pose = npt.NDArray[np.floating[Any]]
 NEAREST_M = 1e-6
 """Least depth in metres that a projection divides by."""
 
@@ -120,7 +123,7 @@ def row_slope(row: int, lens: Pinhole) -> float:
 
 
 @inlined
-def ray_direction(t: Floats, a: float, b: float) -> tuple[float, float, float]:
+def ray_direction(t: Pose, a: Real, b: Real) -> tuple[float, float, float]:
     """Return the direction of a line of sight in the frame of `t`, a (4, 4) camera pose, per metre
     of depth."""
     return (
@@ -131,7 +134,7 @@ def ray_direction(t: Floats, a: float, b: float) -> tuple[float, float, float]:
 
 
 @inlined
-def point_on_ray(t: Floats, a: float, b: float, depth: float) -> tuple[float, float, float]:
+def point_on_ray(t: Pose, a: Real, b: Real, depth: Real) -> tuple[float, float, float]:
     """Return the point in metres at a depth on a line of sight, in the frame of `t`, a (4, 4)
     camera pose."""
     dx, dy, dz = ray_direction(t, a, b)

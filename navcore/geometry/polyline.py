@@ -67,6 +67,7 @@ def _points_at(line: Points, metres: Floats, stations: Floats) -> Points:
 
 
 def path_from(path_map: Points, pose: Pose2) -> Points:
-    """Return the (N, 2) rest of a path from its point nearest to the robot on, in the base frame."""
+    """Return the (N, 2) rest of a path from its point nearest to the robot on, in the base
+    frame."""
     nearest = int(np.argmin(np.hypot(path_map[:, 0] - pose.x_m, path_map[:, 1] - pose.y_m)))
     return pose.from_parent(path_map[nearest:])

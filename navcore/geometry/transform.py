@@ -9,36 +9,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    pass
-
 Matrix = npt.NDArray[np.float64]
+"""Transform matrix, or points as rows."""
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same angle in (-π, π]."""
+    """Return the same angle in (−π, π]."""
     wrapped = math.pi - (math.pi - angle_rad) % (2 * math.pi)
     return math.pi if wrapped == -math.pi else wrapped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose2:
-    """Where a body stands on the floor plane of its parent frame."""
+    """Pose of a body in the floor plane of its parent frame."""
 
     x_m: float
-    """Position along the parent's x axis."""
+    """Position along the parent's x axis in metres."""
     y_m: float
-    """Position along the parent's y axis."""
+    """Position along the parent's y axis in metres."""
     yaw_rad: float
-    """Heading, counter-clockwise from the parent's x axis."""
+    """Heading in radians, counter-clockwise from the parent's x axis."""
 
     def matrix(self) -> Matrix:
-        """(4, 4) T_parent_body with the body's origin on the floor."""
+        """Return (4, 4) T_parent_body with the body's origin on the floor."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return np.array(
             [
@@ -50,7 +47,7 @@ class Pose2:
         )
 
     def __matmul__(self, child: Pose2) -> Pose2:
-        """Compose: T_a_c = T_a_b @ T_b_c."""
+        """Return the composition T_a_c = T_a_b @ T_b_c."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return Pose2(
             x_m=self.x_m + cos * child.x_m - sin * child.y_m,
@@ -59,7 +56,7 @@ class Pose2:
         )
 
     def inverse(self) -> Pose2:
-        """T_body_parent."""
+        """Return T_body_parent."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return Pose2(
             x_m=-cos * self.x_m - sin * self.y_m,
@@ -68,26 +65,27 @@ class Pose2:
         )
 
     def from_parent(self, points: Matrix) -> Matrix:
-        """(N, 2) or (2,) points of the parent frame, expressed in the body's."""
+        """Transform (N, 2) or (2,) points from the parent frame to the body's frame."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return np.asarray(
             (points - np.array([self.x_m, self.y_m])) @ np.array([[cos, -sin], [sin, cos]])
         )
 
     def to_parent(self, points: Matrix) -> Matrix:
-        """(N, 2) or (2,) points of the body's frame, expressed in the parent's."""
+        """Transform (N, 2) or (2,) points from the body's frame to the parent frame."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return np.asarray(
             points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x_m, self.y_m])
         )
 
     def distance_to(self, x_m: float, y_m: float) -> float:
-        """Straight distance to a point of the parent frame, in metres."""
+        """Return the distance in metres to a point of the parent frame."""
         return math.hypot(x_m - self.x_m, y_m - self.y_m)
 
 
 def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -> Matrix:
-    """(4, 4) T_base_camera of a forward-looking optical frame, tilted down by `pitch_down_rad`."""
+    """Return (4, 4) T_base_camera of a forward-facing optical frame, pitched down by
+    `pitch_down_rad`."""
     cos, sin = math.cos(pitch_down_rad), math.sin(pitch_down_rad)
     # Columns: the optical x (right), y (down) and z (forward) axes, seen from the base.
     return np.array(
@@ -98,12 +96,12 @@ def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -
 def transform_points(
     T_parent_child: Matrix, points_child: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float64]:
-    """(N, 3) points of the child frame, expressed in the parent frame."""
+    """Transform (N, 3) points from the child frame to the parent frame."""
     return points_child @ T_parent_child[:3, :3].T + T_parent_child[:3, 3]
 
 
 def invert(T_parent_child: Matrix) -> Matrix:
-    """(4, 4) T_child_parent of a rigid transform."""
+    """Return (4, 4) T_child_parent of a rigid transform."""
     inverse = np.eye(4)
     inverse[:3, :3] = T_parent_child[:3, :3].T
     inverse[:3, 3] = -T_parent_child[:3, :3].T @ T_parent_child[:3, 3]
@@ -115,9 +113,9 @@ class Twist:
     """Planar velocity of a differential drive."""
 
     v_mps: float
-    """Forward speed."""
+    """Forward speed in metres per second."""
     w_radps: float
-    """Yaw rate, counter-clockwise."""
+    """Yaw rate in radians per second, counter-clockwise."""
 
 
 STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)

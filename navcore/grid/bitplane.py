@@ -1,5 +1,4 @@
-"""Words of 64 cells: the machine instructions that numba does not name, and grids packed into such
-words.
+"""Bit planes: grids packed into words of 64 cells, and the machine instructions for such words.
 
 A plane is uint64 (lines, words); bit b of word w of line l is the cell (l, 64 w + b). Planes are
 padded by 64 blocked cells on every side (`PAD`), so that no scan needs a bounds check and a plane
@@ -19,15 +18,21 @@ from navcore.compiled import compiled, instruction
 from navcore.grid.grid import BoolGrid, Cell
 
 BitPlane = npt.NDArray[np.uint64]
-
+"""(lines, words) padded plane of cells."""
+BitPlanes = npt.NDArray[np.uint64]
+"""(planes, lines, words) stack of planes."""
 
 PAD = 64
+"""Blocked cells on every side of a plane."""
 ZERO, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
+LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
+"""Limits of a grid: cells are numbered by 16 bits a side, and path lengths
+(`search.open_list.UNIT`) are bounded for paths of 2^25 cells."""
 
 
 @instruction
 def lowest(_typing: Any, _word: Any) -> Any:
-    """Number of the lowest set bit of a uint64 that is not 0."""
+    """Return the number of the lowest set bit of a non-zero uint64."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
@@ -37,7 +42,7 @@ def lowest(_typing: Any, _word: Any) -> Any:
 
 @instruction
 def highest(_typing: Any, _word: Any) -> Any:
-    """Number of the highest set bit of a uint64 that is not 0."""
+    """Return the number of the highest set bit of a non-zero uint64."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.xor(
@@ -50,7 +55,7 @@ def highest(_typing: Any, _word: Any) -> Any:
 
 @instruction
 def ones(_typing: Any, _word: Any) -> Any:
-    """How many bits of a uint64 are set."""
+    """Return the number of set bits of a uint64."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
@@ -60,7 +65,7 @@ def ones(_typing: Any, _word: Any) -> Any:
 
 @instruction
 def mirrored(_typing: Any, _word: Any) -> Any:
-    """A uint64 with its bits in the opposite order."""
+    """Return a uint64 with its bits in reverse order."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.bitreverse(arguments[0])
@@ -70,7 +75,7 @@ def mirrored(_typing: Any, _word: Any) -> Any:
 
 @instruction
 def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
-    """The upper 64 bits of two uint64 side by side, shifted to the left by 0 to 63 bits."""
+    """Return the upper 64 bits of two joined uint64 after a left shift by 0 to 63 bits."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         word = ir.IntType(64)
@@ -84,11 +89,11 @@ def joined_left(_typing: Any, _high: Any, _low: Any, _by: Any) -> Any:
 
 @instruction
 def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
-    """One bit for each of 64 bytes of a flat uint8 array from an offset on: whether it shares a bit
-    with the uint8 `of`.
+    """Return one bit for each of 64 bytes of a flat uint8 array from an offset on: whether the byte
+    shares a set bit with the uint8 `of`.
 
-    Nothing checks the bounds. One or two instructions on today's processors, where a loop over the
-    bytes takes hundreds.
+    Bounds are not checked. This takes one or two instructions on current processors, and a loop
+    over the bytes hundreds.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -113,18 +118,17 @@ def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
 
 
 def empty_plane(rows: int, cols: int) -> BitPlane:
-    """A plane of zeros with room for (rows, cols) cells and the padding around them."""
+    """Return a plane of zeros for (rows, cols) cells and the padding around them."""
     return np.zeros((64 * blocks(rows), blocks(cols)), dtype=np.uint64)
 
 
 def blocks(cells: int) -> int:
-    """Words that hold so many cells and the padding on both sides."""
+    """Return the number of words for a line of cells with the padding on both sides."""
     return -(-cells // 64) + 2
 
 
 def pack(mask: BoolGrid, plane: BitPlane) -> None:
-    """Set the bits of `plane` to the cells of bool (rows, cols); of numbers, to those that are not
-    0."""
+    """Write the True (or non-zero) cells of (rows, cols) into a plane."""
     if mask.itemsize != 1:
         mask = np.not_equal(mask, 0)
     flat = np.ascontiguousarray(mask).view(np.uint8).reshape(-1)
@@ -132,26 +136,26 @@ def pack(mask: BoolGrid, plane: BitPlane) -> None:
 
 
 def unpack(plane: BitPlane, rows: int, cols: int) -> BoolGrid:
-    """The bool (rows, cols) grid that a plane holds."""
+    """Return the bool (rows, cols) grid of a plane."""
     inner = np.ascontiguousarray(plane[PAD : PAD + rows, 1:-1]).view(np.uint8)
     return np.unpackbits(inner, axis=1, bitorder="little")[:, :cols].view(np.bool_)
 
 
 def plane_of(cell: Cell, *, like: BitPlane) -> BitPlane:
-    """A plane of the same size that holds one cell (row, col)."""
+    """Return a plane of the same size that holds only the cell (row, col)."""
     plane = np.zeros_like(like)
     plane[cell[0] + PAD, (cell[1] + PAD) >> 6] = ONE << np.uint64(cell[1] & 63)
     return plane
 
 
 def contains(plane: BitPlane, cell: Cell) -> bool:
-    """Whether a plane holds a cell (row, col) of its grid."""
+    """Return whether a plane holds the cell (row, col) of its grid."""
     return bool(plane[cell[0] + PAD, (cell[1] + PAD) >> 6] >> np.uint64(cell[1] & 63) & ONE)
 
 
 def cells_of(plane: BitPlane) -> npt.NDArray[np.int64]:
-    """(N, 2) the cells (row, col) that a plane holds, in reading order; costs one look at every
-    word."""
+    """Return the (N, 2) cells (row, col) of a plane in reading order; costs one pass over the
+    words."""
     lines, words = np.nonzero(plane)
     held = np.unpackbits(plane[lines, words, None].view(np.uint8), axis=1, bitorder="little").view(
         np.bool_
@@ -180,7 +184,7 @@ def transpose(source: BitPlane, target: BitPlane) -> None:
     bytes_of_block = block.view(np.uint8)
     for right in range(1, source.shape[1] - 1):
         for down in range(1, target.shape[1] - 1):
-            # Rows are laid out so that swapping bytes leaves the 64 rows of 8 neighbouring columns
+            # Rows are ordered so that swapping bytes leaves the 64 rows of 8 neighbouring columns
             # side by side, in order.
             for line in range(64):
                 block[(line & 7) << 3 | line >> 3] = source[
@@ -195,7 +199,7 @@ def transpose(source: BitPlane, target: BitPlane) -> None:
 @compiled
 def _transpose_bytes(block: BitPlane) -> None:
     """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed
-    length become vectors."""
+    length are vectorised."""
     for line in range(32):
         _exchange(block, line, line + 32, 32, 0x00000000FFFFFFFF)
     for line in range(16):
@@ -215,20 +219,12 @@ def _exchange(block: BitPlane, upper: int, lower: int, shift: int, mask: int) ->
     block[up] ^= swapped << np.uint64(shift)
 
 
-BitPlanes = npt.NDArray[np.uint64]
-
-
 @compiled
 def complement(plane: BitPlane, rows: int, cols: int) -> None:
-    """Exchange free and blocked cells of a plane; the padding becomes 0."""
+    """Exchange the free and blocked cells of a plane; the padding becomes 0."""
     whole = cols >> 6
     for line in range(PAD, PAD + rows):
         for word in range(1, whole + 1):
             plane[line, word] = ~plane[line, word]
         if cols & 63:
             plane[line, whole + 1] = ~plane[line, whole + 1] & ((ONE << np.uint64(cols & 63)) - ONE)
-
-
-LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
-"""Cells are numbered by 16 bits a side, and lengths (`memory.UNIT`) have room for paths of 2^25
-cells."""

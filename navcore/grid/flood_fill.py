@@ -1,8 +1,7 @@
-"""What is connected with what, on packed bits: 64 cells a step, where a flood cell by cell takes
-seconds on the largest maps.
+"""Flood fill on bit planes: 64 cells a step; cell by cell it takes seconds on the largest maps.
 
-Planes are those of `navcore.search.bits`. Connected is by straight steps: where corners are not
-cut, a diagonal one leads nowhere that two straight ones do not lead to.
+Planes are those of `navcore.grid.bitplane`. Cells are connected by straight steps: without corner
+cutting, a diagonal step reaches nothing that two straight ones do not.
 """
 
 from __future__ import annotations
@@ -13,19 +12,19 @@ from navcore.compiled import compiled, inlined
 from navcore.grid.bitplane import ONE, PAD, BitPlane, mirrored
 
 TOP = np.uint64(63)
+"""Number of the highest bit of a word."""
 
 
 @compiled
 def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]:
-    """Add to `reached` what `begin` holds, and every free cell that is connected, over free ones,
-    with a free cell of that.
+    """Add to `reached` the cells of `begin` and all free cells that are connected with its free
+    ones.
 
-    Returns the first and the last line in which something was added.
+    Returns the first and the last line with an added cell.
     """
     last = free.shape[0] - PAD - 1
-    due = np.zeros(
-        free.shape[0], dtype=np.bool_
-    )  # lines that have not heard of all that was reached in them or beside them
+    # Lines in which, or beside which, cells were reached that have not spread along the line yet.
+    due = np.zeros(free.shape[0], dtype=np.bool_)
     waiting, low, high = False, free.shape[0], 0
     for line in range(PAD, last + 1):
         for word in range(1, free.shape[1] - 1):
@@ -35,7 +34,7 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
                 low, high = min(low, line), line
     while waiting:
         waiting = False
-        # Downwards and upwards in turn, so that a long straight way takes one sweep.
+        # Downwards and upwards in turn, so that a long straight corridor takes one sweep.
         for line in range(PAD, last + 1):
             if due[line] and _spread(free, reached, line):
                 due[line - 1] = due[line + 1] = True
@@ -51,7 +50,7 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
 
 @compiled
 def beside(cells: BitPlane) -> BitPlane:
-    """The cells one straight step away from these; the padding means nothing."""
+    """Return the cells one straight step away from a set; the padding is undefined."""
     found = np.zeros_like(cells)
     for line in range(PAD, cells.shape[0] - PAD):
         for word in range(1, cells.shape[1] - 1):
@@ -61,19 +60,16 @@ def beside(cells: BitPlane) -> BitPlane:
 
 @compiled
 def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane) -> BitPlane:
-    """The cells of `within` that are one step from where it is left on the ways to `end` with the
-    fewest closed cells.
+    """Return the cells of `within` at which the paths to `end` with the fewest closed cells leave
+    it.
 
-    A wave from the end on: free cells are flooded, and closed ones entered one step after the
-    other. `end` holds one cell, and `within` whole areas of free cells, it not among them; where no
-    way leads there, nothing is found.
+    A wavefront starts at the end: free cells are flooded, and closed ones entered step by step.
+    `end` holds one cell outside of `within`, which holds whole areas of free cells. Without a path
+    the result is empty.
     """
     reached, entered, begin = end & (free | closed), end & closed, end & free
     spare, lowest, highest = np.zeros_like(free), PAD, free.shape[0] - PAD - 1
-    first, last = (
-        lowest,
-        highest,
-    )  # the lines that hold all of `entered`; what lies elsewhere is not looked at again
+    first, last = lowest, highest  # the lines of `entered`; others need not be visited again
     while True:
         top, bottom, is_found, is_open = (
             max(first - 1, lowest),
@@ -93,7 +89,7 @@ def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane)
             low, high = flood(free, reached, begin)
             begin[top : bottom + 1] = 0
             top, bottom = max(min(top, low - 1), lowest), min(max(bottom, high + 1), highest)
-        # The closed cells beside what has just been reached are entered next.
+        # The closed cells beside the cells just reached are entered next.
         entered, spare = spare, entered
         low, high = highest, lowest - 1
         for line in range(top, bottom + 1):
@@ -114,7 +110,7 @@ def crossings(free: BitPlane, closed: BitPlane, within: BitPlane, end: BitPlane)
 
 @inlined
 def _beside(cells: BitPlane, line: int, word: int) -> np.uint64:
-    """What of one word is a straight step away from some cells."""
+    """Return the cells of one word that are one straight step away from a set."""
     here = cells[line, word]
     west, east = (
         here << ONE | cells[line, word - 1] >> TOP,
@@ -126,8 +122,8 @@ def _beside(cells: BitPlane, line: int, word: int) -> np.uint64:
 
 @inlined
 def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
-    """Add to a line what is connected, along it, with what has been reached in it and in the lines
-    next to it."""
+    """Spread the reached cells of a line and its neighbours along the line; return whether any cell
+    was added."""
     grown, carried = False, np.uint64(0)
     for word in range(1, free.shape[1] - 1):
         open_, known = free[line, word], reached[line, word]
@@ -151,7 +147,6 @@ def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
 
 @inlined
 def _up(free: np.uint64, cells: np.uint64) -> np.uint64:
-    """Of each run of free cells the part from the lowest of `cells` in it upwards; they are free."""
-    return free & (
-        (free ^ (free + cells)) | cells
-    )  # the sum carries through a run, and past it into a cell that is not free
+    """Return the part of each run of free cells from the lowest of `cells`, all free, upwards."""
+    # The sum carries through a run, and past it into a cell that is not free.
+    return free & ((free ^ (free + cells)) | cells)

@@ -1,17 +1,18 @@
-"""The free cells as the search wants them: packed both ways, with marks where a straight walk must
-stop, kept up to date.
+"""Free cells for the path search: packed by rows and by columns, with the jump points of straight
+walks, updated incrementally.
 
-Two stacks of planes (`navcore.search.bits`): `across` has one line per row, `along` one line per
+Two stacks of planes (`navcore.grid.bitplane`): `across` has one line per row, `along` one line per
 column, so that a walk east or west reads words of `across` and one south or north words of `along`.
 Each stack holds, in this order,
 
 * FREE: the cell is free;
 * AHEAD: a walk towards higher cells stops here, at a blocked cell or at a jump point;
 * BACK: the same for a walk towards lower cells;
-* VAIN_AHEAD, VAIN_BACK: a walk from here stops at an obstacle, so there is no need to take it.
-  These are made line by line, once searches have asked for a line several times (`look_along`).
-  Word 0 of a line counts that; until then nothing is in vain. VAIN_AHEAD's line 0 has a bit for
-  each line of the other stack that was forgotten again (`navcore.search.slopes`);
+* DEAD_END_AHEAD, DEAD_END_BACK: a walk from here ends at an obstacle, so it need not be taken.
+  These are computed line by line, once searches have asked for a line several times
+  (`find_dead_ends`). Word 0 of a line counts the requests; until then no dead end is known. Line 0
+  of DEAD_END_AHEAD has a bit for each line of the other stack whose dead ends were dropped again
+  (`planning.search.diagonals`);
 * SQUARE (in `across` only): the cell and its neighbours east, south and south-east are free, so
   both diagonals are open.
 
@@ -46,52 +47,54 @@ from navcore.grid.bitplane import (
 )
 from navcore.grid.grid import BoolGrid, Cell
 
-FREE, AHEAD, BACK, DEAD_END_AHEAD, VAIN_BACK, SQUARE = range(6)
+FREE, AHEAD, BACK, DEAD_END_AHEAD, DEAD_END_BACK, SQUARE = range(6)
 FREED_LOG = 4096
-"""So many freed cells are noted one by one."""
-PATIENCE = np.uint64(16)
-"""How often a line is asked about before it pays to look along all of it."""
-MANY = 64
-"""Where more than one word in so many differs, everything is made anew instead of word by word."""
-MOST_SLOPING = 2**19
-"""A plane of `FreeSpace.sloping` has no more words than this; on larger grids diagonals take turns.
-"""
+"""Largest number of freed cells that are recorded individually."""
+REQUESTS_BEFORE_SCAN = np.uint64(16)
+"""Requests for a line after which computing all its dead ends pays off."""
+REBUILD_SHARE = 64
+"""Everything is rebuilt, instead of word by word, if more than one word in this many differs."""
+MAX_DIAGONAL_WORDS = 2**19
+"""Largest number of words in a plane of `FreeSpace.diagonal_ends`; on larger grids diagonals share
+slots."""
 
 
 class FreeSpace:
-    """Which cells the robot's centre may be in, and notes for the owner of a path on what has
-    changed since.
+    """Cells that the robot's centre may be in, with a log of changes for the owner of a path.
 
-    Not to be shared between threads: a search marks its goal in the planes and removes the mark
-    again.
+    Not to be shared between threads: a search marks its goal in the planes and removes the mark.
     """
 
     def __init__(self, rows: int, cols: int) -> None:
         if max(rows, cols) > LONGEST_SIDE or rows * cols > MOST_CELLS:
             raise ValueError(
-                f"grid: expected sides of at most {LONGEST_SIDE} and at most {MOST_CELLS} cells, got {rows} × {cols}; "
+                f"grid: expected sides of at most {LONGEST_SIDE} and at most {MOST_CELLS} cells, "
+                f"got {rows} × {cols}; "
                 "use a coarser resolution or a smaller area"
             )
         self.rows, self.cols = rows, cols
         self.across: BitPlanes = np.zeros((6, 64 * blocks(rows), blocks(cols)), dtype=np.uint64)
         self.along: BitPlanes = np.zeros((5, 64 * blocks(cols), blocks(rows)), dtype=np.uint64)
         diagonals, words = 64 * (blocks(rows) + blocks(cols)), blocks(rows)
-        slots = 1 << min((diagonals - 1).bit_length(), (MOST_SLOPING // words).bit_length() - 1)
-        self.sloping: BitPlanes = np.zeros((4, slots, words), dtype=np.uint64)
-        """How far diagonal walks go, as far as it is known (`navcore.search.slopes`)."""
+        slots = 1 << min(
+            (diagonals - 1).bit_length(), (MAX_DIAGONAL_WORDS // words).bit_length() - 1
+        )
+        self.diagonal_ends: BitPlanes = np.zeros((4, slots, words), dtype=np.uint64)
+        """Cached ends of diagonal walks (`planning.search.diagonals`)."""
         self.sentinel: BitPlane = np.zeros(self.across.shape[1:], dtype=np.uint64)
-        """Set bits are cells that a standing path needs free."""
+        """Cells that the present path needs free."""
         self.freed: npt.NDArray[np.int64] = np.empty(FREED_LOG, dtype=np.int64)
-        """Cells freed since the notes were cleared, as (row << 32 | col)."""
+        """Cells freed since the log was cleared, as (row << 32 | col)."""
         self.notes: npt.NDArray[np.int64] = np.zeros(2, dtype=np.int64)
-        """How many cells were freed, however many of them fit into `freed`; how many words of the
-        tripwire were hit."""
+        """Number of freed cells, recorded in `freed` or not, and number of words of the sentinel in
+        which a cell was blocked."""
         self.written = (self.across, self.along, self.sentinel, self.freed, self.notes)
-        """What a change of cells reads and writes, in the order in which compiled code takes it."""
+        """Arrays that a change of cells reads and writes, in the order of the compiled
+        functions."""
 
     @staticmethod
     def of(blocked: BoolGrid) -> FreeSpace:
-        """Pack a bool (rows, cols) grid that is True where the robot's centre may not be."""
+        """Return the free space of a bool (rows, cols) grid of blocked cells."""
         space = FreeSpace(*blocked.shape)
         pack(blocked, space.across[FREE])
         complement(space.across[FREE], space.rows, space.cols)
@@ -99,49 +102,49 @@ class FreeSpace:
         return space
 
     def rebuild(self) -> None:
-        """Make everything that follows from the free cells of the rows; the notes then say that
-        anything may have changed."""
+        """Recompute everything from the free cells of the rows; the log then says that any cell may
+        have changed."""
         _rebuild(self.across, self.along)
         self.notes[:] = FREED_LOG + 1, 1
 
     def update(self, blocked: BoolGrid) -> None:
-        """Follow a changed bool (rows, cols) grid; costs one look at every cell and then only what
-        the change costs."""
+        """Update to a bool (rows, cols) grid of blocked cells; costs one pass over the cells, and
+        then only the changes."""
         plane = np.zeros_like(self.sentinel)
         pack(blocked, plane)
         self.replace(plane)
 
     def replace(self, plane: BitPlane) -> None:
-        """Follow a changed plane of blocked cells, and spoil it."""
+        """Update to a plane of blocked cells, which is overwritten."""
         complement(plane, self.rows, self.cols)
-        if np.count_nonzero(plane != self.across[FREE]) * MANY > plane.size:
+        if np.count_nonzero(plane != self.across[FREE]) * REBUILD_SHARE > plane.size:
             self.across[FREE] = plane
             self.rebuild()
             return
         _replace(*self.written, plane)
 
     def set_cells(self, cells: npt.NDArray[np.int64], blocked: bool) -> None:
-        """Block or free the (N, 2) cells (row, col), all of them on the grid."""
+        """Block or free (N, 2) cells (row, col) of the grid."""
         _set_cells(*self.written, cells, blocked)
 
     def contains(self, cell: Cell) -> bool:
-        """Whether this is a cell of the grid."""
+        """Return whether this is a cell of the grid."""
         return 0 <= cell[0] < self.rows and 0 <= cell[1] < self.cols
 
     def is_free(self, cell: Cell) -> bool:
-        """Whether the robot's centre may be in this cell of the grid."""
+        """Return whether the robot's centre may be in this cell of the grid."""
         return bool(
             int(self.across[FREE, cell[0] + PAD, (cell[1] + PAD) >> 6]) >> (cell[1] & 63) & 1
         )
 
     def blocked(self) -> BoolGrid:
-        """Bool (rows, cols), True where the robot's centre may not be."""
+        """Return bool (rows, cols), True where the robot's centre must not be."""
         return ~unpack(self.across[FREE], self.rows, self.cols)
 
 
 @inlined
 def bit_of(planes: BitPlanes, plane: int, line: int, at: int) -> np.uint64:
-    """One bit of a plane: 1 or 0."""
+    """Return one bit of a plane as 0 or 1."""
     bit: np.uint64 = (
         planes[np.uint64(plane), np.uint64(line), np.uint64(at >> 6)] >> np.uint64(at & 63) & ONE
     )
@@ -160,7 +163,7 @@ def _rebuild(across: BitPlanes, along: BitPlanes) -> None:
 def mark_stops(
     planes: BitPlanes, others: BitPlanes, first: int, last: int, left: int, right: int
 ) -> None:
-    """Make AHEAD and BACK anew for lines first … last-1 and words left … right-1; `others` is the
+    """Recompute AHEAD and BACK for lines first … last−1 and words left … right−1; `others` is the
     other stack."""
     free, ahead, back = planes[FREE], planes[AHEAD], planes[BACK]
     one, rest = np.uint64(1), np.uint64(63)
@@ -179,7 +182,7 @@ def mark_stops(
                 down >> one | free[below, after] << rest
             )
             ahead[here, word], back[here, word] = opens | walls, closes | walls
-        forget(planes, others, line)
+        drop_dead_ends(planes, others, line)
         if left == 0:
             ahead[line, 0] = back[line, 0] = ALL
         if right == planes.shape[2]:
@@ -187,18 +190,18 @@ def mark_stops(
 
 
 @inlined
-def forget(planes: BitPlanes, others: BitPlanes, line: int) -> None:
-    """Have no walk of a line known to be in vain, and do not trust what was built on that."""
-    if planes[DEAD_END_AHEAD, line, 0] >= PATIENCE:
+def drop_dead_ends(planes: BitPlanes, others: BitPlanes, line: int) -> None:
+    """Drop the known dead ends of a line, and mark what was derived from them as outdated."""
+    if planes[DEAD_END_AHEAD, line, 0] >= REQUESTS_BEFORE_SCAN:
         others[DEAD_END_AHEAD, 0, line >> 6] |= ONE << np.uint64(line & 63)
         for word in range(planes.shape[2]):
-            planes[DEAD_END_AHEAD, line, word] = planes[VAIN_BACK, line, word] = 0
+            planes[DEAD_END_AHEAD, line, word] = planes[DEAD_END_BACK, line, word] = 0
     planes[DEAD_END_AHEAD, line, 0] = 0
 
 
 @compiled
 def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int) -> None:
-    """Make SQUARE anew for lines first … last-1 and words left … right-1."""
+    """Recompute SQUARE for lines first … last−1 and words left … right−1."""
     free, square = across[FREE], across[SQUARE]
     one, rest = np.uint64(1), np.uint64(63)
     for line in range(first, last):
@@ -213,34 +216,34 @@ def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int
 
 
 @lean
-def look_along(planes: BitPlanes, line: int) -> None:
-    """Make VAIN_AHEAD and VAIN_BACK for one line.
+def find_dead_ends(planes: BitPlanes, line: int) -> None:
+    """Compute DEAD_END_AHEAD and DEAD_END_BACK for one line.
 
-    Whether a walk from cell c + 1 towards lower cells ends at a jump point: yes if c is one, no if
-    c is blocked, and else what is true of c. That is how carries run through an addition: generated
-    at jump points, handed on by cells that stop nobody.
+    A walk from cell c + 1 towards lower cells ends at a jump point if c is one, does not if c is
+    blocked, and otherwise does as the walk from c. That is how carries run through an addition:
+    generated at jump points and propagated by cells where no walk stops.
     """
     words = planes.shape[2]
     carry = np.uint64(0)
     for word in range(words):
         jumps = planes[BACK, line, word] & planes[FREE, line, word]
         hits, carry = _carries(jumps, ~planes[BACK, line, word], carry)
-        planes[VAIN_BACK, line, word] = ~hits
+        planes[DEAD_END_BACK, line, word] = ~hits
     carry = np.uint64(0)
     for word in range(words - 1, -1, -1):
         jumps = planes[AHEAD, line, word] & planes[FREE, line, word]
         hits, carry = _carries(mirrored(jumps), mirrored(~planes[AHEAD, line, word]), carry)
         planes[DEAD_END_AHEAD, line, word] = ~mirrored(hits)
-    planes[DEAD_END_AHEAD, line, 0] = PATIENCE
+    planes[DEAD_END_AHEAD, line, 0] = REQUESTS_BEFORE_SCAN
 
 
 @inlined
 def _carries(
-    generate: np.uint64, hand_on: np.uint64, carry: np.uint64
+    generate: np.uint64, propagate: np.uint64, carry: np.uint64
 ) -> tuple[np.uint64, np.uint64]:
-    """The carry into every bit of an addition, and the carry out of it."""
-    into = ((generate | hand_on) + generate + carry) ^ hand_on
-    return into, (generate | hand_on & into) >> np.uint64(63)
+    """Return the carry into every bit of an addition, and the carry out of it."""
+    into = ((generate | propagate) + generate + carry) ^ propagate
+    return into, (generate | propagate & into) >> np.uint64(63)
 
 
 @compiled
@@ -254,8 +257,8 @@ def write_word(
     word: int,
     value: np.uint64,
 ) -> np.uint64:
-    """Set one word of free cells, in the rows and in the columns; returns the bits that differ.
-    `refresh` has to follow."""
+    """Set one word of free cells in the rows and in the columns; return the changed bits. `refresh`
+    has to follow."""
     changed: np.uint64 = across[FREE, line, word] ^ value
     across[FREE, line, word] = value
     notes[1] += (changed & ~value & sentinel[line, word]) != 0
@@ -275,8 +278,8 @@ def write_word(
 def refresh(
     across: BitPlanes, along: BitPlanes, first: int, last: int, left: int, right: int
 ) -> None:
-    """Renew the marks around free cells that were written in rows first … last-1 and columns left …
-    right-1 of the planes."""
+    """Recompute the marks around cells written in rows first … last−1 and columns left … right−1 of
+    the planes."""
     over, under = max(first - 1, PAD), min(last + 1, across.shape[1] - PAD)
     mark_stops(across, along, over, under, (left - 1) >> 6, (right >> 6) + 1)
     mark_squares(across, first - 1, last, (left - 1) >> 6, ((right - 1) >> 6) + 1)

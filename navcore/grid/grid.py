@@ -1,5 +1,5 @@
-"""The occupancy grid: which cells the robot must not touch and why, and where its centre therefore
-may not be."""
+"""Occupancy grid: the occupied cells by reason, and the cells that the robot's centre must
+avoid."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridSpec:
-    """Where the grid lies on the map frame. Cell (row, col) covers a square; row grows with y, col
-    with x."""
+    """Size and position of a grid in the map frame; rows grow with y, columns with x."""
 
     resolution_m: float
-    """Side of a cell, r_g in the paper."""
+    """Side of a cell in metres, r_g in the paper."""
     rows: int
-    """Cells along y, H in the paper."""
+    """Number of cells along y, H in the paper."""
     cols: int
-    """Cells along x, W in the paper."""
+    """Number of cells along x, W in the paper."""
     origin_x_m: float
-    """x of the lower-left corner of cell (0, 0)."""
+    """x in metres of the lower-left corner of cell (0, 0)."""
     origin_y_m: float
-    """y of the lower-left corner of cell (0, 0)."""
+    """y in metres of the lower-left corner of cell (0, 0)."""
 
     @staticmethod
     def centred(*, size_m: tuple[float, float], resolution_m: float) -> GridSpec:
-        """A grid with the map frame's origin in its middle, as in the paper's Algorithm 1, line 3."""
+        """Return a grid with the origin of the map frame in its middle (the paper's Algorithm 1,
+        line 3)."""
         cols, rows = (2 * math.ceil(side / resolution_m / 2) for side in size_m)
         return GridSpec(
             resolution_m=resolution_m,
@@ -49,21 +49,21 @@ class GridSpec:
         )
 
     def cell(self, x_m: float, y_m: float) -> Cell:
-        """(row, col) of the cell that holds a point; may lie outside the grid."""
+        """Return the cell of a point; it may be outside the grid."""
         return (
             math.floor((y_m - self.origin_y_m) / self.resolution_m),
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """(x, y) of a cell's centre, in metres of the map frame."""
+        """Return (x, y) of a cell's centre in metres of the map frame."""
         return (
             self.origin_x_m + (col + 0.5) * self.resolution_m,
             self.origin_y_m + (row + 0.5) * self.resolution_m,
         )
 
     def centres(self, cells: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-        """(N, 2) points (x, y) of the centres of (N, 2) cells (row, col)."""
+        """Return the (N, 2) centres (x, y) in metres of (N, 2) cells (row, col)."""
         return np.column_stack(
             [
                 self.origin_x_m + (cells[:, 1] + 0.5) * self.resolution_m,
@@ -72,14 +72,14 @@ class GridSpec:
         )
 
     def contains(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies on the grid, i.e. has a cell there; False for NaN and infinity."""
+        """Return whether a point is on the grid; False for NaN and infinity."""
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             return False
         row, col = self.cell(x_m, y_m)
         return 0 <= row < self.rows and 0 <= col < self.cols
 
     def part(self, top: int, left: int, bottom: int, right: int) -> GridSpec:
-        """Of rows top … bottom−1 and columns left … right−1."""
+        """Return the grid of rows top … bottom−1 and columns left … right−1."""
         return GridSpec(
             resolution_m=self.resolution_m,
             rows=bottom - top,
@@ -89,7 +89,7 @@ class GridSpec:
         )
 
     def extent(self) -> str:
-        """The covered area in words, for refusals."""
+        """Return the covered area in words, for error messages."""
         right = self.origin_x_m + self.cols * self.resolution_m
         top = self.origin_y_m + self.rows * self.resolution_m
         return f"x {self.origin_x_m:g} to {right:g} m, y {self.origin_y_m:g} to {top:g} m"
@@ -97,24 +97,23 @@ class GridSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OccupancyGrid:
-    """Occupied cells, layer by layer; what no layer marks is free or unknown, and both count as
-    free."""
+    """Occupied cells by layer; cells that no layer marks are free or unknown, and count as free."""
 
     spec: GridSpec
-    """Where it lies."""
+    """Size and position of the grid."""
     geometric: BoolGrid
-    """(rows, cols) something higher than the obstacle height stands there."""
+    """(rows, cols) cells with an obstacle higher than the obstacle height."""
     beware: Mapping[int, BoolGrid]
-    """Class id → (rows, cols) for each enabled class of the beware list."""
+    """Class id → (rows, cols) cells of each enabled class of the beware list."""
     zones: BoolGrid
-    """(rows, cols) enabled zones of the operator."""
+    """(rows, cols) cells of the keep-out zones without a margin of their own."""
     margins_m: Mapping[int, float] = field(default_factory=dict)
-    """Class id → room beyond the robot's own margin, for each class with a margin of its own."""
+    """Class id → margin in metres beyond the robot's own; 0 for classes that are not listed."""
     wide_zones: tuple[tuple[float, BoolGrid], ...] = ()
-    """(margin, mask) of zones with a margin of their own."""
+    """(margin in metres, (rows, cols) cells) of keep-out zones with a margin of their own."""
 
     def occupied(self) -> BoolGrid:
-        """(rows, cols) any layer."""
+        """Return the (rows, cols) union of all layers."""
         union = self.geometric | self.zones
         for layer in (*self.beware.values(), *(mask for _, mask in self.wide_zones)):
             union |= layer
@@ -122,7 +121,7 @@ class OccupancyGrid:
 
 
 def inflation_radius(*, vehicle_width_m: float, safety_margin_m: float, resolution_m: float) -> int:
-    """Cells of r_i = ⌈(w_v/2 + s_m) / r_g⌉ (Algorithm 1, line 9)."""
+    """Return r_i = ⌈(w_v/2 + s_m) / r_g⌉ in cells (Algorithm 1, line 9)."""
     # The small term keeps 0.45 / 0.05 at 9 cells where floating point says 9.000000000000002.
     return math.ceil((vehicle_width_m / 2 + safety_margin_m) / resolution_m - 1e-9)
 
@@ -146,8 +145,8 @@ def inflate_by(mask: BoolGrid, margin_m: float, resolution_m: float) -> BoolGrid
 def inflate_layers(
     grid: OccupancyGrid, *, vehicle_width_m: float, safety_margin_m: float
 ) -> BoolGrid:
-    """(rows, cols) where the robot's centre may not be: every layer inflated by the robot and the
-    layer's margin."""
+    """Return the (rows, cols) cells that the robot's centre must avoid: every layer inflated by
+    half the robot's width, the safety margin and the layer's own margin."""
     base, groups = grid.geometric | grid.zones, dict[float, BoolGrid]()
     for class_id, layer in grid.beware.items():
         margin_m = grid.margins_m.get(class_id, 0.0)

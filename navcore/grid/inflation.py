@@ -1,5 +1,5 @@
-"""Inflation by the disc on packed bits, and only where cells have changed; equal bit for bit to
-`navcore.grid.inflate`."""
+"""Inflation by a disc on bit planes, only where cells have changed; equal bit for bit to
+`navcore.grid.grid.inflate`."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from navcore.grid.bitplane import (
     lowest,
     pack,
 )
-from navcore.grid.free_space import FREE, MANY, FreeSpace, refresh, write_word
+from navcore.grid.free_space import FREE, REBUILD_SHARE, FreeSpace, refresh, write_word
 from navcore.grid.grid import BoolGrid
 
-AT_ONCE = 1024
-"""So many words are inflated together: they stay in the cache next to the processor."""
+CHUNK_WORDS = 1024
+"""Number of words that are inflated together, so that they stay in the first-level cache."""
 
 
 class InflatedGrid:
-    """Occupied cells in layers, each inflated by a disc of its own radius, and the space that they
-    leave free."""
+    """Layers of occupied cells, each inflated by a disc of its own radius, and the remaining free
+    space."""
 
     def __init__(self, rows: int, cols: int) -> None:
         self.space = FreeSpace(rows, cols)
-        """Where the robot's centre may be; everywhere at first."""
+        """Cells that the robot's centre may be in; all at first."""
         self._radii: tuple[int, ...] = ()
         self._raw: BitPlanes = np.zeros((0, *self.space.across.shape[1:]), dtype=np.uint64)
         self._fresh = self._raw.copy()
@@ -45,57 +45,57 @@ class InflatedGrid:
         self.space.rebuild()
 
     def update(self, masks: Mapping[int, BoolGrid]) -> None:
-        """Follow the occupied cells: a bool (rows, cols) grid for each radius in cells; a radius
-        not named has none.
+        """Update to the occupied cells, a bool (rows, cols) grid for each radius in cells; other
+        radii are dropped.
 
-        Costs one look at every cell and then only what the changes cost.
+        Costs one pass over the cells, and then only the changes.
         """
-        self._make_room(tuple(masks))
+        self._add_layers(tuple(masks))
         for layer, radius in enumerate(self._radii):
             if radius in masks:
                 self._check(masks[radius])
                 pack(masks[radius], self._fresh[layer])
             else:
                 self._fresh[layer] = 0
-        self._take_fresh()
-        self._drop_all_but(masks)
+        self._apply_fresh()
+        self._keep_only(masks)
 
     def replace(self, planes: Mapping[int, BitPlane]) -> None:
-        """The same for packed cells (`navcore.search.bits`), which are copied."""
-        self._make_room(tuple(planes))
+        """Update to the occupied cells, a plane for each radius in cells, which is copied; other
+        radii are dropped."""
+        self._add_layers(tuple(planes))
         for layer, radius in enumerate(self._radii):
             self._fresh[layer] = planes.get(radius, 0)
-        self._take_fresh()
-        self._drop_all_but(planes)
+        self._apply_fresh()
+        self._keep_only(planes)
 
     @property
     def reach(self) -> int:
-        """How far about a change is looked, in cells: the widest radius in use."""
+        """Distance in cells that a change has an effect on: the largest radius in use."""
         return int(self._halves.shape[1]) - 1
 
     def set_cells(self, radius: int, cells: Indices, occupied: bool) -> None:
-        """Occupy or clear the (N, 2) cells (row, col) of the layer of a radius, all of them on the
-        grid."""
+        """Occupy or clear (N, 2) cells (row, col) of the grid in the layer of a radius."""
         if radius not in self._radii:
-            self._make_room((radius,))
+            self._add_layers((radius,))
         layer, space = self._radii.index(radius), self.space
         if not occupy(
             self._raw, layer, self._halves, cells, occupied, space.rows, space.cols, *space.written
         ):
-            self._follow_all()
+            self._rebuild()
 
-    def _take_fresh(self) -> None:
-        most = self._raw.shape[1] * self._raw.shape[2] // MANY
+    def _apply_fresh(self) -> None:
+        most = self._raw.shape[1] * self._raw.shape[2] // REBUILD_SHARE
         words = (
             differing_words(self._raw, self._fresh, most)
             if self._radii
             else np.empty((0, 2), np.int64)
         )
         self._raw, self._fresh = self._fresh, self._raw
-        self._follow(words)
+        self._update_words(words)
 
-    def _make_room(self, radii: tuple[int, ...]) -> None:
-        """Have a layer for each of these radii."""
+    def _add_layers(self, radii: tuple[int, ...]) -> None:
+        """Add a layer for each of these radii that has none."""
         new = tuple(radius for radius in radii if radius not in self._radii)
         if new:
             self._radii += new
@@ -105,9 +105,9 @@ class InflatedGrid:
             self._fresh = np.zeros_like(self._raw)
             self._halves = half_widths(self._radii)
 
-    def _drop_all_but(self, radii: Container[int]) -> None:
-        """Give up the layers, empty by now, of other radii: the widest one says how far every
-        change is followed."""
+    def _keep_only(self, radii: Container[int]) -> None:
+        """Drop the layers, now empty, of other radii: the largest radius sets the cost of a
+        change."""
         used = [layer for layer, radius in enumerate(self._radii) if radius in radii]
         if 0 < len(used) < len(self._radii):
             self._radii = tuple(self._radii[layer] for layer in used)
@@ -117,18 +117,18 @@ class InflatedGrid:
     def _check(self, mask: BoolGrid) -> None:
         if mask.shape != (self.space.rows, self.space.cols):
             raise ValueError(
-                f"mask: expected the grid's shape ({self.space.rows}, {self.space.cols}), got {mask.shape}; "
-                "make a new InflatedGrid for another grid"
+                f"mask: expected the grid's shape ({self.space.rows}, {self.space.cols}), "
+                f"got {mask.shape}; make a new InflatedGrid for another grid"
             )
 
-    def _follow(self, words: Indices) -> None:
+    def _update_words(self, words: Indices) -> None:
         space = self.space
-        if len(words) * MANY > space.sentinel.size:
-            self._follow_all()
+        if len(words) * REBUILD_SHARE > space.sentinel.size:
+            self._rebuild()
         elif len(words):
-            follow(self._raw, self._halves, words, space.rows, space.cols, *space.written)
+            update_around(self._raw, self._halves, words, space.rows, space.cols, *space.written)
 
-    def _follow_all(self) -> None:
+    def _rebuild(self) -> None:
         space = self.space
         free = space.across[FREE]
         free[:] = 0
@@ -140,20 +140,19 @@ class InflatedGrid:
 
 
 def inflated(planes: Mapping[int, BitPlane], rows: int, cols: int) -> BitPlane:
-    """The union of packed cells, each plane inflated by the disc of its radius in cells, from
-    scratch; one plane at least."""
+    """Return the union of at least one plane, each inflated by the disc of its radius in cells."""
     raw = np.stack(list(planes.values()))
     out: BitPlane = np.zeros(raw.shape[1:], dtype=np.uint64)
     inflate_into(raw, half_widths(tuple(planes)), out, 0, 0, PAD, PAD + rows, 1, out.shape[1] - 1)
-    # What reaches beyond the grid on its right is cut off.
+    # Two complements clear the bits beyond the right border of the grid.
     complement(out, rows, cols)
     complement(out, rows, cols)
     return out
 
 
 def half_widths(radii: tuple[int, ...]) -> Indices:
-    """(layers, largest radius + 1) how many cells the disc reaches to the side at each distance in
-    rows; -1 beyond it."""
+    """Return (layers, largest radius + 1) half the width of each disc in cells by the distance in
+    rows from its centre; −1 beyond the disc."""
     rows = np.full((len(radii), max(radii) + 1), -1, dtype=np.int64)
     for layer, radius in enumerate(radii):
         rows[layer, : radius + 1] = [math.isqrt(radius**2 - away**2) for away in range(radius + 1)]
@@ -162,7 +161,8 @@ def half_widths(radii: tuple[int, ...]) -> Indices:
 
 @compiled
 def differing_words(old: BitPlanes, new: BitPlanes, most: int) -> Indices:
-    """(N, 2) lines and words at which any layer differs, in order; no more than one beyond `most`."""
+    """Return the (N, 2) lines and words in which any layer differs, in order, at most `most` +
+    1."""
     found = np.empty((most + 1, 2), dtype=np.int64)
     count = 0
     for line in range(PAD, old.shape[1] - PAD):
@@ -194,19 +194,19 @@ def occupy(
     freed: Indices,
     notes: Indices,
 ) -> bool:
-    """Set or clear (N, 2) cells of a layer and follow that; False if it is so many that all is to
-    be made anew."""
+    """Set or clear (N, 2) cells of a layer and update the free space; return False for so many
+    cells that everything must be rebuilt."""
     words = set_bits(raw[layer], cells, occupied)
-    if len(words) * MANY > sentinel.size:
+    if len(words) * REBUILD_SHARE > sentinel.size:
         return False
     if len(words):
-        follow(raw, halves, words, rows, cols, across, along, sentinel, freed, notes)
+        update_around(raw, halves, words, rows, cols, across, along, sentinel, freed, notes)
     return True
 
 
 @compiled
 def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> Indices:
-    """Set or clear (N, 2) cells; returns the (N, 2) lines and words that changed, in order of the
+    """Set or clear (N, 2) cells; return the (N, 2) changed lines and words in order of the
     cells."""
     changed = np.empty((len(cells), 2), dtype=np.int64)
     count = 0
@@ -222,7 +222,7 @@ def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> I
 
 
 @compiled
-def follow(
+def update_around(
     raw: BitPlanes,
     halves: Indices,
     words: Indices,
@@ -234,10 +234,9 @@ def follow(
     freed: Indices,
     notes: Indices,
 ) -> None:
-    """Make the free cells anew around the changed words, in rectangles of words that lie close
-    together."""
+    """Recompute the free cells around changed words, in rectangles of neighbouring words."""
     reach = halves.shape[1] - 1
-    aside = (reach + 63) >> 6
+    overlap = (reach + 63) >> 6
     first, last, left, right = words[0, 0], words[0, 0] + 1, words[0, 1], words[0, 1] + 1
     for index in range(1, len(words) + 1):
         if index < len(words):
@@ -247,14 +246,16 @@ def follow(
                 left, right = min(left, word), max(right, word + 1)
                 continue
         top, bottom = max(first - reach, PAD), min(last + reach, PAD + rows)
-        west, east = max(left - aside, 1), min(right + aside, across.shape[2] - 1)
-        _renew(raw, halves, cols, across, along, sentinel, freed, notes, top, bottom, west, east)
+        west, east = max(left - overlap, 1), min(right + overlap, across.shape[2] - 1)
+        _recompute(
+            raw, halves, cols, across, along, sentinel, freed, notes, top, bottom, west, east
+        )
         if index < len(words):
             first, last, left, right = line, line + 1, word, word + 1
 
 
 @compiled
-def _renew(
+def _recompute(
     raw: BitPlanes,
     halves: Indices,
     cols: int,
@@ -268,8 +269,7 @@ def _renew(
     west: int,
     east: int,
 ) -> None:
-    """Make the free cells of lines top … bottom-1 and words west … east-1 anew from the occupied
-    ones."""
+    """Recompute the free cells of lines top … bottom−1 and words west … east−1."""
     out = np.zeros((bottom - top, east - west), dtype=np.uint64)
     inflate_into(raw, halves, out, top, west, top, bottom, west, east)
     first, last, left, right = bottom, top, 64 * east, 64 * west
@@ -287,7 +287,7 @@ def _renew(
 
 @inlined
 def on_grid(word: int, cols: int) -> np.uint64:
-    """Which cells of a word between the paddings lie on the grid."""
+    """Return the cells of a word between the paddings that are on the grid."""
     beyond = 64 * word - cols
     return (
         ALL if beyond <= 0 else ALL >> np.uint64(min(beyond, 63)) if beyond < 64 else np.uint64(0)
@@ -306,19 +306,19 @@ def inflate_into(
     west: int,
     east: int,
 ) -> None:
-    """Set in lines top … bottom-1 and words west … east-1 the cells of every disc; `out` begins at
+    """Set the cells of every disc in lines top … bottom−1 and words west … east−1; `out` begins at
     (line_0, word_0)."""
-    aside = (halves.shape[1] + 62) >> 6
-    left, right = max(west - aside, 0), min(east + aside, raw.shape[2])
-    stride = right - left + 2 * aside
-    at_once = min(max(AT_ONCE // stride, 1), bottom - top)
+    overlap = (halves.shape[1] + 62) >> 6
+    left, right = max(west - overlap, 0), min(east + overlap, raw.shape[2])
+    stride = right - left + 2 * overlap
+    chunk = min(max(CHUNK_WORDS // stride, 1), bottom - top)
     lines, spare = (
-        np.zeros(at_once * stride + 2, dtype=np.uint64),
-        np.zeros(at_once * stride + 2, dtype=np.uint64),
+        np.zeros(chunk * stride + 2, dtype=np.uint64),
+        np.zeros(chunk * stride + 2, dtype=np.uint64),
     )
     for layer in range(raw.shape[0]):
-        for first in range(top, bottom, at_once):
-            last = min(first + at_once, bottom)
+        for first in range(top, bottom, chunk):
+            last = min(first + chunk, bottom)
             cells, half = raw[layer], halves[layer]
             _inflate_rows(
                 cells,
@@ -327,7 +327,7 @@ def inflate_into(
                 last,
                 left,
                 right,
-                aside,
+                overlap,
                 lines,
                 spare,
                 out,
@@ -346,7 +346,7 @@ def _inflate_rows(
     last: int,
     left: int,
     right: int,
-    aside: int,
+    overlap: int,
     lines: Words,
     spare: Words,
     out: BitPlane,
@@ -355,16 +355,16 @@ def _inflate_rows(
     west: int,
     east: int,
 ) -> None:
-    """Set in rows first … last-1 and words west … east-1 the cells of every disc of what is
-    occupied in words left … right-1.
+    """Set in rows first … last−1 and words west … east−1 the discs of the occupied cells in words
+    left … right−1.
 
-    A disc is as wide as it is at its middle only there, and narrower the farther away in rows. So
-    the occupied cells are collected from the middle row outwards, and what has been collected is
-    widened by as much as the disc is narrower at the next. Many rows go through each step together,
-    for words that have just been written are slow to read; between two rows lie twice `aside` words
-    for what is widened beyond their ends.
+    A disc is widest in its middle row and narrower with the distance from it. So the occupied cells
+    are collected from the middle row outwards, and the collected ones are widened by the difference
+    to the next distance. Many rows go through each step together, because words that have just been
+    written are slow to read; twice `overlap` words between two rows take what is widened beyond
+    their ends.
     """
-    stride, found = right - left + 2 * aside, False
+    stride, found = right - left + 2 * overlap, False
     size = (last - first) * stride + 2
     for word in range(size):
         lines[np.uint64(word)] = np.uint64(0)
@@ -374,7 +374,7 @@ def _inflate_rows(
         for row in range(first, last):
             above, below = max(row - away, 0), min(row + away, raw.shape[0] - 1)
             found |= collect(
-                raw, above, below, left, right, lines, 1 + (row - first) * stride + aside
+                raw, above, below, left, right, lines, 1 + (row - first) * stride + overlap
             )
         done, by = 0, halves[away] - (max(halves[away + 1], 0) if away + 1 < len(halves) else 0)
         while found and done < by:
@@ -386,7 +386,7 @@ def _inflate_rows(
         for row in range(first, last):
             merge(
                 lines,
-                1 + (row - first) * stride + aside + west - left,
+                1 + (row - first) * stride + overlap + west - left,
                 out,
                 row - line_0,
                 west - word_0,
@@ -398,7 +398,7 @@ def _inflate_rows(
 def collect(
     raw: BitPlane, above: int, below: int, left: int, right: int, lines: Words, at: int
 ) -> bool:
-    """Add words left … right-1 of two rows of a layer to a line; whether any of their cells is
+    """Add words left … right−1 of two rows of a layer to a line; return whether any cell is
     occupied."""
     found = np.uint64(0)
     for word in range(right - left):
@@ -413,7 +413,7 @@ def collect(
 
 @inlined
 def widen(lines: Words, wider: Words, size: int, by: int) -> None:
-    """Write the lines widened to both sides by 1 to 63 cells."""
+    """Write the lines widened by 1 to 63 cells to both sides."""
     up, rest = np.uint64(by), np.uint64(64 - by)
     for number in range(1, size - 1):
         at, before, after = np.uint64(number), np.uint64(number - 1), np.uint64(number + 1)
@@ -425,6 +425,6 @@ def widen(lines: Words, wider: Words, size: int, by: int) -> None:
 
 @inlined
 def merge(lines: Words, at: int, out: BitPlane, row: int, left: int, right: int) -> None:
-    """Add a line to words left … right-1 of a row of the result."""
+    """Add a line to words left … right−1 of a row of the result."""
     for word in range(right - left):
         out[np.uint64(row), np.uint64(left + word)] |= lines[np.uint64(at + word)]

@@ -29,7 +29,7 @@ def cells_around(mask: CellMask, cell: Cell, within: int) -> Indices:
     order."""
     top, left = max(cell[0] - within, 0), max(cell[1] - within, 0)
     bottom, right = min(cell[0] + within + 1, mask.rows), min(cell[1] + within + 1, mask.cols)
-    return np.argwhere(mask.window(top, left, bottom, right)) + np.array([top, left])
+    return np.asarray(np.argwhere(mask.window(top, left, bottom, right)) + np.array([top, left]))
 
 
 def nearest_free(free: CellMask, cell: Cell, within: float) -> Cell | None:

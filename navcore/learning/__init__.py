@@ -1,1 +1,1 @@
-"""How the segmentation is taught and how well it learned."""
+"""Training and evaluation of the segmentation network."""

@@ -23,7 +23,8 @@ from navcore.mission.beware_list import NOTHING, BewareList
 
 
 def floor_bins(floor_m: float) -> np.uint64:
-    """Return the set of height bins, one bit each, whose middle is within `floor_m` of the floor."""
+    """Return the set of height bins, one bit each, whose middle is within `floor_m` of the
+    floor."""
     return np.uint64(
         sum(
             1 << level
@@ -35,7 +36,8 @@ def floor_bins(floor_m: float) -> np.uint64:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Changes:
-    """Cells that became occupied or free in the layer of a class; a cell may occur more than once."""
+    """Cells that became occupied or free in the layer of a class; a cell may occur more than
+    once."""
 
     class_ids: npt.NDArray[np.uint8]
     """(N,) class of the layer of each cell."""

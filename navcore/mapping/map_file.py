@@ -51,8 +51,8 @@ _KINDS: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
-"""Part → type and number of axes. Sets of cells are packed eight cells of a row to a byte, the first
-in the highest bit."""
+"""Part → type and number of axes. Sets of cells are packed eight cells of a row to a byte, the
+first in the highest bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -212,12 +212,14 @@ def _head(part: npt.NDArray[Any], where: str) -> _Head:
         raise BadConfiguration(f"{where}: no map of this program")
     if table.get("version") != VERSION:
         raise BadConfiguration(
-            f"{where}: made in version {table.get('version')!r:.20} of the format, this program reads {VERSION}"
+            f"{where}: made in version {table.get('version')!r:.20} of the format, this program "
+            f"reads {VERSION}"
         )
     head = from_table(_Head, table, f"{where}: head")
     if head.spec.rows * head.spec.cols > MAX_PIXELS:
         raise BadConfiguration(
-            f"{where}: head.spec: {head.spec.rows} × {head.spec.cols} cells, at most {MAX_PIXELS} are allowed"
+            f"{where}: head.spec: {head.spec.rows} × {head.spec.cols} cells, at most "
+            f"{MAX_PIXELS} are allowed"
         )
     if len(head.class_ids) != len(head.class_names) or len(set(head.class_ids)) != len(
         head.class_ids

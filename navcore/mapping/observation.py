@@ -111,7 +111,8 @@ def _labelled(
     heights_m: npt.NDArray[np.float64],
     min_support: int,
 ) -> npt.NDArray[np.int32]:
-    """Return for each class in the image one pixel of each of its voxels up to the class's height."""
+    """Return for each class in the image one pixel of each of its voxels up to the class's
+    height."""
     flat = class_ids.reshape(-1)
     named = np.flatnonzero(flat != NOTHING)
     kinds = flat[named]

@@ -67,8 +67,8 @@ class PointMap:
         self._has_uncertain = False  # whether any point may have a confidence below 1
         self._over_budget = False
         self.version = 0
-        """Number that grows whenever a cell of any layer becomes occupied or free, or the confidence
-        of a beware point may have changed."""
+        """Number that grows whenever a cell of any layer becomes occupied or free, or the
+        confidence of a beware point may have changed."""
 
     def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
         """Replace or append the points of the frame's pose ID, and remove those it sees through.
@@ -211,7 +211,8 @@ class PointMap:
         grid."""
         if state.spec != self.spec:
             raise BadConfiguration(
-                f"the stored map covers {state.spec.extent()} in cells of {state.spec.resolution_m:g} m, "
+                f"the stored map covers {state.spec.extent()} in cells of "
+                f"{state.spec.resolution_m:g} m, "
                 f"this one {self.spec.extent()} in cells of {self.spec.resolution_m:g} m"
             )
         records = self._records(state.points, state.points.pose_ids)
@@ -324,7 +325,8 @@ class PointMap:
         return rows, cols
 
     def _keep_to_budget(self) -> None:
-        """Thin the older half of the points, then all of them; a cell keeps one point of each class."""
+        """Thin the older half of the points, then all of them; a cell keeps one point of each
+        class."""
         for share in (0.5, 1.0):
             if self.memory_mb <= self._rules.budget_mb or self._over_budget:
                 return

@@ -1,4 +1,5 @@
-"""Points of the global map, as a value and as a live table in which the points of a cell are linked.
+"""Points of the global map, as a value and as a live table in which the points of a cell are
+linked.
 
 Because of these links, a change of the map costs as much as the cells that it concerns, whatever
 the size of the map.
@@ -70,7 +71,8 @@ class PointTable:
         """(cells,) index of the first point of each cell plus one; 0 for none."""
 
     def add(self, new: Records, *, one_per_cell: bool = False) -> bool:
-        """Add the points whose voxel has none of their class; return whether a confidence has risen.
+        """Add the points whose voxel has none of their class; return whether a confidence has
+        risen.
 
         Otherwise the point in the voxel stays, with the higher confidence of the two. With
         `one_per_cell` that holds for the whole cell instead of the voxel.
@@ -235,8 +237,8 @@ def points_in(
 def redundant_points(
     records: Records, count: int, first: Cells, newest_pose_id: int
 ) -> npt.NDArray[np.int64]:
-    """Return the indices of the points up to a pose ID that share cell and class with another point,
-    all but the one with the highest confidence."""
+    """Return the indices of the points up to a pose ID that share cell and class with another
+    point, all but the one with the highest confidence."""
     found = np.empty(count, dtype=np.int64)
     found_count = 0
     for index in range(count):

@@ -1,4 +1,5 @@
-"""Visibility map: the cells that were measured, seen across or driven on; all others are unknown."""
+"""Visibility map: the cells that were measured, seen across or driven on; all others are
+unknown."""
 
 from __future__ import annotations
 

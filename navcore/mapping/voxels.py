@@ -43,7 +43,8 @@ class DepthView:
     """(H, W), or (1, W) for all rows alike: height in metres of the ground below each pixel above
     the plane on which the robot stands."""
     affine: npt.NDArray[np.float32]
-    """(3, 4) transform from the optical frame to columns and rows of the box and height in metres."""
+    """(3, 4) transform from the optical frame to columns and rows of the box and height in
+    metres."""
     across: npt.NDArray[np.float32]
     """(W,) slope x/z of each column of the image."""
     down: npt.NDArray[np.float32]
@@ -76,8 +77,8 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
 def depth_view(
     frame: Frame, spec: GridSpec, max_range_m: float, ground_m: FloatImage | None = None
 ) -> DepthView:
-    """Return the frame's depth with its part of the grid; without `ground_m` the ground is the plane
-    on which the robot stands."""
+    """Return the frame's depth with its part of the grid; without `ground_m` the ground is the
+    plane on which the robot stands."""
     lens, t, box = frame.intrinsics, frame.T_map_camera, frustum_box(frame, spec, max_range_m)
     cells = 1.0 / spec.resolution_m
     affine = t[:3].copy()

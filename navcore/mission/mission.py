@@ -1,4 +1,4 @@
-"""The operator's goals, in order, and whether the robot may drive to them. A value with its
+"""Mission: the operator's goals in order, and the phase of driving to them, as a value with its
 transitions."""
 
 from __future__ import annotations
@@ -14,58 +14,58 @@ from navcore.geometry.transform import wrap_angle
 from navcore.grid.grid import GridSpec
 
 MAX_GOALS = 1000
-"""That wait, and of those reached the newest."""
+"""Largest number of queued goals, and of reached goals that are kept."""
 
 
 class Phase(StrEnum):
-    """What the operator has asked for."""
+    """State of a mission as the operator asked for it."""
 
     IDLE = "idle"
-    """Not started, or everything done or cancelled."""
+    """Not started, completed or cancelled."""
     DRIVING = "driving"
-    """On the way to the first goal of the queue."""
+    """Driving to the first goal of the queue."""
     PAUSED = "paused"
     """Standing until the operator resumes."""
     LEAVING = "leaving"
-    """On the way out of the beware area that the robot stands in; the goals wait."""
+    """Driving out of the beware area that the robot is in; the goals wait."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """A place to stand on."""
+    """Goal position, with or without a heading."""
 
     id: int
-    """Unique within a mission."""
+    """Id, unique within a mission."""
     x_m: float
-    """Map frame."""
+    """x in metres of the map frame."""
     y_m: float
-    """Map frame."""
+    """y in metres of the map frame."""
     yaw_rad: float | None = None
-    """Heading to stand in, map frame; None for any."""
+    """Heading in radians of the map frame at the goal; None for any."""
     name: str = ""
-    """What the operator calls it; empty without a name."""
+    """Name that the operator gave it; empty for none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
-    """S → G1 → G2 → …"""
+    """Goals in order and the state of driving to them: S → G1 → G2 → …"""
 
     phase: Phase = Phase.IDLE
-    """What the operator has asked for."""
+    """State of the mission."""
     queue: tuple[Goal, ...] = ()
-    """Goals still to reach, the present one first."""
+    """Goals to reach, the present one first."""
     reached: tuple[Goal, ...] = ()
-    """Goals of this mission already reached, oldest first."""
+    """Reached goals of this mission, oldest first."""
     cancelled: bool = False
-    """Whether the last mission was cancelled rather than driven to its end."""
+    """Whether the last mission was cancelled instead of completed."""
     next_id: int = 1
-    """Id of the goal that is added next."""
+    """Id of the next added goal."""
     loop: bool = False
-    """Whether a goal that is reached waits again, behind the others."""
+    """Whether a reached goal is queued again behind the others."""
 
     @property
     def goal(self) -> Goal | None:
-        """Where the robot may drive now; None unless it is driving."""
+        """Goal that the robot may drive to now; None unless it is driving."""
         return self.queue[0] if self.phase is Phase.DRIVING else None
 
     def add(
@@ -77,35 +77,35 @@ class Mission:
         yaw_rad: float | None = None,
         name: str = "",
     ) -> Mission:
-        """Queue one more goal; raises `BadGeometry` outside the map."""
+        """Append a goal; raises `BadGeometry` outside the map and `Refused` for a full queue."""
         if len(self.queue) >= MAX_GOALS:
-            raise Refused(f"the queue is full, at most {MAX_GOALS} goals wait")
+            raise Refused(f"the queue is full; at most {MAX_GOALS} goals can wait")
         goal = checked(Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name), spec)
         return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
 
     def change(self, goal: Goal, spec: GridSpec) -> Mission:
-        """Put a goal in the place of the waiting one with its id; raises `BadGeometry` outside the
-        map."""
-        self.waiting(goal.id)
+        """Replace the queued goal with the same id; raises `NotKnown` without one and `BadGeometry`
+        outside the map."""
+        self.queued(goal.id)
         goal = checked(goal, spec)
         return dataclasses.replace(
             self, queue=tuple(goal if old.id == goal.id else old for old in self.queue)
         )
 
     def reorder(self, ids: Sequence[int]) -> Mission:
-        """Let the waiting goals be driven to in this order; every one has to be named once."""
+        """Put the queued goals in this order of ids; raises `Refused` unless each occurs once."""
         if sorted(ids) != sorted(goal.id for goal in self.queue):
             raise Refused(
-                "the order has to name every waiting goal once; the queue has changed meanwhile, look again"
+                "the order must name every queued goal once; reload the queue, it has changed"
             )
-        return dataclasses.replace(self, queue=tuple(self.waiting(goal_id) for goal_id in ids))
+        return dataclasses.replace(self, queue=tuple(self.queued(goal_id) for goal_id in ids))
 
     def repeat(self, loop: bool) -> Mission:
-        """Whether goals that are reached wait again."""
+        """Set whether reached goals are queued again."""
         return dataclasses.replace(self, loop=loop)
 
     def refill(self, goals: Sequence[Goal], spec: GridSpec, *, loop: bool) -> Mission:
-        """These goals, under new ids, in the place of those that wait; only while standing."""
+        """Replace the queued goals by others with new ids; raises `Refused` while driving."""
         if self.phase in (Phase.DRIVING, Phase.LEAVING):
             raise Refused(
                 f"the mission is {self.phase}; pause or cancel it before another is loaded"
@@ -117,21 +117,21 @@ class Mission:
             empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
         return empty
 
-    def waiting(self, goal_id: int) -> Goal:
-        """The waiting goal with an id; raises `NotKnown`."""
+    def queued(self, goal_id: int) -> Goal:
+        """Return the queued goal with an id; raises `NotKnown`."""
         for goal in self.queue:
             if goal.id == goal_id:
                 return goal
-        raise NotKnown(f"no waiting goal has the id {goal_id}")
+        raise NotKnown(f"no queued goal has the id {goal_id}")
 
     def remove(self, goal_id: int) -> Mission:
-        """Take a waiting goal, or the present one, out of the queue."""
-        gone = self.waiting(goal_id)
+        """Remove a goal from the queue; raises `NotKnown`."""
+        gone = self.queued(goal_id)
         queue = tuple(goal for goal in self.queue if goal is not gone)
         return dataclasses.replace(self, queue=queue, phase=self.phase if queue else Phase.IDLE)
 
     def start(self) -> Mission:
-        """Begin to drive to the first goal of the queue."""
+        """Start driving to the first goal; raises `Refused` without a goal or while paused."""
         if not self.queue:
             raise Refused("there is no goal to drive to; add one first")
         if self.phase in (Phase.PAUSED, Phase.LEAVING):
@@ -140,7 +140,7 @@ class Mission:
         return dataclasses.replace(self, phase=Phase.DRIVING, reached=reached, cancelled=False)
 
     def pause(self) -> Mission:
-        """Stand still and keep the goals."""
+        """Stop and keep the goals; raises `Refused` unless driving."""
         if self.phase is Phase.LEAVING:
             return self.left()
         if self.phase is not Phase.DRIVING:
@@ -148,30 +148,30 @@ class Mission:
         return dataclasses.replace(self, phase=Phase.PAUSED)
 
     def resume(self) -> Mission:
-        """Drive on after a pause."""
+        """Continue after a pause; raises `Refused` unless paused."""
         if self.phase is not Phase.PAUSED:
             raise Refused(f"only a paused mission can be resumed, this one is {self.phase}")
         return dataclasses.replace(self, phase=Phase.DRIVING)
 
     def leave(self) -> Mission:
-        """Drive out of the beware area that the robot stands in."""
+        """Start driving out of the beware area that the robot is in."""
         return dataclasses.replace(self, phase=Phase.LEAVING)
 
     def left(self) -> Mission:
-        """The area is left: stand, and go on with the goals when the operator says so."""
+        """Stop after leaving the area; the goals wait for the operator to resume."""
         return dataclasses.replace(self, phase=Phase.PAUSED if self.queue else Phase.IDLE)
 
     def cancel(self) -> Mission:
-        """Stand still and forget the goals that wait."""
+        """Stop and remove all queued goals."""
         return dataclasses.replace(self, phase=Phase.IDLE, queue=(), cancelled=True)
 
     def arrive(self) -> Mission:
-        """The present goal is reached: go on to the next, or be done."""
+        """Mark the present goal as reached and continue with the next, if there is one."""
         if not self.queue:
             raise Refused("there is no goal to arrive at")
         done, *rest = self.queue
         next_id = self.next_id
-        if self.loop and rest:  # a single goal would be reached again and again without a move
+        if self.loop and rest:  # a single goal would be reached over and over without motion
             rest.append(dataclasses.replace(done, id=next_id))
             next_id += 1
         return dataclasses.replace(
@@ -184,8 +184,8 @@ class Mission:
 
 
 def checked(goal: Goal, spec: GridSpec) -> Goal:
-    """The goal with its heading in (-π, π]; raises `BadGeometry` outside the map and for a heading
-    that is none."""
+    """Return the goal with its heading in (−π, π]; raises `BadGeometry` outside the map and for a
+    heading that is not finite."""
     if not spec.contains(goal.x_m, goal.y_m):
         raise BadGeometry(
             f"goal ({goal.x_m:g}, {goal.y_m:g}) lies outside the map, {spec.extent()}"

@@ -1,4 +1,4 @@
-"""What the operator wants at the moment of a tick."""
+"""Request of the operator at the moment of a tick."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from navcore.mission.zone import Zone
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationRequest:
-    """What the operator wants at the moment of a tick."""
+    """Goal, beware list and zones that hold at the moment of a tick."""
 
     goal: tuple[float, float] | None
-    """(x, y) in the map frame to drive to; None to stand and look."""
+    """(x, y) in metres of the map frame to drive to; None to stand and observe."""
     beware: BewareList
-    """What must not be touched."""
+    """Objects that must not be touched."""
     zones: tuple[Zone, ...]
-    """Where the robot must not be."""
+    """Keep-out and speed-limit zones."""
     goal_yaw_rad: float | None = None
-    """Heading in the map frame to stand in at the goal; None for any."""
+    """Heading in radians of the map frame at the goal; None for any."""
     leave: bool = False
-    """Whether to leave the beware area that the robot stands in, by the shortest way; then there is
-    no goal."""
+    """Whether to leave the beware area that the robot is in by the shortest path; then `goal` is
+    None."""

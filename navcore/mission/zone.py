@@ -1,5 +1,8 @@
-"""Zones: areas that an operator draws on the map. A keep-out is as hard as a wall for every stage
-downstream; where a speed limit holds the robot may go, but slowly (`speed_limits.py`)."""
+"""Zones: areas that the operator draws on the map.
+
+A keep-out zone counts as a wall in every later stage; in a speed-limit zone the robot drives slowly
+(`control/speed_limits.py`).
+"""
 
 from __future__ import annotations
 
@@ -18,65 +21,68 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from navcore.errors import BadGeometry
+from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mission.zone_shapes import Shape
 
 MIN_AREA_M2 = 1e-3
+"""Smallest area of a zone in square metres."""
 MAX_CORNERS = 1000
+"""Largest number of corners of a zone."""
 MAX_ZONE_MARGIN_M = 2.0
-LARGEST_CELLS = 2**26
-"""No map has more."""
+"""Largest margin of a zone in metres."""
 MIN_LIMIT_MPS, MAX_LIMIT_MPS = 0.05, 5.0
+"""Range of speed limits in metres per second."""
 COLOUR = re.compile(r"#[0-9a-f]{6}")
 OWN_COLOUR = "#8a929e"
-"""Of what the robot closes for itself, for a while."""
+"""Colour of the zones that the robot closes for itself for a while."""
 
 
 class ZoneKind(StrEnum):
-    """What a zone demands."""
+    """Rule that holds in a zone."""
 
     KEEP_OUT = "keep-out"
-    """No part of the robot may be in it."""
+    """No part of the robot may be in the zone."""
     SPEED_LIMIT = "speed-limit"
-    """The robot drives no faster than the limit while any part of it is in it."""
+    """The robot drives no faster than the limit while any part of it is in the zone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Zone:
-    """An area of the map frame in which a rule of the operator holds."""
+    """Area of the map frame in which a rule of the operator holds."""
 
     id: str
-    """Unique, made by the store."""
+    """Unique id, made by the store."""
     name: str
-    """What the operator calls it."""
+    """Name that the operator gave it."""
     polygon: tuple[tuple[float, float], ...]
     """Corners (x, y) in metres of the map frame, in order, the first not repeated."""
     enabled: bool = True
-    """A zone that is switched off stays stored and binds nobody."""
+    """Whether the rule holds; a disabled zone stays stored."""
     margin_m: float = 0.0
-    """Room kept around it beyond the robot's own margin."""
+    """Clearance in metres beyond the robot's own margin."""
     version: int = 1
-    """Grows with every edit; the ETag of HTTP."""
+    """Version that grows with every edit; the ETag of HTTP."""
     kind: ZoneKind = ZoneKind.KEEP_OUT
-    """What it demands."""
+    """Rule that holds in the zone."""
     max_speed_mps: float | None = None
-    """The limit of a speed limit, None for a keep-out."""
+    """Speed limit in metres per second; None for a keep-out zone."""
     colour: str | None = None
-    """`#rrggbb` that the operator gave it; None for the console's own."""
+    """Colour `#rrggbb` in the console; None for the default."""
     expires_at_s: float | None = None
-    """When it is switched off by itself, seconds since 1970 (UTC) by the robot's calendar clock;
-    None for never."""
+    """Time at which the zone is disabled, in seconds since 1970 (UTC) of the robot's calendar
+    clock; None for never."""
     drawn: Shape | None = None
-    """What the polygon was made of; None for one that was drawn corner by corner."""
+    """Shape that the polygon was made from; None for a zone drawn corner by corner."""
 
     @property
     def closed(self) -> bool:
-        """Whether the robot must not be in it now."""
+        """Whether the robot must stay out of the zone now."""
         return self.enabled and self.kind is ZoneKind.KEEP_OUT
 
 
 def check_rules(zone: Zone) -> None:
-    """Raise `BadGeometry` with the first of a zone's values, other than its outline, that is out of
+    """Raise `BadGeometry` for the first value of a zone, except its polygon, that is out of
     range."""
     if not 0 <= zone.margin_m <= MAX_ZONE_MARGIN_M:
         raise BadGeometry(
@@ -88,15 +94,16 @@ def check_rules(zone: Zone) -> None:
         raise BadGeometry("a speed limit needs max_speed_mps, a keep-out has none")
     if zone.max_speed_mps is not None and not MIN_LIMIT_MPS <= zone.max_speed_mps <= MAX_LIMIT_MPS:
         raise BadGeometry(
-            f"max_speed_mps {zone.max_speed_mps:g} is out of range, allowed {MIN_LIMIT_MPS:g} to {MAX_LIMIT_MPS:g} m/s"
+            f"max_speed_mps {zone.max_speed_mps:g} is out of range, allowed {MIN_LIMIT_MPS:g} to "
+            f"{MAX_LIMIT_MPS:g} m/s"
         )
 
 
-def cells_of(
+def zone_masks(
     zones: Iterable[Zone], spec: GridSpec
 ) -> tuple[BoolGrid, tuple[tuple[float, BoolGrid], ...]]:
-    """The cells of those zones that are closed: (rows, cols) of all without a margin, and (margin,
-    (rows, cols)) of others."""
+    """Return the cells of the enabled keep-out zones: (rows, cols) of those without a margin, and
+    (margin in metres, (rows, cols)) for each margin of the others."""
     plain, wide = np.zeros((spec.rows, spec.cols), dtype=np.bool_), dict[float, BoolGrid]()
     for zone in zones:
         if not zone.closed:
@@ -112,8 +119,8 @@ def cells_of(
 def check_polygon(
     corners: Sequence[Sequence[float]], spec: GridSpec
 ) -> tuple[tuple[float, float], ...]:
-    """The corners as a simple polygon on the map, closing corner dropped; raises `BadGeometry` with
-    the reason."""
+    """Return the corners as a simple polygon on the map, without the closing corner; raises
+    `BadGeometry` with the reason."""
     if len(corners) > MAX_CORNERS:
         raise BadGeometry(f"zone has {len(corners)} corners, at most {MAX_CORNERS} are allowed")
     if any(len(corner) != 2 for corner in corners):
@@ -130,7 +137,8 @@ def check_polygon(
     polygon = Polygon(points)
     if not polygon.is_valid:
         raise BadGeometry(
-            f"zone outline is not simple: {explain_validity(polygon)}; draw it without crossing itself"
+            f"zone outline is not simple: {explain_validity(polygon)}; draw it without crossing "
+            "itself"
         )
     if polygon.area < MIN_AREA_M2:
         raise BadGeometry(
@@ -145,17 +153,17 @@ def check_polygon(
 
 
 def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    """(rows, cols) read-only, True for every cell the polygon touches, so that no sliver of a zone
-    is lost to rounding.
+    """Return read-only (rows, cols), True for every cell that the polygon touches, so that no
+    sliver of a zone is lost to rounding.
 
-    A part of a map gets the very cells that the whole map gets there.
+    A part of a map gets exactly the cells that the whole map gets there.
     """
     first_row, row_phase = _aligned(spec.origin_y_m, spec.resolution_m)
     first_col, col_phase = _aligned(spec.origin_x_m, spec.resolution_m)
     corners = tuple((float(x), float(y)) for x, y in polygon)
-    if np.prod(np.ptp(np.asarray(corners), axis=0) / spec.resolution_m) > LARGEST_CELLS:
+    if np.prod(np.ptp(np.asarray(corners), axis=0) / spec.resolution_m) > MOST_CELLS:
         return _cells_in(np.asarray(corners, dtype=np.float64), spec)
-    row, col, cells = _rasterised(corners, spec.resolution_m, row_phase, col_phase)
+    row, col, cells = rasterise_box(corners, spec.resolution_m, row_phase, col_phase)
     top, left = row - first_row, col - first_col
     bottom, right = min(top + cells.shape[0], spec.rows), min(left + cells.shape[1], spec.cols)
     whole = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
@@ -168,24 +176,24 @@ def rasterise(polygon: Sequence[Sequence[float]], spec: GridSpec) -> npt.NDArray
 
 
 def _aligned(origin_m: float, resolution_m: float) -> tuple[int, float]:
-    """Number of the grid's first line of cells, counted from 0 m, and how far off 0 m the counting
-    begins, in cells."""
+    """Return the number of the grid's first line of cells, counted from 0 m, and the offset of that
+    count from 0 m in cells."""
     cells = origin_m / resolution_m
     first = math.floor(cells + 1e-6)
     return first, round(cells - first, 6)
 
 
 @lru_cache(maxsize=64)
-def _rasterised(
+def rasterise_box(
     corners_m: tuple[tuple[float, float], ...],
     resolution_m: float,
     row_phase: float,
     col_phase: float,
 ) -> tuple[int, int, npt.NDArray[np.bool_]]:
-    """First row, first column and the cells of the polygon's own box: whole maps of zones long gone
+    """Return first row, first column and cells of the polygon's bounding box; cached whole maps
     would fill the memory.
 
-    Drawn whole, for what leaves the picture is drawn otherwise at its border.
+    The polygon is drawn whole, because OpenCV draws clipped polygons differently at the border.
     """
     corners = np.asarray(corners_m, dtype=np.float64)
     ends = corners / resolution_m - np.array([col_phase, row_phase])
@@ -202,16 +210,15 @@ def _rasterised(
 
 
 def _cells_in(corners: npt.NDArray[np.float64], spec: GridSpec) -> npt.NDArray[np.bool_]:
-    # fillPoly works on pixel centres with `shift` fractional bits: world metres → cells, where a
-    # centre is an integer.
+    # fillPoly works on pixel centres with `shift` fractional bits: metres → cells whose centres are
+    # integers.
     shift = 8
     pixels = (corners - np.array([spec.origin_x_m, spec.origin_y_m])) / spec.resolution_m
     fixed = np.round((pixels - 0.5) * (1 << shift)).astype(np.int32)
     mask = np.zeros((spec.rows, spec.cols), dtype=np.uint8)
     cv2.fillPoly(mask, [fixed], 1, shift=shift)
     cv2.polylines(mask, [fixed], True, 1, shift=shift)
-    # Drawn lines are 8-connected and skip cells that the polygon only clips: those are asked one by
-    # one.
+    # Drawn lines are 8-connected and skip cells that the polygon only clips: each is tested.
     rim = np.argwhere((cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8)) > 0) & (mask == 0))
     low = rim[:, ::-1] * spec.resolution_m + np.array([spec.origin_x_m, spec.origin_y_m])
     squares = shapely.box(

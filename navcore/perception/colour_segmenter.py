@@ -23,8 +23,7 @@ ColourMask = tuple[BewareClass, Bools]
 
 
 class ColourSegmenter:
-    """Segmenter by colour rules; where rules overlap, the label is that of the first enabled one.
-    """
+    """Segmenter by colour rules; where rules overlap, the first enabled one wins."""
 
     def __init__(self, config: PerceptionConfig = DEFAULT_PERCEPTION) -> None:
         self._config = config
@@ -38,7 +37,7 @@ class ColourSegmenter:
             with_full_confidence(labels), hypotheses=hypotheses if len(hypotheses) > 1 else ()
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         """Return whether an entry has a colour rule."""
         return LabelSource.NOTHING if entry.colour is None else LabelSource.COLOUR
 

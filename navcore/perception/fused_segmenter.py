@@ -76,7 +76,7 @@ class FusedSegmenter:
             hypotheses=(filtered, *disjoint_layers(masks, shape)),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         """Return whether network, rule, both or nothing finds an entry."""
         is_known = self._is_known(entry)
         if self._has_rule(entry):
@@ -100,7 +100,7 @@ class FusedSegmenter:
         )
 
     def _is_known(self, entry: BewareClass) -> bool:
-        return self._network.finds(entry) is LabelSource.NETWORK
+        return self._network.source_of(entry) is LabelSource.NETWORK
 
     def _has_rule(self, entry: BewareClass) -> bool:
         return entry.colour is not None and not (entry.colour.fallback and self._is_known(entry))

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navcore.config.perception import InstancesConfig
+from navcore.config.perception import DEFAULT_PERCEPTION, InstancesConfig
 from navcore.geometry.arrays import Bools
 from navcore.geometry.camera import pixel_rays
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
-_DEFAULT = InstancesConfig()
+_DEFAULT = DEFAULT_PERCEPTION.instances
 CELL_M = 0.2
 """Side in metres of the cells in which positions are compared: two objects of a class that are
 nearer to each other count as one."""

@@ -54,7 +54,7 @@ class Segmenter(Protocol):
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Return labels of the same height and width as the frame."""
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         """Return the part of this segmenter that finds an entry; `NOTHING` when none does."""
 
 

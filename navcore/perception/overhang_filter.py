@@ -1,6 +1,6 @@
 """Low regions that are the base of a taller object: the foot of an office chair is no landmine.
 
-A network recognises an object by its appearance, and the feet of many objects look like one on the
+A network recognises an object by its appearance, and the feet of many objects resemble one on the
 list. Where much of a region has a measurement above it that is higher than any object of its class,
 the region is rejected: what rises above it is an obstacle by itself. Where the depth error is too
 large to tell above from behind, the region is undecided until it is seen from nearer. The same

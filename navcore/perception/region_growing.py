@@ -10,15 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from navcore.config.perception import RegionGrowingConfig
+from navcore.config.perception import DEFAULT_PERCEPTION, RegionGrowingConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.arrays import FloatImage, Floats
 from navcore.geometry.camera import Intrinsics, back_project_pixels
+from navcore.geometry.polyline import Corners
 from navcore.geometry.transform import Matrix, transform_points
 from navcore.grid.grid import BoolGrid
 
-_DEFAULT = RegionGrowingConfig()
-Corners = tuple[tuple[float, float], ...]
+_DEFAULT = DEFAULT_PERCEPTION.region_growing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

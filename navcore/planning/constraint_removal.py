@@ -1,15 +1,14 @@
-"""Which rules must be lifted, at the least, for a path to open: the smallest set, found exactly.
+"""Minimum constraint removal: the smallest set of rules without which a path exists, exactly.
 
-Cells that are closed by the same rules and hang together are one *region*. A way through regions
-needs every rule of every region that it crosses lifted, and costs as many as these are. So the
-search runs over pairs (region, rules lifted so far), cheapest first, and drops a pair when its
-region was reached with a part of its rules already: that one can go wherever this one can, for no
-more. The first pair taken at the goal is a smallest set. (Robotics calls this minimum constraint
-removal; in the worst case the pairs grow exponentially with the rules, hence the bound. What was
-taken last is then still a lower bound of the answer's size.)
+Connected cells that are closed by the same rules form one *region*. A path through regions needs
+every rule of every region that it crosses removed, and costs their number. So the search runs over
+pairs (region, rules removed so far), cheapest first, and drops a pair whose region was reached with
+a subset of its rules already: that one leads wherever this one does, at no higher cost. The first
+pair taken at the goal is a smallest set. In the worst case the pairs grow exponentially with the
+rules, hence the bound; the pair taken last is then still a lower bound of the size.
 
-The regions hang together by straight steps: a diagonal step needs both straight neighbours free, so
-it opens nothing new.
+Regions are connected by straight steps: a diagonal step needs both straight neighbours free, so it
+connects no more.
 """
 
 from __future__ import annotations
@@ -21,38 +20,42 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.planning import PLANNING_CONFIG, ConstraintRemovalConfig
 from navcore.grid.grid import Cell
 from navcore.planning.path_explanation import Rules
 
-MAX_LABELS = 100_000
-"""Pairs that are looked at, at most: about a second."""
 _WALL = -1
+"""Region of the cells that no rule can open."""
 
 Ints = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Removal:
-    """What has to go for a path to open."""
+    """The rules to remove for a path to exist."""
 
     keys: tuple[str, ...] | None
-    """Of the rules, in the order of the list; empty when a path is open as it is; None when none
-    was found."""
+    """Keys of the rules, in the order of the list; empty when there is a path already; None when no
+    set was found."""
     exact: bool
-    """Whether that is proven: the set is a smallest one, or none exists. False when the search was
-    given up."""
+    """Whether the answer is proven: the set is a smallest one, or none exists. False when the
+    search was given up."""
     at_least: int
-    """No smaller number of rules opens a path. 0 when none exists whatever is lifted."""
+    """Lower bound of the number of rules to remove; 0 when no set opens a path."""
 
 
 def minimum_removal(
-    rules: Rules, start: Cell, goal: Cell, *, max_labels: int = MAX_LABELS
+    rules: Rules,
+    start: Cell,
+    goal: Cell,
+    *,
+    config: ConstraintRemovalConfig = PLANNING_CONFIG.constraint_removal,
 ) -> Removal:
-    """The smallest set of rules without which there is a path from start to goal, (row, col) both;
-    of several any one.
+    """Find the smallest set of rules without which there is a path from start to goal, (row, col)
+    both; of several any one.
 
-    The rules that close the start or the goal itself count too. No set helps where walls part the
-    two.
+    The rules that close the start or the goal itself count too. No set exists where walls separate
+    the two.
     """
     regions, signatures = _regions(rules)
     if not all(
@@ -62,35 +65,34 @@ def minimum_removal(
     first, last = int(regions[start]), int(regions[goal])
     if _WALL in (first, last):
         return Removal(keys=None, exact=True, at_least=0)
-    lifted, exact, bound = _search(
-        _neighbours(regions, len(signatures)), signatures, first, last, max_labels
-    )
-    if lifted is None:
+    neighbours = _neighbours(regions, len(signatures))
+    removed, exact, bound = _search(neighbours, signatures, first, last, config.max_states)
+    if removed is None:
         return Removal(keys=None, exact=exact, at_least=bound)
-    keys = tuple(rule.key for index, rule in enumerate(rules.liftable) if lifted >> index & 1)
+    keys = tuple(rule.key for index, rule in enumerate(rules.removable) if removed >> index & 1)
     return Removal(keys=keys, exact=True, at_least=len(keys))
 
 
 def _search(
-    neighbours: list[list[int]], signatures: list[int], first: int, last: int, max_labels: int
+    neighbours: list[list[int]], signatures: list[int], first: int, last: int, max_states: int
 ) -> tuple[int | None, bool, int]:
-    """Lifted rules as bits (None: not found), whether that is proven, and how many rules are needed
-    at the least."""
+    """Removed rules as bits (None: not found), whether that is proven, and the least number of
+    rules."""
     waiting = [(signatures[first].bit_count(), 0, first, signatures[first])]
     taken: list[list[int]] = [[] for _ in signatures]
-    pushed = looked = 0
+    pushed = expanded = 0
     while waiting:
-        cost, _, region, lifted = heapq.heappop(waiting)
-        if any(other & lifted == other for other in taken[region]):
+        cost, _, region, removed = heapq.heappop(waiting)
+        if any(other & removed == other for other in taken[region]):
             continue
         if region == last:
-            return lifted, True, cost
-        looked += 1
-        if looked > max_labels:
+            return removed, True, cost
+        expanded += 1
+        if expanded > max_states:
             return None, False, cost
-        taken[region].append(lifted)
+        taken[region].append(removed)
         for beside in neighbours[region]:
-            more = lifted | signatures[beside]
+            more = removed | signatures[beside]
             if not any(other & more == other for other in taken[beside]):
                 pushed += 1
                 heapq.heappush(waiting, (more.bit_count(), pushed, beside, more))
@@ -98,11 +100,11 @@ def _search(
 
 
 def _regions(rules: Rules) -> tuple[Ints, list[int]]:
-    """(rows, cols) index of each cell's region, `_WALL` where something stands, and the rules of
+    """(rows, cols) index of each cell's region, `_WALL` in geometric obstacles, and the rules of
     each region as bits."""
     kinds = np.zeros((rules.spec.rows, rules.spec.cols), dtype=np.int32)
     sets = [0]
-    for bit, rule in enumerate(rules.liftable):
+    for bit, rule in enumerate(rules.removable):
         inside = np.flatnonzero(rule.closed)
         window = kinds[rule.window]
         before, inverse = np.unique(window.flat[inside], return_inverse=True)

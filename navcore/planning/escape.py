@@ -1,4 +1,4 @@
-"""The shortest way out of an area that the robot must not be in, for one that stands in it already."""
+"""The shortest path out of a forbidden area, for a robot that stands in it."""
 
 from __future__ import annotations
 
@@ -24,26 +24,23 @@ from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import SQRT2
 from navcore.robot.profile import RobotProfile
 
-NEAR_M = 4.0
-"""So far about the robot it is looked for first; then twice as far, and so on."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EscapePath:
-    """A way out, or why there is none, in the part of the map that had to be looked at for it."""
+    """An escape path, or the reason why none exists, in the part of the map that was searched."""
 
     outcome: Path | NoPath
-    """In cells of the part."""
+    """The path in cells of the part."""
     spec: GridSpec
-    """The part."""
+    """Position and size of the part."""
     corner: Cell
-    """Its first cell, in those of the map."""
+    """First cell of the part, in cells of the map."""
     free: BitPlane
-    """The cells of the part that the way may use."""
+    """Plane of the part's free cells."""
 
     @property
     def on_the_map(self) -> Path | NoPath:
-        """The outcome in cells of the map."""
+        """The path in cells of the map."""
         if isinstance(self.outcome, NoPath):
             return self.outcome
         return Path(cells=self.outcome.cells + np.array(self.corner), length=self.outcome.length)
@@ -56,13 +53,14 @@ def escape_path(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> EscapePath:
-    """The shortest way to where no part of the robot is in a beware area, however it turns; over no
-    area but its own.
+    """Find the shortest path to where no part of the robot is in a forbidden area, however it
+    turns; it crosses no area but the one it starts in.
 
-    `zones`: those that the occupancy was made with. What is near is looked at first, and taken if
-    nothing farther away can be nearer or change it.
+    `zones` are those that the costmap was made with. The surroundings are searched first; their
+    path is returned if nothing farther away can be nearer or change it.
     """
-    spec, zones, within_m = occupancy.spec, tuple(zones), NEAR_M
+    spec, zones = occupancy.spec, tuple(zones)
+    within_m = config.planning.escape.first_range_m
     row, col = spec.cell(pose.x_m, pose.y_m)
     if not (0 <= row < spec.rows and 0 <= col < spec.cols):
         return EscapePath(
@@ -71,7 +69,7 @@ def escape_path(
             corner=(0, 0),
             free=occupancy.free.plane,
         )
-    # What lies beyond the part tells upon its rim: as far as margins reach, and then the body.
+    # What lies beyond the part affects its border: as far as margins reach, and then the body.
     body_m = (
         max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m)
         + 2 * spec.resolution_m
@@ -80,7 +78,7 @@ def escape_path(
     while True:
         box = box_around(spec, pose, within_m + rim_m)
         found, own = _exit_within(occupancy, box, pose, zones, profile, config)
-        # Where the way begins is told by what is nearest, and so is that it cannot.
+        # The nearest cells decide where the path begins, and whether it can.
         length_m = (
             found.outcome.length * spec.resolution_m if isinstance(found.outcome, Path) else 0.0
         )
@@ -100,8 +98,8 @@ def _exit_within(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> tuple[EscapePath, list[BoolGrid]]:
-    """The way out in a part of the map, and the things that the robot stands on there; zones are
-    known beyond it."""
+    """The escape path within a part of the map, and the areas that the robot stands in there; zones
+    are known beyond it."""
     grid = occupancy.part(*box)
     spec, (geometric, ruled) = grid.spec, obstacle_masks(grid)
     own, _ = split_areas(grid, (), profile, pose)
@@ -120,14 +118,14 @@ def _exit_within(
     outcome = (
         NoPath(reason=Reason.START_BLOCKED)
         if start is None
-        else way_out(closed=closed, inside=inside, start=start)
+        else nearest_exit(closed=closed, inside=inside, start=start)
     )
     return EscapePath(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
 
 
 def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:
-    """Whether a thing reaches the border of a part of the map: what is another thing here may be a
-    part of it farther off."""
+    """Whether an area reaches the border of a part of the map: what is another area here may be
+    connected with it farther off."""
     top, left, bottom, right = box
     sides = (
         (top > 0, np.s_[0]),
@@ -138,13 +136,13 @@ def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: Gr
     return any(area[side].any() for area in areas for open_, side in sides if open_)
 
 
-def way_out(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath:
-    """The shortest 8-connected path from start to the nearest cell that is neither closed nor
+def nearest_exit(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath:
+    """Find the shortest 8-connected path from start to the nearest cell that is neither closed nor
     inside.
 
-    `closed`: bool (rows, cols), True where the robot's centre may not even pass; `inside`: True
-    where it may pass but not stay. Corners are not cut. Exactly optimal (Dijkstra): there are many
-    goals, and they are near.
+    `closed` is bool (rows, cols), True where the robot's centre may not even pass; `inside` is True
+    where it may pass but not stay. Corners are not cut. The path is exactly optimal (Dijkstra):
+    there are many goals, and they are near.
     """
     rows, cols = closed.shape
     if not (0 <= start[0] < rows and 0 <= start[1] < cols):
@@ -160,7 +158,9 @@ def way_out(*, closed: BoolGrid, inside: BoolGrid, start: Cell) -> Path | NoPath
 
 
 @compiled
-def _search(closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int) -> tuple[Indices, int]:
+def _search(
+    closed: BoolGrid, inside: BoolGrid, start_row: int, start_col: int
+) -> tuple[Indices, int]:
     rows, cols = closed.shape
     came_from = np.full(rows * cols, -1, dtype=np.int64)
     best = np.full(rows * cols, np.inf)

@@ -1,12 +1,11 @@
-"""A way that only the safety margin or somebody closes is looked at from nearer before the robot
-believes that it is closed.
+"""Viewpoints before gaps: where only the safety margin or a person blocks the path, the robot
+drives to the gap and measures again before it believes that there is no path.
 
-From afar depth scatters, and a gap that is wide enough looks too narrow; from nearby it is measured
-anew. And who stood in the way when the robot turned from him may have walked on. So where there is
-no path, the robot goes to the mouth of the gap that least is missing of: of all ways that its body
-would fit through without the safety margin and without anybody there, the one with the fewest cells
-that margin or people close. It enters none of them, but for those within reach of where it stands,
-as at every start: these it may leave to any side.
+From afar depth scatters, and a gap that is wide enough appears too narrow; a person who stood in
+the gap may have walked on. So where there is no path, the robot drives to the entry of the most
+promising gap: of all paths that its body fits through without the safety margin and without people,
+the one with the fewest cells that margin or people close. It enters none of these cells, apart from
+those within reach of its own cell, as at every start: these it may leave in any direction.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from navcore.grid.nearest import cells_around, nearest_of
 from navcore.mission.beware_list import NOTHING
 
 Area = tuple[Cell, BitPlane]
-"""The robot's nearest cell of what is connected, and all of it."""
+"""A connected free area: its cell nearest to the robot, and all its cells."""
 
 
 def viewpoint_before_gap(
@@ -38,13 +37,14 @@ def viewpoint_before_gap(
     relief_cells: float,
     body_m: float,
 ) -> tuple[Cell, Cell] | None:
-    """From which cell to which one to go to look closer; None where there is nothing to be gained
-    by going.
+    """Return the cell to start from and the viewpoint, both (row, col); None where no viewpoint
+    would help.
 
-    Both are free and connected. `start` is the robot's cell and may be closed: free cells within
-    `relief_cells` of it count as beside it. Layers and zones keep their own margins, but for the
-    layers of `people`, class ids, which somebody who walks on leaves. Of ways that equally little
-    is missing of, the one that is entered nearest to the goal.
+    Both cells are free and connected. `start` is the robot's cell and may be closed: free cells
+    within `relief_cells` of it count as reachable. Layers and zones keep their own margins, except
+    the layers of `people`, class ids, since people walk on; geometric cells within `body_m` of
+    theirs belong to the same bodies. Of equally promising gaps the one that is entered nearest to
+    the goal is chosen.
     """
     areas = _areas(occupancy, start, relief_cells)
     for first, area in areas:
@@ -53,7 +53,9 @@ def viewpoint_before_gap(
     if not areas:
         return None
     within: BitPlane = np.bitwise_or.reduce([area for _, area in areas])
-    nearest = nearest_of(cells_of(_entries(occupancy, within, goal, people, vehicle_width_m, body_m)), goal)
+    nearest = nearest_of(
+        cells_of(_entries(occupancy, within, goal, people, vehicle_width_m, body_m)), goal
+    )
     if nearest is None:
         return None
     row, col = nearest
@@ -62,8 +64,7 @@ def viewpoint_before_gap(
 
 
 def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
-    """The areas that the robot is beside, each with its free cell nearest to the robot, and that
-    with the nearest first."""
+    """The free areas within reach of the robot, that with the nearest cell first."""
     free = occupancy.free
     cells = cells_around(free, start, int(relief_cells))
     away = np.hypot(*(cells - start).T)
@@ -86,13 +87,13 @@ def _entries(
     vehicle_width_m: float,
     body_m: float,
 ) -> BitPlane:
-    """The cells of `within` beside those by which it is left on the ways to the goal with the
-    fewest closed cells."""
+    """The cells of `within` next to those at which the paths to the goal with the fewest closed
+    cells leave it."""
     free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m, body_m)
     closed = free | solid
     complement(closed, occupancy.spec.rows, occupancy.spec.cols)
     end = plane_of(goal, like=free)
-    # Most often no way leads there at all, and to see that takes one flood.
+    # Mostly there is no such path at all, and one flood tells.
     reached = np.zeros_like(end)
     flood(free | closed, reached, end & ~solid)
     return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
@@ -101,8 +102,7 @@ def _entries(
 def _solid(
     occupancy: Costmap, people: Collection[int], vehicle_width_m: float, body_m: float
 ) -> BitPlane:
-    """Where the body does not fit in even without a safety margin and without the people who are
-    known to be some."""
+    """The cells in which the body does not fit even without a safety margin and without people."""
     spec, rows, cols = occupancy.spec, occupancy.spec.rows, occupancy.spec.cols
     bodies = [
         mask.plane

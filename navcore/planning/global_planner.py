@@ -85,7 +85,7 @@ class GlobalPlanner:
         elif (
             outcome == NoPath(reason=Reason.GOAL_BLOCKED)
             and self._reachable_goal == goal
-            and pose.distance_to(*goal) > _GOAL_BLOCKED_NEAR_M
+            and pose.distance_to(*goal) > self._config.planning.viewpoint.goal_believed_m
         ):
             alternative = self._to_goal_neighbour(costmap, start, goal)
         return alternative or self._built(outcome, goal)
@@ -149,7 +149,7 @@ class GlobalPlanner:
         a zone does not go away by being looked at.
         """
         grid, spec, (row, col) = costmap.grid, self._spec, self._spec.cell(*goal)
-        within = _GOAL_NEIGHBOUR_M / spec.resolution_m
+        within = self._config.planning.viewpoint.goal_neighbour_m / spec.resolution_m
         reach = math.ceil(within)
         window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
         neighbour = nearest_free(costmap.free, (row, col), within)
@@ -172,7 +172,3 @@ class GlobalPlanner:
 
 Replan = Callable[[GlobalPlanner, Costmap, Pose2, tuple[float, float], BewareList], Route]
 """The signature of `GlobalPlanner.plan`."""
-
-_GOAL_NEIGHBOUR_M, _GOAL_BLOCKED_NEAR_M = 1.5, 3.0
-"""Search radius for a free cell next to a blocked goal, and the distance to the goal within which
-a blocked goal is believed at once."""

@@ -1,4 +1,4 @@
-"""A planned grid path, or the reason why there is none."""
+"""A planned grid path, or the reason why none exists."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navcore.planning.search.jump_point_search import (
 
 
 class Reason(StrEnum):
-    """Why there is no path."""
+    """Reason why no path exists."""
 
     START_BLOCKED = "start blocked"
     """The robot's own cell is blocked."""
@@ -28,7 +28,7 @@ class Reason(StrEnum):
     OUTSIDE = "outside the map"
     """Start or goal is no cell of the grid."""
     UNREACHABLE = "unreachable"
-    """Every way to the goal is closed."""
+    """Start and goal are not connected."""
     TIMEOUT = "time budget exceeded"
     """The search was given up."""
 
@@ -40,22 +40,22 @@ REASONS = {
     START_BLOCKED: Reason.START_BLOCKED,
     GOAL_BLOCKED: Reason.GOAL_BLOCKED,
 }
-"""By how a search ended without a path."""
+"""Reasons by the status of a search that ended without a path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """A shortest path."""
+    """A shortest path on the grid."""
 
     cells: npt.NDArray[np.int64]
-    """(N, 2) every cell (row, col) from start to goal."""
+    """(N, 2) all cells (row, col) from start to goal."""
     length: float
-    """In cells: straight steps + √2 · diagonal steps."""
+    """Length in cells: straight steps + √2 · diagonal steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoPath:
-    """There is no path, and why."""
+    """The outcome without a path."""
 
     reason: Reason
-    """What stands in the way."""
+    """Reason why no path exists."""

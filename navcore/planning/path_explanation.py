@@ -1,10 +1,9 @@
-"""Why the path leads where it does: which rule each stretch of it keeps clear of, and where it
-would lead without a rule.
+"""Explanation of a path: the rule that each stretch of it keeps clear of, and the path without a
+rule.
 
-A *rule* is what an operator can lift: a class of the beware list or a zone. What stands there in
-earnest, the geometric layer, binds too but cannot be lifted. Each is turned into the cells in which
-the robot's centre may not be because of it alone; the union of all of them is what the planner of
-paths keeps out of.
+A *rule* can be removed by an operator: a class of the beware list or a zone. The geometric layer
+closes cells too but cannot be removed. Each is turned into the cells in which the robot's centre
+may not be because of it alone; the planner avoids the union of them.
 """
 
 from __future__ import annotations
@@ -25,38 +24,41 @@ from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
 
 TOUCH_CELLS = math.sqrt(2.0) + 1e-3
-"""The path keeps clear of a rule where the next cell, or the next one diagonally, is closed by it.
-"""
+"""Distance in cells within which a path touches a rule: the next cell, straight or diagonal, is
+closed by it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rule:
-    """Something that closes cells: a class, a zone, or (with an empty key) what stands there."""
+    """A cause of closed cells: a class, a zone or the geometric layer."""
 
     key: str
-    """`class:<id>`, `zone:<id>`, or `wall` for the geometric layer, which cannot be lifted."""
+    """`class:<id>`, `zone:<id>`, or `wall` for the geometric layer, which cannot be removed."""
     name: str
-    """What the operator calls it."""
+    """Name that the operator gave it."""
     top: int
     """Row of the window's first cell."""
     left: int
     """Column of the window's first cell."""
     beyond: npt.NDArray[np.float32]
-    """(h, w) cells from the rule's closed area, in a window that holds all of it: ≤ 0 inside."""
+    """(h, w) distance in cells to the area that the rule closes, ≤ 0 inside; the window contains
+    all of the area."""
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Where on the grid the window lies."""
+        """Rows and columns of the window on the grid."""
         height, width = self.beyond.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
     @property
     def closed(self) -> BoolGrid:
-        """(h, w) of the window: where the robot's centre may not be because of this rule."""
+        """(h, w) cells of the window in which the robot's centre may not be because of this
+        rule."""
         return np.asarray(self.beyond <= 0)
 
     def at(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
-        """(N,) how far (N, 2) cells are from the closed area; infinity outside the window."""
+        """Return the (N,) distances in cells of (N, 2) cells to the closed area; infinity outside
+        the window."""
         row, col = cells[:, 0] - self.top, cells[:, 1] - self.left
         inside = (
             (row >= 0) & (col >= 0) & (row < self.beyond.shape[0]) & (col < self.beyond.shape[1])
@@ -68,17 +70,18 @@ class Rule:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rules:
-    """All that closes cells of one grid."""
+    """All rules that close cells of one grid."""
 
     spec: GridSpec
-    """The grid."""
+    """Size and resolution of the grid."""
     walls: Rule | None
-    """What stands there; None when nothing does."""
-    liftable: tuple[Rule, ...]
+    """The geometric layer; None when it is empty."""
+    removable: tuple[Rule, ...]
     """Classes and zones that close any cell at all."""
 
     def blocked(self, without: Collection[str] = ()) -> BoolGrid:
-        """(rows, cols) where the robot's centre may not be when the rules of some keys are lifted."""
+        """Return (rows, cols) the cells in which the robot's centre may not be without the rules of
+        some keys."""
         blocked = np.zeros((self.spec.rows, self.spec.cols), dtype=np.bool_)
         for rule in self._all():
             if rule.key not in without:
@@ -86,18 +89,18 @@ class Rules:
         return blocked
 
     def find(self, key: str) -> Rule | None:
-        """The rule of that key that can be lifted; None when there is none, or when it closes
+        """Return the removable rule of that key; None when there is none, or when it closes
         nothing."""
-        return next((rule for rule in self.liftable if rule.key == key), None)
+        return next((rule for rule in self.removable if rule.key == key), None)
 
     def _all(self) -> Iterator[Rule]:
         if self.walls is not None:
             yield self.walls
-        yield from self.liftable
+        yield from self.removable
 
     def touching(self, cells: npt.NDArray[np.int64]) -> list[str | None]:
-        """For each of (N, 2) cells the key of the rule that it lies against, the nearest if
-        several; None in the open."""
+        """Return for each of (N, 2) cells the key of the rule that it touches, the nearest of
+        several; None for a cell that touches no rule."""
         if not len(cells):
             return []
         least, keys = (
@@ -107,21 +110,21 @@ class Rules:
         rules = list(self._all())
         for index, rule in enumerate(rules):
             away = rule.at(cells)
-            nearer = away < least
-            least[nearer], keys[nearer] = away[nearer], index
+            closer = away < least
+            least[closer], keys[closer] = away[closer], index
         return [rules[index].key if index >= 0 else None for index in keys]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A part of a path that keeps clear of one thing, or of nothing."""
+    """A part of a path that touches one rule, or none."""
 
     key: str | None
-    """Of the rule; None where the path runs in the open."""
+    """Key of the rule; None where the path touches no rule."""
     first: int
-    """Index of its first cell on the path."""
+    """Index of the first cell on the path."""
     last: int
-    """Index of its last cell."""
+    """Index of the last cell on the path."""
 
 
 def rules_of(
@@ -132,8 +135,8 @@ def rules_of(
     vehicle_width_m: float,
     safety_margin_m: float,
 ) -> Rules:
-    """The rules behind an occupancy grid that was made under a beware list and zones; their union
-    closes what it closes."""
+    """Return the rules of an occupancy grid that was made with a beware list and zones; together
+    they close the same cells."""
     spec = grid.spec
 
     def radius(margin_m: float) -> int:
@@ -159,11 +162,13 @@ def rules_of(
         if zone.enabled
     ]
     walls = _rule("wall", "obstacle", grid.geometric, radius(0.0))
-    return Rules(spec=spec, walls=walls, liftable=tuple(rule for rule in found if rule is not None))
+    return Rules(
+        spec=spec, walls=walls, removable=tuple(rule for rule in found if rule is not None)
+    )
 
 
 def stretches(path: Path, rules: Rules) -> tuple[Stretch, ...]:
-    """The whole path, cut where it comes to lie against something else."""
+    """Divide a path where it begins to touch another rule."""
     found, index = [], 0
     for key, run in groupby(rules.touching(path.cells)):
         length = len(list(run))
@@ -175,21 +180,21 @@ def stretches(path: Path, rules: Rules) -> tuple[Stretch, ...]:
 def path_without(
     rules: Rules, keys: Sequence[str], start: Cell, goal: Cell, *, budget: int | None
 ) -> Path | NoPath:
-    """The shortest path if the rules of these keys did not stand; `budget` bounds the search as in
-    `navcore.path.plan`."""
+    """Find the shortest path without the rules of these keys; `budget` bounds the search as in
+    `navcore.planning.planner.plan`."""
     return plan(rules.blocked(keys), start, goal, max_expansions=budget)
 
 
 def _rule(key: str, name: str, mask: BoolGrid, radius: int) -> Rule | None:
-    """Of the cells of one layer, inflated by so many cells; None when it has none."""
+    """The rule of one layer's cells, inflated by `radius` cells; None when it has none."""
     rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
-    room = radius + 2
-    top, left = max(int(rows[0]) - room, 0), max(int(cols[0]) - room, 0)
-    part = mask[top : int(rows[-1]) + room + 1, left : int(cols[-1]) + room + 1]
+    border = radius + 2
+    top, left = max(int(rows[0]) - border, 0), max(int(cols[0]) - border, 0)
+    part = mask[top : int(rows[-1]) + border + 1, left : int(cols[-1]) + border + 1]
     # Squared distances of cells are whole numbers, so the small term keeps the disc of
-    # `navcore.grid.inflate` exactly.
+    # `navcore.grid.grid.inflate` exactly.
     away = cv2.distanceTransform((~part).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return Rule(
         key=key,

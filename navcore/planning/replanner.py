@@ -1,4 +1,4 @@
-"""The shortest path over a space that changes, searched for only when the one at hand may no longer
+"""The shortest path over a space that changes, searched for only when the present one may no longer
 be the shortest."""
 
 from __future__ import annotations
@@ -21,67 +21,66 @@ from navcore.planning.search.path_reconstruction import expand_leg, is_clear
 NOWHERE: Indices = np.empty((0, 2), dtype=np.int64)
 NO_LENGTHS: Indices = np.empty(0, dtype=np.int64)
 DETOUR = 12 * UNIT
-"""A change mostly makes the path no longer than this; a search that may assume so does not look far
-aside."""
+"""Length by which a change mostly lengthens the path at most; a search that may assume so does not
+search far to the sides."""
 ELSEWHERE, LONGER = -1, -2
-"""The robot has left the path, or there may be a shorter one; or the path is blocked, and none is
-shorter than it was."""
+"""Results of `still_shortest`: the robot has left the path, or a shorter one may exist; and: the
+path is blocked, and none is shorter than it was."""
 
 
 @dataclass(slots=True, eq=False)
-class Standing:
-    """The path at hand."""
+class PresentPath:
+    """The present path."""
 
     path: Path
-    """As it was given out last, from the robot's cell on."""
+    """The path from the robot's cell on, as it was returned last."""
     cells: Indices
-    """(N, 2) all of it."""
+    """(N, 2) all cells of the path."""
     left: Indices
-    """(N,) length from each cell to the goal, in units of `navcore.search.memory`."""
+    """(N,) length from each cell to the goal, in units of `search.open_list`."""
     at: int
-    """Where on it the robot was last."""
+    """Index of the cell that the robot was in last."""
     goal: Cell
-    """Where it leads."""
+    """Goal of the path (row, col)."""
 
 
 class Replanner:
-    """Plans over one `FreeSpace`. What it returns is always as long as what `navcore.path.plan`
-    would return.
+    """Plans over one `FreeSpace`; its paths are always as long as those of `planner.plan`.
 
-    The path at hand stays the shortest from every later cell of it as long as nothing on it is
-    blocked and every cell that was freed is so far off that a path by way of it is no shorter. It
-    is then kept without a search, and so never gives way to another of the same length. One
-    replanner a space: it consumes the notes that the space keeps of its changes.
+    The present path stays the shortest from every later cell of it as long as nothing on it is
+    blocked and every cell that was freed is so far off that a path through it is no shorter. It is
+    then kept without a search, and so never replaced by another of the same length. There is one
+    replanner to a space: it consumes the notes that the space keeps of its changes.
 
-    A frame costs one compiled call, and a second one if there has to be a search.
+    A frame costs one compiled call, and a second one if a search is needed.
     """
 
     def __init__(self, space: FreeSpace) -> None:
         self._space = space
-        self._arena = SearchWorkspace(space)
-        self._standing: Standing | None = None
+        self._workspace = SearchWorkspace(space)
+        self._present: PresentPath | None = None
         self._failure: tuple[Cell, Cell] | None = None
         self.searches = 0
-        """How many searches were made."""
+        """Number of searches that were made."""
 
     def plan(self, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
-        """The shortest path from start to goal, (row, col) both; see `navcore.path.plan`."""
+        """Find the shortest path from start to goal, (row, col) both; see `planner.plan`."""
         floor = 0
-        standing, space = self._standing, self._space
-        if standing is not None and standing.goal == goal:
+        present, space = self._present, self._space
+        if present is not None and present.goal == goal:
             at, floor = still_shortest(
-                standing.cells,
-                standing.left,
-                standing.at,
+                present.cells,
+                present.left,
+                present.at,
                 start[0],
                 start[1],
                 space.freed,
                 space.notes,
             )
             if at >= 0:
-                if at != standing.at:
-                    standing.at, standing.path = at, _path(standing.cells[at:], floor)
-                return standing.path
+                if at != present.at:
+                    present.at, present.path = at, _path(present.cells[at:], floor)
+                return present.path
         elif (
             self._failure == (start, goal)
             and space.notes[0] == 0
@@ -95,18 +94,18 @@ class Replanner:
         )
 
     def _searched(self, start: Cell, goal: Cell, budget: int, floor: int) -> Path | NoPath:
-        space, standing, memory = self._space, self._standing, self._arena.memory
+        space, present, memory = self._space, self._present, self._workspace.memory
         cells, left, at = NOWHERE, NO_LENGTHS, ELSEWHERE
-        if standing is not None:
+        if present is not None:
             cells, left, at = (
-                standing.cells,
-                standing.left,
-                standing.at if standing.goal == goal else ELSEWHERE,
+                present.cells,
+                present.left,
+                present.at if present.goal == goal else ELSEWHERE,
             )
         status, fresh, lengths = searched(
             space.across,
             space.along,
-            space.sloping,
+            space.diagonal_ends,
             space.sentinel,
             space.notes,
             memory,
@@ -121,15 +120,15 @@ class Replanner:
             floor,
         )
         if status == FULL:
-            self._arena.grow()
+            self._workspace.grow()
             return self._searched(start, goal, budget, floor)
         if status == TIMEOUT:
             return NoPath(reason=Reason.TIMEOUT)
-        self._standing, self._failure = None, (start, goal) if status == UNREACHABLE else None
+        self._present, self._failure = None, (start, goal) if status == UNREACHABLE else None
         if status != FOUND:
             return NoPath(reason=REASONS[status])
         path = _path(fresh, int(lengths[0]))
-        self._standing = Standing(path=path, cells=fresh, left=lengths, at=0, goal=goal)
+        self._present = PresentPath(path=path, cells=fresh, left=lengths, at=0, goal=goal)
         return path
 
 
@@ -141,17 +140,23 @@ def _path(cells: Indices, left: int) -> Path:
 
 @compiled
 def still_shortest(
-    cells: Indices, left: Indices, at: int, start_row: int, start_col: int, freed: Indices, notes: Indices
+    cells: Indices,
+    left: Indices,
+    at: int,
+    start_row: int,
+    start_col: int,
+    freed: Indices,
+    notes: Indices,
 ) -> tuple[int, int]:
-    """Where on the path the robot is, not before `at`, and the length left from there; the notes
-    are then cleared.
+    """Return the index on the path of the robot's cell, not before `at`, and the length left from
+    there; the notes are then cleared.
 
-    `LONGER` in place of where, if something on the path was blocked; a path is then at least as
-    long as what was left of it. `ELSEWHERE`, and 0, if the robot is not on the path or a path may
-    be shorter.
+    The index is `LONGER` if a cell of the path was blocked; a path is then at least as long as what
+    was left of it. It is `ELSEWHERE`, and the length 0, if the robot is not on the path or a path
+    may be shorter.
 
     A path that uses a freed cell f, or squeezes diagonally past it, is at least octile(start, f) +
-    octile(f, goal) - (2 - √2) long: the squeeze goes by way of f's neighbours, one straight step
+    octile(f, goal) - (2 - √2) long: the squeeze leads through f's neighbours, one straight step
     each, with one diagonal step in place of those two.
     """
     if notes[0] > len(freed):
@@ -180,7 +185,7 @@ def still_shortest(
 def searched(
     across: BitPlanes,
     along: BitPlanes,
-    sloping: BitPlanes,
+    diagonal_ends: BitPlanes,
     sentinel: BitPlane,
     notes: Indices,
     memory: Memory,
@@ -194,26 +199,30 @@ def searched(
     budget: int,
     floor: int,
 ) -> tuple[int, Indices, Indices]:
-    """A path in place of the one at hand, none of which is shorter than `floor`: how the search for
-    it ended, its (N, 2) cells, and (N,) how much is left from each. The wire is moved to it and the
-    notes are cleared, if the search came to an end.
+    """Search for a path to replace the present one, none of which is shorter than `floor`: return
+    the search's status, the (N, 2) cells, and the (N,) length left from each. The sentinel is moved
+    to the path and the notes are cleared, if the search came to an end.
 
-    `at`: where the robot was on the path at hand; `ELSEWHERE` if that one leads to another goal.
+    `at` is the robot's index on the present path, `ELSEWHERE` if that one leads to another goal.
     """
-    # Mostly a little of the path at hand has been found blocked.
+    # Mostly a little of the present path has been found blocked.
     guess = FAR if at < 0 else left[at] + DETOUR
     ends = start_row, start_col, goal_row, goal_col
-    status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, guess, floor)
+    status, fresh, diagonal = search(
+        across, along, diagonal_ends, memory, *ends, budget, guess, floor
+    )
     if status == UNREACHABLE and guess < FAR:
-        status, fresh, diagonal = search(across, along, sloping, memory, *ends, budget, FAR, floor)
+        status, fresh, diagonal = search(
+            across, along, diagonal_ends, memory, *ends, budget, FAR, floor
+        )
     if status in (FULL, TIMEOUT):
         return status, fresh, left
     if status == FOUND and at >= 0 and notes[1] == 0:
         length = (len(fresh) - 1 - diagonal) * UNIT + diagonal * ROOT
-        back = joined(across, fresh, length, cells[at:], left[at:])
+        back = rejoined(across, fresh, length, cells[at:], left[at:])
         fresh = back if len(back) else fresh
-    common = alike(cells, fresh)
-    restring(sentinel, cells, fresh, common)
+    common = common_cells(cells, fresh)
+    move_sentinel(sentinel, cells, fresh, common)
     notes[:] = 0
     lengths = np.empty(len(fresh), dtype=np.int64)
     lengths[len(fresh) - common :] = left[len(cells) - common :]
@@ -223,19 +232,21 @@ def searched(
 
 @compiled
 def measure(cells: Indices, left: Indices, first: int) -> None:
-    """Fill in the length from each of the first of (N, 2) cells to the last; from the others it is
+    """Fill in the length from each of the first of (N, 2) cells to the goal; that of the others is
     known."""
     for index in range(first - 1, -1, -1):
         if index == len(cells) - 1:
             left[index] = 0
             continue
-        sloping = cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
-        left[index] = left[index + 1] + (ROOT if sloping else UNIT)
+        is_diagonal = (
+            cells[index, 0] != cells[index + 1, 0] and cells[index, 1] != cells[index + 1, 1]
+        )
+        left[index] = left[index + 1] + (ROOT if is_diagonal else UNIT)
 
 
 @compiled
-def alike(old: Indices, new: Indices) -> int:
-    """How many cells two paths have in common at their ends."""
+def common_cells(old: Indices, new: Indices) -> int:
+    """Return the number of cells that two paths have in common at their ends."""
     before, after = len(old), len(new)
     while (
         before > 0
@@ -248,18 +259,18 @@ def alike(old: Indices, new: Indices) -> int:
 
 
 @compiled
-def restring(sentinel: BitPlane, old: Indices, new: Indices, common: int) -> None:
-    """Move the wire from one path to another; where both end alike, for so many cells, it stays."""
-    # The first cell of what is alike is come to in another way. No two other steps of a shortest
-    # path share a cell beside them.
-    string(sentinel, old, len(old) - common + 1, False)
-    string(sentinel, new, len(new) - common + 1, True)
+def move_sentinel(sentinel: BitPlane, old: Indices, new: Indices, common: int) -> None:
+    """Move the sentinel from one path to another; it stays on the `common` last cells of both."""
+    # The first common cell is reached by another step. No two other steps of a shortest path share
+    # a cell beside them.
+    mark(sentinel, old, len(old) - common + 1, False)
+    mark(sentinel, new, len(new) - common + 1, True)
 
 
 @lean
-def string(sentinel: BitPlane, cells: Indices, until: int, on: bool) -> None:
-    """Set or clear the wire at all that has to stay free for the first cells: these and what is
-    beside their diagonal steps."""
+def mark(sentinel: BitPlane, cells: Indices, until: int, on: bool) -> None:
+    """Set or clear the sentinel at all cells that must stay free for the first cells: these and
+    those beside their diagonal steps."""
     for index in range(min(until, len(cells))):
         before = max(index - 1, 0)
         for row, col in (
@@ -275,16 +286,18 @@ def string(sentinel: BitPlane, cells: Indices, until: int, on: bool) -> None:
 
 
 @compiled
-def joined(across: BitPlanes, fresh: Indices, length: int, cells: Indices, left: Indices) -> Indices:
-    """The path of that length that leaves `fresh`'s first cell for an early cell of `cells` and
-    follows them; else (0, 2)."""
+def rejoined(
+    across: BitPlanes, fresh: Indices, length: int, cells: Indices, left: Indices
+) -> Indices:
+    """Return the path of that length that leads from `fresh`'s first cell to an early cell of
+    `cells` and follows them; else (0, 2)."""
     row, col = fresh[0, 0] + PAD, fresh[0, 1] + PAD
     for index in range(len(cells)):
         to_row, to_col = cells[index, 0] + PAD, cells[index, 1] + PAD
         if octile(to_row - row, to_col - col) + left[index] != length:
             continue
         here, there = row << 16 | col, to_row << 16 | to_col
-        # A way back that starts straight is a way there that starts diagonally.
+        # A leg that starts straight backwards is one that starts diagonally forwards.
         diagonal_first = is_clear(across, there, here)
         if diagonal_first or is_clear(across, here, there):
             steps = max(abs(to_row - row), abs(to_col - col))

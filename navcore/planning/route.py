@@ -1,5 +1,4 @@
-"""The way to the goal as everybody else takes it from a path of cells: in metres, its waypoints,
-and the track to drive."""
+"""A route: a path of cells in metres, with its waypoints and the smoothed path to drive."""
 
 from __future__ import annotations
 
@@ -22,36 +21,27 @@ from navcore.planning.waypoints import choose_waypoints
 from navcore.robot.profile import RobotProfile
 
 NO_POINTS: Points = np.empty((0, 2))
-BAND_M = 0.1
-"""Beside what it turns round the track keeps this much more than the circle in which the robot
-turns, where it can."""
-TAUT_M = 8.0
-"""As far ahead as this the path is pulled taut; the local planner looks no further."""
 Array = TypeVar("Array", bound=npt.NDArray[np.generic])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Route:
-    """The way to the goal, from the robot's place."""
+    """A route from the robot to the goal."""
 
     outcome: Path | NoPath
-    """The shortest path, or why there is none."""
+    """The shortest path, or the reason why none exists."""
     points: Points
-    """(N, 2) the path in metres of the map frame; without one the way to go nearer to where it is
-    closed, or (0, 2)."""
+    """(N, 2) the path in metres of the map frame; without one the path to a viewpoint before the
+    blockage, or (0, 2)."""
     waypoints: Points
-    """(M, 2) its corners and its end."""
+    """(M, 2) corners and end of the path."""
     track: Points
-    """(K, 2) what the local planner follows: the path, pulled taut where the robot is next."""
+    """(K, 2) the smoothed path that the local planner follows."""
 
     @property
     def length_m(self) -> float | None:
-        """Of the path; None without one."""
-        return (
-            None
-            if isinstance(self.outcome, NoPath)
-            else length_m(self.points)
-        )
+        """Length of the path in metres; None without one."""
+        return None if isinstance(self.outcome, NoPath) else length_m(self.points)
 
 
 def build_route(
@@ -62,21 +52,20 @@ def build_route(
     profile: RobotProfile,
     config: NavigatorConfig,
 ) -> Route:
-    """The route along a path; it ends at the goal, (x, y) in the map frame. `free`: plane of cells
-    that the path may use."""
+    """Build the route along a path; it ends at the goal, (x, y) in the map frame. `free` is the
+    plane of the free cells."""
     if isinstance(outcome, NoPath):
         return no_route(outcome.reason)
     corners = choose_waypoints(
         outcome, spec, max_vertex_angle_rad=math.radians(config.max_vertex_angle_deg)
     )
-    taut = shortcut(outcome.cells, free, stretch=math.ceil(TAUT_M / spec.resolution_m))
+    band = config.planning.elastic_band
+    taut = shortcut(outcome.cells, free, stretch=math.ceil(band.stretch_m / spec.resolution_m))
     # The goal is a point, not a cell: the last centre gives way to it.
     points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
     kept_m = profile.width_m / 2 + config.safety_margin_m
-    wanted_m = profile.circumscribed_radius_m + BAND_M - kept_m
-    track = relax(
-        resample(track, spec.resolution_m), free, spec, stretch_m=TAUT_M, wanted_m=wanted_m
-    )
+    wanted_m = profile.circumscribed_radius_m + band.extra_clearance_m - kept_m
+    track = relax(resample(track, spec.resolution_m), free, spec, wanted_m=wanted_m, config=band)
     return Route(
         outcome=outcome,
         points=read_only(points),
@@ -86,13 +75,13 @@ def build_route(
 
 
 def no_route(reason: Reason) -> Route:
-    """That there is none, and why."""
+    """Return the route without a path, for a reason."""
     return Route(
         outcome=NoPath(reason=reason), points=NO_POINTS, waypoints=NO_POINTS, track=NO_POINTS
     )
 
 
 def read_only(array: Array) -> Array:
-    """The same array, frozen, so that it can cross threads."""
+    """Make an array read-only, so that it can cross threads."""
     array.flags.writeable = False
     return array

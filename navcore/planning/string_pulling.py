@@ -1,9 +1,8 @@
-"""The track: the path as a robot would drive it, pulled taut over the first stretch; the grid knows
-only eight directions.
+"""String pulling: the path shortened to straight lines between corners over its first stretch; the
+grid has only eight directions.
 
-Many paths are as short as the shortest on the grid; the one that is found may turn far off the
-straight line between corners. Pulled taut it is never longer, and stays within the cells the search
-may use.
+Many paths on the grid are equally short, and the one that is found may deviate far from the
+straight line between corners. Pulled taut it is never longer, and crosses free cells only.
 """
 
 from __future__ import annotations
@@ -16,19 +15,19 @@ from navcore.grid.bitplane import ONE, PAD, BitPlane
 
 
 def shortcut(cells: Indices, free: BitPlane, *, stretch: int) -> Indices:
-    """(M, 2) corners (row, col) of the taut path; from the first corner more than `stretch` cells
-    along it is the path itself.
+    """Return the (M, 2) corners (row, col) of the taut path; from the first corner more than
+    `stretch` cells along it is the path itself.
 
-    `cells`: (N, 2) every cell of a path. `free`: plane of the cells that the robot's centre may be
-    in. Between two corners the straight line of their centres crosses free cells only, and passes
-    no blocked cell's corner.
+    `cells` is (N, 2), all cells of a path; `free` is the plane of the free cells. Between two
+    corners the straight line of their centres crosses free cells only, and passes no blocked cell's
+    corner.
     """
     return cells[_corners(np.ascontiguousarray(cells), free, stretch)]
 
 
 @compiled
 def _corners(cells: Indices, free: BitPlane, stretch: int) -> Indices:
-    """Indices of the cells that remain: from each the furthest that is seen without a break."""
+    """Indices of the cells that remain: from each the furthest that is visible without a break."""
     kept = np.empty(len(cells), dtype=np.int64)
     kept[0], count, at = 0, 1, 0
     while at < len(cells) - 1:
@@ -48,8 +47,8 @@ def _corners(cells: Indices, free: BitPlane, stretch: int) -> Indices:
 
 @compiled
 def line_of_sight(free: BitPlane, here: Indices, there: Indices) -> bool:
-    """Whether the straight line between the centres of two free cells crosses free cells only,
-    beside corners too."""
+    """Return whether the straight line between the centres of two free cells crosses free cells
+    only; where it passes a corner, both cells beside it must be free."""
     rows, cols = abs(there[0] - here[0]), abs(there[1] - here[1])
     row, col = here[0], here[1]
     row_step, col_step = (1 if there[0] > row else -1), (1 if there[1] > col else -1)

@@ -7,17 +7,18 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.planning import MAX_VERTEX_ANGLE_DEG
 from navcore.grid.grid import GridSpec
 from navcore.planning.path import Path
 
-DEFAULT_VERTEX_ANGLE_RAD = math.radians(170.0)
-"""Keeps every corner of an 8-connected path, whose sharpest straight-on angle is 135°."""
+DEFAULT_VERTEX_ANGLE_RAD = math.radians(MAX_VERTEX_ANGLE_DEG)
+"""Default of the largest angle at a corner, in rad."""
 
 
 def choose_waypoints(
     path: Path, spec: GridSpec, *, max_vertex_angle_rad: float
 ) -> npt.NDArray[np.float64]:
-    """(M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
+    """Return (M, 2) points (x, y) in metres of the map frame: the path's corners and its end.
 
     A cell p_i is kept where the angle at it between p_(i−1) − p_i and p_(i+1) − p_i, π on a
     straight line, is below `max_vertex_angle_rad`, which is less than π. The end of the path is

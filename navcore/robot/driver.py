@@ -1,4 +1,4 @@
-"""The port every robot satisfies, and the command that it is sent."""
+"""Robot interface: the protocol of every back end, and the expiring command."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """A twist that expires: the gate never sends one older than its life."""
+    """Velocity command with a time stamp; the gate drops one that has expired."""
 
     twist: Twist
-    """What the local planner asks for."""
+    """Velocity that the local planner asks for."""
     stamp_ns: int
-    """When it was decided, on the robot's monotonic clock."""
+    """Time of the decision in nanoseconds of the robot's monotonic clock."""
 
 
 class Robot(Protocol):
-    """What a robot back end offers: newest senses, and a wheel command it forgets by itself after
-    0.25 s."""
+    """Robot back end: delivers the newest frame and takes wheel commands, which expire after the
+    driver's time-out of 0.25 s."""
 
     def now_ns(self) -> int:
-        """The robot's monotonic clock."""
+        """Return the time of the robot's monotonic clock in nanoseconds."""
 
     def newest_frame(self) -> Frame | None:
-        """The last picture taken, or None before the first."""
+        """Return the newest frame, or None before the first."""
 
     def send(self, twist: Twist) -> None:
-        """Ask the wheels for a velocity; holds for at most the driver's time-out."""
+        """Command a velocity to the wheels; it holds for at most the driver's time-out."""
 
     def close(self) -> None:
-        """Stop the wheels and let the robot go."""
+        """Stop the wheels and release the robot."""

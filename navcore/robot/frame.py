@@ -1,5 +1,4 @@
-"""What the robot senses at one instant: a registered RGB-D picture and the odometry that belongs to
-it."""
+"""Sensor frame: a registered RGB-D image with the odometry of its capture."""
 
 from __future__ import annotations
 
@@ -14,25 +13,24 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2, Twist
 
 BLIND_SHARE = 0.98
-"""A picture with more than this share of its depth missing is no measurement (lens covered, laser
-off)."""
+"""Largest share of missing depth in a valid image; above, the lens is covered or the projector
+off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One picture of the depth camera with colour registered to it, and where odometry says it was
-    taken."""
+    """Image of the depth camera with registered colour, and the odometry of its capture."""
 
     stamp_ns: int
-    """Capture time on the robot's monotonic clock, ns."""
+    """Capture time in nanoseconds of the robot's monotonic clock."""
     rgb: npt.NDArray[np.uint8]
-    """(H, W, 3) colours, RGB order."""
+    """(H, W, 3) colours in RGB order."""
     depth_m: npt.NDArray[np.float32]
-    """(H, W) distance along the optical axis in metres; 0 where nothing was measured."""
+    """(H, W) distance along the optical axis in metres; 0 for no measurement."""
     intrinsics: Intrinsics
-    """Of the depth camera; colour is registered to it."""
+    """Intrinsics of the depth camera, to which colour is registered."""
     T_base_camera: Matrix
-    """(4, 4) camera mount, optical frame."""
+    """(4, 4) mount of the camera, optical frame."""
     pose: Pose2
     """T_map_base by odometry at the time of capture."""
     twist: Twist
@@ -40,12 +38,12 @@ class Frame:
 
     @property
     def T_map_camera(self) -> Matrix:
-        """(4, 4) where the camera was."""
+        """(4, 4) pose of the camera in the map frame."""
         return self.pose.matrix() @ self.T_base_camera
 
     def shows(self, points_map: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-        """(N,) which of (N, 3) points of the map frame lie within the picture, whether or not
-        something hides them."""
+        """Return (N,) whether (N, 3) points in metres of the map frame are within the image,
+        occluded or not."""
         camera, lens = self.T_map_camera, self.intrinsics
         x, y, z = ((points_map - camera[:3, 3]) @ camera[:3, :3] * (lens.fx, lens.fy, 1.0)).T
         cols, rows = x + lens.cx * z, y + lens.cy * z
@@ -59,16 +57,17 @@ class Frame:
 
 
 def check_frame(frame: Frame) -> None:
-    """Raise `BadFrame` when a frame must not enter the map; it names what is wrong with it."""
+    """Raise `BadFrame` for a frame that must not enter the map, with the reason."""
     lens = frame.intrinsics
     if not np.isfinite((lens.fx, lens.fy, lens.cx, lens.cy)).all() or min(lens.fx, lens.fy) <= 0:
         raise BadFrame(
-            f"intrinsics {lens} are no lens: fx and fy must be positive, all four finite"
+            f"intrinsics {lens} are invalid: fx and fy must be positive, all four finite"
         )
     height, width = frame.intrinsics.height, frame.intrinsics.width
     if frame.depth_m.shape != (height, width):
         raise BadFrame(
-            f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its intrinsics say"
+            f"depth has shape {frame.depth_m.shape}, expected {(height, width)} as its "
+            "intrinsics say"
         )
     if frame.rgb.shape != (height, width, 3) or frame.rgb.dtype != np.uint8:
         raise BadFrame(
@@ -79,14 +78,15 @@ def check_frame(frame: Frame) -> None:
     least, most = float(frame.depth_m.min()), float(frame.depth_m.max())
     if not (math.isfinite(least) and math.isfinite(most)):
         raise BadFrame(
-            f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected metres or 0"
+            f"depth holds {int((~np.isfinite(frame.depth_m)).sum())} non-finite values, expected "
+            "metres or 0"
         )
     if least < 0:
-        raise BadFrame(f"depth holds negative values, least {least:g} m, expected metres or 0")
+        raise BadFrame(f"depth has negative values, minimum {least:g} m, expected metres or 0")
     missing = 1.0 - np.count_nonzero(frame.depth_m) / frame.depth_m.size
     if missing > BLIND_SHARE:
         raise BadFrame(
-            f"depth is missing in {missing:.0%} of the picture, expected at most {BLIND_SHARE:.0%}"
+            f"depth is missing in {missing:.0%} of the image, expected at most {BLIND_SHARE:.0%}"
         )
     numbers = (
         frame.pose.x_m,

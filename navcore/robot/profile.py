@@ -1,11 +1,10 @@
-"""The robot's body and limits, the velocity it is asked for, and the port every robot satisfies."""
+"""Robot profile: body, limits and camera of a platform."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,24 +13,21 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, camera_mount
 from navcore.toml_config import from_table, ranged, read_toml
 
-if TYPE_CHECKING:
-    pass
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMount:
-    """Where the camera sits: in the robot's middle plane, looking ahead and down."""
+    """Mount of the camera in the robot's middle plane, facing ahead and down."""
 
     x_m: float = ranged(-5.0, 5.0)
-    """Ahead of the middle of the footprint."""
+    """Distance in metres ahead of the centre of the footprint."""
     z_m: float = ranged(0.05, 5.0)
-    """Above the floor."""
+    """Height in metres above the floor."""
     pitch_down_deg: float = ranged(-45.0, 89.0)
-    """Below the horizon."""
+    """Pitch in degrees below the horizon."""
 
     @property
     def T_base_camera(self) -> Matrix:
-        """(4, 4) of the optical frame."""
+        """(4, 4) pose of the optical frame in the base frame."""
         return camera_mount(
             x_m=self.x_m, y_m=0.0, z_m=self.z_m, pitch_down_rad=math.radians(self.pitch_down_deg)
         )
@@ -54,51 +50,52 @@ class DepthSensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotProfile:
-    """Body and limits of a platform; the origin of the base is the middle of the footprint, on the
-    floor."""
+    """Body and limits of a platform; the origin of the base frame is the centre of the footprint on
+    the floor."""
 
     name: str
-    """Platform, as in `robot` of reports."""
+    """Name of the platform, as in `robot` of reports."""
     length_m: float = ranged(0.05, 5.0)
-    """Footprint along x."""
+    """Length in metres of the footprint, along x."""
     width_m: float = ranged(0.05, 5.0)
-    """Footprint along y; the vehicle width w_v of the paper's Algorithm 1."""
+    """Width in metres of the footprint, along y; w_v of the paper's Algorithm 1."""
     max_speed_mps: float = ranged(0.05, 5.0)
-    """Largest forward speed."""
+    """Largest forward speed in metres per second."""
     max_yaw_rate_radps: float = ranged(0.05, 10.0)
-    """Largest yaw rate."""
+    """Largest yaw rate in radians per second."""
     max_accel_mps2: float = ranged(0.05, 20.0)
-    """Largest change of speed, both ways."""
+    """Largest acceleration and deceleration in metres per second squared."""
     max_yaw_accel_radps2: float = ranged(0.05, 50.0)
-    """Largest change of yaw rate."""
+    """Largest yaw acceleration in radians per second squared."""
     camera: CameraMount
-    """Its one camera."""
+    """Mount of the camera."""
     depth_sensor: DepthSensor = field(default_factory=DepthSensor)
     """Accuracy of the camera's depth."""
 
     @property
     def circumscribed_radius_m(self) -> float:
-        """Radius of the circle that the footprint sweeps when it turns in place."""
+        """Radius in metres of the circle that the footprint covers when it turns in place."""
         return float(np.hypot(self.length_m, self.width_m)) / 2
 
     def footprint(self, padding_m: float = 0.0) -> npt.NDArray[np.float64]:
-        """(4, 2) corners in the base frame, counter-clockwise, grown by `padding_m` on every side."""
+        """Return the (4, 2) corners in metres of the base frame, counter-clockwise, enlarged by
+        `padding_m` on every side."""
         x, y = self.length_m / 2 + padding_m, self.width_m / 2 + padding_m
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
 
 ROBOTS = Path(__file__).parent / "profiles"
-"""Where the profiles of known platforms lie."""
+"""Folder with the profiles of the known platforms."""
 
 
 def robot_names() -> tuple[str, ...]:
-    """The known platforms, sorted."""
+    """Return the names of the known platforms, sorted."""
     return tuple(sorted(path.stem for path in ROBOTS.glob("*.toml")))
 
 
 def load_profile(name_or_path: str | Path) -> RobotProfile:
-    """A known platform by name, or a file that ends in .toml; raises `BadConfiguration`, which
-    names the key."""
+    """Return the profile of a known platform, or of a .toml file; raises `BadConfiguration` with
+    the key."""
     path = Path(name_or_path)
     if path.suffix != ".toml":
         if name_or_path not in robot_names():

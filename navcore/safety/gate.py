@@ -1,7 +1,7 @@
-"""The safety gate: the last word before the wheels, independent of everything above it.
+"""Safety gate: the last decision before the wheels, independent of everything above it.
 
-A pure function of facts and the newest command. It never moves the robot: it passes a command on,
-weakens it, or sends zero.
+A pure function of its input and the newest command. It never moves the robot: it passes a command
+on, slows it down, or sends zero.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import (
-    CREEP_MPS,
-    HORIZON_S,
     NO_POINTS,
     NearPoints,
     allowed_share,
@@ -23,20 +22,10 @@ from navcore.safety.collision_monitor import (
 )
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
-COMMAND_LIFE_NS = 250_000_000
-FRAME_LIFE_NS = 500_000_000
-BLOCKED_NS = 2_000_000_000
-"""Wheels that are commanded for so long and do not turn are held by something."""
-COMMANDED_MPS, TURNING_SHARE = 0.05, 0.1
-"""Faster than this something must move, and by this share of it at least; at the rim of the circle
-that the body sweeps."""
-LONGEST_PERIOD_S = 0.1
-"""A gate that was not asked for longer than this allows no more acceleration than over this."""
-
 
 class Cause(StrEnum):
-    """Why the robot does not move. The order is that of severity: the first that holds is shown,
-    the rest are listed."""
+    """Why the robot does not move, in order of severity: the first that holds is shown, the others
+    are listed."""
 
     EMERGENCY_STOP = "emergency_stop"
     CONTACT_IMMINENT = "contact_imminent"
@@ -58,167 +47,186 @@ class Cause(StrEnum):
 
 
 _SEVERITY = {cause: rank for rank, cause in enumerate(Cause)}
-_DOUBTS = {SensorFault.STAMP: Cause.BAD_STAMP, SensorFault.POSE: Cause.POSE_JUMP}
+_FAULT_CAUSES = {SensorFault.STAMP: Cause.BAD_STAMP, SensorFault.POSE: Cause.POSE_JUMP}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopReason:
-    """One reason for which the robot does not move."""
+    """One reason why the robot does not move."""
 
     cause: Cause
     """Stable word for programs."""
     text: str
-    """A sentence for the operator, with the figures that matter."""
+    """Sentence for the operator, with the figures that matter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GateInput:
-    """What the gate judges by, all on the robot's monotonic clock; what is left out is not known to
-    be wrong."""
+    """Everything that the gate decides by; times are those of the robot's monotonic clock, and the
+    default of a field means that no fault is known."""
 
     now_ns: int
-    """The present."""
+    """Present time in nanoseconds."""
     frame_ns: int | None
-    """Capture time of the newest frame that came in; None before the first."""
+    """Capture time of the newest frame in nanoseconds; None before the first."""
     stopped_by: str | None
-    """Who latched the emergency stop; None when it is not latched."""
+    """Name of the user who latched the emergency stop; None when it is not latched."""
     command: Command | None
-    """The newest command of the navigator; None when it asks for nothing."""
-    senses: SensorMonitor = field(default_factory=SensorMonitor)
-    """Whether the newest frame can be true."""
-    near: NearPoints = field(default_factory=lambda: NO_POINTS)
-    """(N, 2) what it shows to run into, base frame."""
-    pushing_ns: int | None = None
-    """Since when the wheels have been commanded in vain; None when they turn, or need not."""
+    """Newest command of the navigator; None when it asks for nothing."""
+    sensors: SensorMonitor = field(default_factory=SensorMonitor)
+    """Plausibility of the newest frame."""
+    obstacles: NearPoints = field(default_factory=lambda: NO_POINTS)
+    """(N, 2) obstacle points in metres of the base frame."""
+    blocked_since_ns: int | None = None
+    """Time in nanoseconds since which commanded wheels have not turned; None when they turn, or
+    need not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateDecision:
-    """What is sent to the wheels, and why it is not what was asked."""
+    """Velocity for the wheels, and why it is not the commanded one."""
 
     twist: Twist
-    """Finite and within the platform's limits, whatever came in."""
+    """Velocity to send: finite and within the limits of the platform, whatever the input."""
     reasons: tuple[StopReason, ...]
-    """Why it is zero, the most severe first; empty when the command was passed on."""
+    """Why the velocity is zero, the most severe first; empty when the command was passed on."""
 
 
-def gate(facts: GateInput, *, sent: Twist, period_s: float, profile: RobotProfile) -> GateDecision:
-    """Judge the newest command. `sent` is what was sent last, `period_s` before now."""
-    objections = _objections(facts)
+def gate(
+    facts: GateInput,
+    *,
+    sent: Twist,
+    period_s: float,
+    profile: RobotProfile,
+    config: SafetyConfig = DEFAULT_SAFETY,
+) -> GateDecision:
+    """Decide on the newest command. `sent` is the velocity that was sent last, `period_s` seconds
+    ago."""
+    objections = _objections(facts, config.gate)
     asked = STANDSTILL if facts.command is None or objections else facts.command.twist
-    contact_s = time_to_contact(facts.near, asked, profile)
-    slowed = _slowed(asked, contact_s, facts, profile)
+    contact_s = time_to_contact(facts.obstacles, asked, profile, config.collision)
+    slowed = _slowed(asked, contact_s, facts, profile, config)
     if slowed == STANDSTILL and asked != STANDSTILL:
-        objections.append(_contact(asked, contact_s))
+        objections.append(_contact_reason(asked, contact_s, config))
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
+    period_s = min(period_s, config.gate.max_period_s)
     return GateDecision(twist=_within_limits(slowed, sent, period_s, profile), reasons=())
 
 
-def pushes_in_vain(sent: Twist, measured: Twist, profile: RobotProfile) -> bool:
-    """Whether the wheels were told to turn and do (nearly) not."""
+def wheels_blocked(
+    sent: Twist, measured: Twist, profile: RobotProfile, config: GateConfig = DEFAULT_SAFETY.gate
+) -> bool:
+    """Return whether the wheels were commanded to turn and hardly do."""
     asked_mps = _fastest_point(sent, profile)
     return (
-        asked_mps > COMMANDED_MPS and _fastest_point(measured, profile) < TURNING_SHARE * asked_mps
+        asked_mps > config.commanded_mps
+        and _fastest_point(measured, profile) < config.turning_share * asked_mps
     )
 
 
 def ranked(reasons: list[StopReason]) -> tuple[StopReason, ...]:
-    """The most severe first."""
+    """Return the reasons, the most severe first."""
     return tuple(sorted(reasons, key=lambda reason: _SEVERITY[reason.cause]))
 
 
-def _objections(facts: GateInput) -> list[StopReason]:
+def _objections(facts: GateInput, config: GateConfig) -> list[StopReason]:
     found = []
     if facts.stopped_by is not None:
         text = f"Emergency stop by {facts.stopped_by}; it holds until it is reset."
         found.append(StopReason(cause=Cause.EMERGENCY_STOP, text=text))
-    found += _sensor_objections(facts)
-    if facts.pushing_ns is not None and facts.now_ns - facts.pushing_ns >= BLOCKED_NS:
-        text = f"The wheels were commanded for {BLOCKED_NS / 1e9:g} s and did not turn; free the robot, then pause and resume."
+    found += _sensor_objections(facts, config)
+    since_ns = facts.blocked_since_ns
+    if since_ns is not None and facts.now_ns - since_ns >= config.blocked_ns:
+        text = (
+            f"The wheels were commanded for {config.blocked_s:g} s and did not turn; free the "
+            "robot, then pause and resume."
+        )
         found.append(StopReason(cause=Cause.WHEELS_BLOCKED, text=text))
     if facts.command is not None:
-        found += _command_objections(facts.command, facts.now_ns)
+        found += _command_objections(facts.command, facts.now_ns, config)
     return found
 
 
-def _sensor_objections(facts: GateInput) -> list[StopReason]:
-    found, senses = [], facts.senses
+def _sensor_objections(facts: GateInput, config: GateConfig) -> list[StopReason]:
+    found, sensors = [], facts.sensors
+    life_ns, limit = config.frame_life_ns, f"at most {config.frame_life_s:g} s are allowed"
     if facts.frame_ns is None:
-        found.append(
-            StopReason(cause=Cause.STALE_FRAME, text="The camera has not delivered a picture yet.")
-        )
-    elif not 0 <= facts.now_ns - facts.frame_ns <= FRAME_LIFE_NS:
+        text = "The camera has not delivered an image yet."
+        found.append(StopReason(cause=Cause.STALE_FRAME, text=text))
+    elif not 0 <= facts.now_ns - facts.frame_ns <= life_ns:
         age_s = (facts.now_ns - facts.frame_ns) / 1e9
-        text = f"The newest camera picture is {age_s:.2f} s old, at most {FRAME_LIFE_NS / 1e9:g} s are allowed."
+        text = f"The newest camera image is {age_s:.2f} s old, {limit}."
         found.append(StopReason(cause=Cause.STALE_FRAME, text=text))
     elif (
-        senses.fresh_ns is not None
-        and senses.repeats
-        and facts.now_ns - senses.fresh_ns > FRAME_LIFE_NS
+        sensors.unchanged_since_ns is not None
+        and sensors.repeats
+        and facts.now_ns - sensors.unchanged_since_ns > life_ns
     ):
-        age_s = (facts.now_ns - senses.fresh_ns) / 1e9
-        text = f"The camera has shown the same picture for {age_s:.2f} s, at most {FRAME_LIFE_NS / 1e9:g} s are allowed."
+        age_s = (facts.now_ns - sensors.unchanged_since_ns) / 1e9
+        text = f"The camera has shown the same image for {age_s:.2f} s, {limit}."
         found.append(StopReason(cause=Cause.STUCK_CAMERA, text=text))
-    if senses.malformed:
-        found.append(
-            StopReason(
-                cause=Cause.BAD_FRAME, text=f"The camera's picture is refused: {senses.malformed}."
-            )
-        )
-    if senses.doubt is not None:
-        found.append(StopReason(cause=_DOUBTS[senses.doubt], text=senses.why))
+    if sensors.malformed:
+        text = f"The camera image is refused: {sensors.malformed}."
+        found.append(StopReason(cause=Cause.BAD_FRAME, text=text))
+    if sensors.fault is not None:
+        found.append(StopReason(cause=_FAULT_CAUSES[sensors.fault], text=sensors.fault_text))
     return found
 
 
-def _command_objections(command: Command, now_ns: int) -> list[StopReason]:
+def _command_objections(command: Command, now_ns: int, config: GateConfig) -> list[StopReason]:
     found = []
     if not (math.isfinite(command.twist.v_mps) and math.isfinite(command.twist.w_radps)):
-        found.append(
-            StopReason(
-                cause=Cause.BAD_COMMAND, text="The planner asked for a velocity that is not finite."
-            )
-        )
-    if not 0 <= now_ns - command.stamp_ns <= COMMAND_LIFE_NS:
+        text = "The planner asked for a velocity that is not finite."
+        found.append(StopReason(cause=Cause.BAD_COMMAND, text=text))
+    if not 0 <= now_ns - command.stamp_ns <= config.command_life_ns:
         age_s = (now_ns - command.stamp_ns) / 1e9
-        text = f"The newest command is {age_s:.2f} s old, at most {COMMAND_LIFE_NS / 1e9:g} s are allowed."
+        text = (
+            f"The newest command is {age_s:.2f} s old, "
+            f"at most {config.command_life_s:g} s are allowed."
+        )
         found.append(StopReason(cause=Cause.STALE_COMMAND, text=text))
     return found
 
 
-def _slowed(asked: Twist, contact_s: float, facts: GateInput, profile: RobotProfile) -> Twist:
-    """The same motion, no faster than it can be stopped before contact; a standstill when that is
-    hardly any motion."""
-    if not contact_s <= HORIZON_S:
+def _slowed(
+    asked: Twist, contact_s: float, facts: GateInput, profile: RobotProfile, config: SafetyConfig
+) -> Twist:
+    """Return the same motion, no faster than it can be stopped before contact; a standstill when
+    hardly any motion is left."""
+    if not contact_s <= config.collision.horizon_s:
         return asked
     age_s = (facts.now_ns - facts.frame_ns) / 1e9 if facts.frame_ns is not None else 0.0
-    share = allowed_share(contact_s, asked, frame_age_s=age_s, profile=profile)
+    share = allowed_share(
+        contact_s, asked, frame_age_s=age_s, profile=profile, config=config.collision
+    )
     if share == 1.0:
         return asked
     slowed = Twist(v_mps=share * asked.v_mps, w_radps=share * asked.w_radps)
-    return STANDSTILL if _fastest_point(slowed, profile) < CREEP_MPS else slowed
+    return STANDSTILL if _fastest_point(slowed, profile) < config.collision.creep_mps else slowed
 
 
-def _contact(asked: Twist, contact_s: float) -> StopReason:
-    way = (
+def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> StopReason:
+    where = (
         f"{abs(asked.v_mps) * contact_s:.2f} m ahead"
-        if abs(asked.v_mps) > CREEP_MPS
-        else "in the way of the turn"
+        if abs(asked.v_mps) > config.collision.creep_mps
+        else "in the path of the turn"
     )
     return StopReason(
         cause=Cause.CONTACT_IMMINENT,
-        text=f"The camera sees something {way}, {contact_s:.2f} s before contact: too near to drive on.",
+        text=f"The camera sees an obstacle {where}, {contact_s:.2f} s before contact: too near to "
+        "drive on.",
     )
 
 
 def _fastest_point(twist: Twist, profile: RobotProfile) -> float:
+    """Return an upper bound of the speed of every point of the body in metres per second."""
     return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:
-    period_s = min(
-        max(period_s, 0.0), LONGEST_PERIOD_S
-    )  # a clock that goes back gives no licence to accelerate
+    """Return the velocity within the platform's speed and, since the last one, acceleration."""
+    period_s = max(period_s, 0.0)  # a clock that goes back gives no licence to accelerate
     speed = _approach(
         asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps
     )
@@ -237,5 +245,6 @@ def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotPro
 
 
 def _approach(asked: float, sent: float, step: float, limit: float) -> float:
+    """Return the value nearest to `asked` within a step of `sent` and within the limit."""
     reached = min(max(asked, sent - step), sent + step)
     return min(max(reached, -limit), limit)

@@ -1,9 +1,9 @@
-"""Whether what the sensors say can be true: stamps that go on, a pose the robot can have reached,
-pictures that change.
+"""Plausibility of frames: stamps that advance, poses that the robot can have reached, images that
+change.
 
-A value with its transition, one for each new frame. It remembers the last frame that could be true;
-what cannot follow from it is not believed until the sensors agree with it again, or until the
-operator says that the new place is the true one.
+A value with its transition, one for each new frame. It remembers the last frame that was plausible;
+what cannot follow from it is not trusted until the sensors agree with it again, or until the
+operator confirms the new pose.
 """
 
 from __future__ import annotations
@@ -13,193 +13,213 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.errors import BadFrame
 from navcore.geometry.transform import wrap_angle
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
 
-SLACK = 1.1
-"""A robot may be a little faster than it measures."""
-SLACK_M, SLACK_RAD = 0.03, 0.03
-"""And odometry comes in steps."""
-LONGEST_S = 1.0
-"""After this without a picture the gate has stopped the robot: a longer gap does not let it have
-gone any further."""
-STEADY = 3
-"""A pose that has jumped is believed again when it is back, and has gone on steadily for so many
-frames."""
-EVERY_PX = 13
-"""Every so manieth pixel is compared: a camera that works never repeats them all, for the noise in
-it."""
+_DEFAULT = DEFAULT_SAFETY.sensors
 
 
 class SensorFault(StrEnum):
-    """Why a frame is not believed."""
+    """Why a frame is not trusted."""
 
     STAMP = "stamp"
     POSE = "pose"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
-    """How far the robot can have gone."""
+class Displacement:
+    """A distance and a turn."""
 
-    m: float
-    """Along the floor."""
-    rad: float
-    """Turned."""
+    distance_m: float
+    """Distance along the floor in metres."""
+    turn_rad: float
+    """Change of heading in radians."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SensorMonitor:
-    """What is known of the sensors after some frames; none yet, as it is made."""
+    """State of the sensors after some frames; as it is made, after none."""
 
     newest: Frame | None = None
-    """The last frame that came in."""
+    """Last frame; None before the first."""
     trusted: Frame | None = None
-    """The last one that could be true, with a pose."""
-    fresh_ns: int | None = None
-    """Capture time of the first frame that showed what the newest shows; None before the first."""
-    doubt: SensorFault | None = None
-    """Why the newest is not believed; None when it is."""
-    why: str = ""
-    """The same for the operator, with figures."""
+    """Last frame that was plausible and had a pose; None before the first."""
+    unchanged_since_ns: int | None = None
+    """Capture time in nanoseconds of the first frame with the image of the newest; None before the
+    first."""
+    fault: SensorFault | None = None
+    """Why the newest frame is not trusted; None when it is."""
+    fault_text: str = ""
+    """Description of the fault for the operator, with figures; empty without one."""
     malformed: str = ""
     """What is wrong with the newest frame itself, whatever came before it; empty when nothing is.
     """
-    reach: Way = Way(m=0.0, rad=0.0)
-    """While the pose is in doubt: how far from the trusted one it can be by now."""
+    reach: Displacement = Displacement(distance_m=0.0, turn_rad=0.0)
+    """While the pose is not trusted: how far the robot can be from the trusted one by now."""
     steady: int = 0
-    """For how many frames a pose in doubt has gone on without a jump."""
-    depth: bytes = b""
-    """Some pixels of the newest depth, to compare with."""
-    rgb: bytes = b""
-    """The same of the colours."""
+    """Number of frames for which a pose that is not trusted has advanced without a jump."""
+    depth_sample: bytes = b""
+    """Some depths of the newest frame, to compare the next with."""
+    rgb_sample: bytes = b""
+    """Some colours of the newest frame, to compare the next with."""
 
     @property
     def repeats(self) -> bool:
-        """Whether the newest frame shows, bit for bit, what an earlier one showed."""
-        return self.newest is not None and self.newest.stamp_ns != self.fresh_ns
+        """Whether the newest frame shows, bit for bit, the image of an earlier one."""
+        return self.newest is not None and self.newest.stamp_ns != self.unchanged_since_ns
 
     @property
     def newest_is_trusted(self) -> bool:
-        """Whether the newest frame can be true: well formed, where and when the robot can be."""
-        return self.newest is not None and self.doubt is None and not self.malformed
+        """Whether the newest frame is plausible: well formed, with a possible stamp and pose."""
+        return self.newest is not None and self.fault is None and not self.malformed
 
-    def after(self, frame: Frame, profile: RobotProfile) -> SensorMonitor:
-        """With one more frame; the same one again changes nothing."""
+    def after(
+        self, frame: Frame, profile: RobotProfile, config: SensorMonitorConfig = _DEFAULT
+    ) -> SensorMonitor:
+        """Return the state after one more frame; the same frame again changes nothing."""
         if frame is self.newest:
             return self
         if self.newest is None:
-            return self._believe(frame)
+            return self._trust(frame, config)
         last_ns = self.newest.stamp_ns if self.trusted is None else self.trusted.stamp_ns
         if frame.stamp_ns <= last_ns:
-            back_s = (last_ns - frame.stamp_ns) / 1e9
-            why = f"The camera's clock does not go on: a picture is dated {back_s:.3f} s back from the one before it, or like it."
-            doubted = (
-                (self.doubt, self.why)
-                if self.doubt is SensorFault.POSE
-                else (SensorFault.STAMP, why)
-            )
-            return dataclasses.replace(
-                self._shown(frame), doubt=doubted[0], why=doubted[1], steady=0
-            )
-        if self.trusted is None or not _is_somewhere(frame):
+            return self._doubt_stamp(frame, (last_ns - frame.stamp_ns) / 1e9, config)
+        if self.trusted is None or not _has_pose(frame):
             # Without a pose there is none to doubt: the frame is refused for that.
-            return (
-                self._believe(frame)
-                if self.doubt is not SensorFault.POSE
-                else dataclasses.replace(self._shown(frame), steady=0)
-            )
-        if self.doubt is SensorFault.POSE:
-            return self._still_in_doubt(self.newest, self.trusted, frame, profile)
-        reach = _reach(self.trusted, frame, profile)
+            if self.fault is not SensorFault.POSE:
+                return self._trust(frame, config)
+            return dataclasses.replace(self._show(frame, config), steady=0)
+        if self.fault is SensorFault.POSE:
+            return self._check_again(self.newest, self.trusted, frame, profile, config)
+        reach = _reach(self.trusted, frame, profile, config)
         if not _jumped(self.trusted, frame, reach):
-            return self._believe(frame)
-        why = _told(self.trusted, frame, reach)
+            return self._trust(frame, config)
         return dataclasses.replace(
-            self._shown(frame), doubt=SensorFault.POSE, why=why, reach=reach, steady=0
+            self._show(frame, config),
+            fault=SensorFault.POSE,
+            fault_text=_jump_text(self.trusted, frame, reach, config),
+            reach=reach,
+            steady=0,
         )
 
-    def _shown(self, frame: Frame) -> SensorMonitor:
-        """The same, but for what the newest frame shows."""
+    def _show(self, frame: Frame, config: SensorMonitorConfig) -> SensorMonitor:
+        """Return the state with the image of one more frame, and everything else as before."""
         depth, rgb = (
-            pixels.reshape(-1)[::EVERY_PX].tobytes() for pixels in (frame.depth_m, frame.rgb)
+            pixels.reshape(-1)[:: config.sample_px].tobytes()
+            for pixels in (frame.depth_m, frame.rgb)
         )
-        same = self.newest is not None and (depth == self.depth or rgb == self.rgb)
-        fresh_ns = self.fresh_ns if same else frame.stamp_ns
+        same = self.newest is not None and (depth == self.depth_sample or rgb == self.rgb_sample)
         return dataclasses.replace(
-            self, newest=frame, fresh_ns=fresh_ns, malformed=_malformed(frame), depth=depth, rgb=rgb
+            self,
+            newest=frame,
+            unchanged_since_ns=self.unchanged_since_ns if same else frame.stamp_ns,
+            malformed=_malformed(frame),
+            depth_sample=depth,
+            rgb_sample=rgb,
         )
 
-    def _believe(self, frame: Frame) -> SensorMonitor:
-        trusted = frame if _is_somewhere(frame) else self.trusted
+    def _trust(self, frame: Frame, config: SensorMonitorConfig) -> SensorMonitor:
+        trusted = frame if _has_pose(frame) else self.trusted
         return dataclasses.replace(
-            self._shown(frame), trusted=trusted, doubt=None, why="", steady=0
+            self._show(frame, config), trusted=trusted, fault=None, fault_text="", steady=0
         )
 
-    def _still_in_doubt(
-        self, before: Frame, trusted: Frame, frame: Frame, profile: RobotProfile
+    def _doubt_stamp(
+        self, frame: Frame, back_s: float, config: SensorMonitorConfig
     ) -> SensorMonitor:
-        """Meanwhile the robot has gone as far as it measured, which is nothing once it stands."""
-        gap_s = _gap_s(before, frame)
+        """Return the state after a frame that is not newer than the last; a pose that is not
+        trusted remains the fault."""
+        shown = dataclasses.replace(self._show(frame, config), steady=0)
+        if self.fault is SensorFault.POSE:
+            return shown
+        text = (
+            "The camera's clock does not advance: an image is dated "
+            f"{back_s:.3f} s before the one that preceded it, or the same."
+        )
+        return dataclasses.replace(shown, fault=SensorFault.STAMP, fault_text=text)
+
+    def _check_again(
+        self,
+        before: Frame,
+        trusted: Frame,
+        frame: Frame,
+        profile: RobotProfile,
+        config: SensorMonitorConfig,
+    ) -> SensorMonitor:
+        """Return the state after one more frame while the pose is not trusted; meanwhile the robot
+        has gone as far as it measured, which is nothing once it stands."""
+        gap_s = _gap_s(before, frame, config)
         speed = min(max(abs(before.twist.v_mps), abs(frame.twist.v_mps)), profile.max_speed_mps)
         rate = min(
             max(abs(before.twist.w_radps), abs(frame.twist.w_radps)), profile.max_yaw_rate_radps
         )
-        reach = Way(
-            m=self.reach.m + SLACK * speed * gap_s, rad=self.reach.rad + SLACK * rate * gap_s
+        reach = Displacement(
+            distance_m=self.reach.distance_m + config.speed_factor * speed * gap_s,
+            turn_rad=self.reach.turn_rad + config.speed_factor * rate * gap_s,
         )
-        jumps = not _is_somewhere(before) or _jumped(before, frame, _reach(before, frame, profile))
+        jumps = not _has_pose(before) or _jumped(
+            before, frame, _reach(before, frame, profile, config)
+        )
         steady = 0 if jumps else self.steady + 1
-        if steady >= STEADY and not _jumped(trusted, frame, reach):
-            return self._believe(frame)
-        return dataclasses.replace(self._shown(frame), reach=reach, steady=steady)
+        if steady >= config.steady_frames and not _jumped(trusted, frame, reach):
+            return self._trust(frame, config)
+        return dataclasses.replace(self._show(frame, config), reach=reach, steady=steady)
 
 
-def _reach(before: Frame, after: Frame, profile: RobotProfile) -> Way:
-    """How far the robot can have gone between two frames.
+def _reach(
+    before: Frame, after: Frame, profile: RobotProfile, config: SensorMonitorConfig
+) -> Displacement:
+    """Return how far the robot can have gone between two frames: at most as fast as it measured at
+    either end, faster by what it can accelerate and brake again meanwhile."""
+    gap_s = _gap_s(before, after, config)
+    speed_mps = max(map(abs, (before.twist.v_mps, after.twist.v_mps)))
+    rate_radps = max(map(abs, (before.twist.w_radps, after.twist.w_radps)))
+    slack = config.speed_factor
 
-    At most as fast as it measured at either end, faster by what it can accelerate and brake again
-    meanwhile.
-    """
-    gap_s, v, w = (
-        _gap_s(before, after),
-        (before.twist.v_mps, after.twist.v_mps),
-        (before.twist.w_radps, after.twist.w_radps),
+    def farthest(measured: float, acceleration: float, limit: float) -> float:
+        return slack * gap_s * min(measured + acceleration * gap_s / 2, slack * limit)
+
+    return Displacement(
+        distance_m=config.distance_tolerance_m
+        + farthest(speed_mps, profile.max_accel_mps2, profile.max_speed_mps),
+        turn_rad=config.turn_tolerance_rad
+        + farthest(rate_radps, 2 * profile.max_yaw_accel_radps2, 2 * profile.max_yaw_rate_radps),
     )
-    return Way(
-        m=SLACK_M + _most(v, profile.max_accel_mps2, profile.max_speed_mps, gap_s),
-        rad=SLACK_RAD
-        + _most(w, 2 * profile.max_yaw_accel_radps2, 2 * profile.max_yaw_rate_radps, gap_s),
-    )
 
 
-def _most(measured: tuple[float, float], acceleration: float, limit: float, gap_s: float) -> float:
-    return SLACK * gap_s * min(max(map(abs, measured)) + acceleration * gap_s / 2, SLACK * limit)
+def _jumped(before: Frame, after: Frame, reach: Displacement) -> bool:
+    """Return whether the robot cannot have gone from one frame to the other."""
+    moved = _displacement(before, after)
+    return moved.distance_m > reach.distance_m or moved.turn_rad > reach.turn_rad
 
 
-def _jumped(before: Frame, after: Frame, reach: Way) -> bool:
-    moved_m, turned_rad = _moved(before, after)
-    return moved_m > reach.m or turned_rad > reach.rad
-
-
-def _told(before: Frame, after: Frame, reach: Way) -> str:
-    (moved_m, turned_rad), gap_s = _moved(before, after), _gap_s(before, after)
-    if moved_m > reach.m:
-        what = f"{moved_m:.2f} m in {gap_s:.2f} s, at most {reach.m:.2f} m are possible"
+def _jump_text(
+    before: Frame, after: Frame, reach: Displacement, config: SensorMonitorConfig
+) -> str:
+    moved, gap_s = _displacement(before, after), _gap_s(before, after, config)
+    if moved.distance_m > reach.distance_m:
+        jump, limit = f"{moved.distance_m:.2f} m", f"{reach.distance_m:.2f} m"
     else:
-        what = f"{math.degrees(turned_rad):.0f}° in {gap_s:.2f} s, at most {math.degrees(reach.rad):.0f}° are possible"
-    return f"Odometry has jumped by {what}; the robot stands until it jumps back, or until a reset accepts its place."
+        jump = f"{math.degrees(moved.turn_rad):.0f}°"
+        limit = f"{math.degrees(reach.turn_rad):.0f}°"
+    return (
+        f"Odometry has jumped by {jump} in {gap_s:.2f} s, at most {limit} are possible; the robot "
+        "stands until it jumps back, or until a reset accepts its position."
+    )
 
 
-def _moved(before: Frame, after: Frame) -> tuple[float, float]:
-    moved_m = before.pose.distance_to(after.pose.x_m, after.pose.y_m)
-    return moved_m, abs(wrap_angle(after.pose.yaw_rad - before.pose.yaw_rad))
+def _displacement(before: Frame, after: Frame) -> Displacement:
+    return Displacement(
+        distance_m=before.pose.distance_to(after.pose.x_m, after.pose.y_m),
+        turn_rad=abs(wrap_angle(after.pose.yaw_rad - before.pose.yaw_rad)),
+    )
 
 
-def _gap_s(before: Frame, after: Frame) -> float:
-    return min(max((after.stamp_ns - before.stamp_ns) / 1e9, 0.0), LONGEST_S)
+def _gap_s(before: Frame, after: Frame, config: SensorMonitorConfig) -> float:
+    return min(max((after.stamp_ns - before.stamp_ns) / 1e9, 0.0), config.max_gap_s)
 
 
 def _malformed(frame: Frame) -> str:
@@ -210,6 +230,6 @@ def _malformed(frame: Frame) -> str:
     return ""
 
 
-def _is_somewhere(frame: Frame) -> bool:
+def _has_pose(frame: Frame) -> bool:
     pose, twist = frame.pose, frame.twist
     return all(map(math.isfinite, (pose.x_m, pose.y_m, pose.yaw_rad, twist.v_mps, twist.w_radps)))

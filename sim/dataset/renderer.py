@@ -164,7 +164,7 @@ class SceneRenderer:
 
     def _render_print(self, rng: np.random.Generator, kind: str) -> Texture:
         """Return a square image of one item on a floor of any colour, as a print shows it."""
-        camera_ = self._restart("tiny")
+        camera = self._restart("tiny")
         if kind == "person":
             solids = person_solids(
                 0.1,
@@ -191,10 +191,10 @@ class SceneRenderer:
         )
         down = float(rng.uniform(0.45, 1.2)) if kind != "person" else 0.1
         away = 1.6 * reach
-        camera = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
+        T_map_base = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
         height = away * math.sin(down) + (0.9 if kind == "person" else 0.09 * reach)
-        rgb, _, bodies = camera_.render(
-            camera @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT
+        rgb, _, bodies = camera.render(
+            T_map_base @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down), DAYLIGHT
         )
         rows, columns = np.nonzero(bodies == body)
         return _crop(rgb, rows, columns)

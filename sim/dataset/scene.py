@@ -80,7 +80,7 @@ class Scene:
     decals: tuple[Decal, ...]
     """Decals in order of height, the ground first."""
     posters: tuple[Poster, ...]
-    """Posters."""
+    """Posters on floor and walls."""
     targets: tuple[Spot, ...]
     """Targets for the camera."""
     blocked: tuple[Spot, ...]
@@ -92,7 +92,7 @@ class Scene:
     sky: Colour | None = None
     """Colour of the sky; None for that of the renderer."""
     like_simulator: bool = False
-    """Whether it is coloured, lit and rendered exactly like scenarios."""
+    """Whether the world is coloured, lit and rendered exactly like scenarios."""
 
 
 @dataclass(slots=True, kw_only=True)

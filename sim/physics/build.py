@@ -50,8 +50,8 @@ def build_world(client: int, scenario: Scenario) -> None:
     for sheet in scenario.prints:
         _build_print(client, sheet, ground)
     build_static(client, obstacles(scenario), ground)
-    for placed_object, item in zip(items(scenario), scenario.items, strict=True):
-        _build_item(client, placed_object, item, ground)
+    for entry, item in zip(items(scenario), scenario.items, strict=True):
+        _build_item(client, entry, item, ground)
 
 
 class Crowd:
@@ -147,7 +147,7 @@ def _build_print(client: int, sheet: Print, ground: Ground) -> None:
     apply_texture(client, body, load_texture(client, print_texture(sheet.shows)))
 
 
-def _build_item(client: int, placed_object: PlacedObject, item: Item, ground: Ground) -> None:
+def _build_item(client: int, entry: PlacedObject, item: Item, ground: Ground) -> None:
     """Build an item as a loose body that the robot can push; on hills nothing would stay, so there
     it is fixed. Its collision shape is one box."""
     size = item.extent_m()
@@ -155,9 +155,9 @@ def _build_item(client: int, placed_object: PlacedObject, item: Item, ground: Gr
     collision = pybullet.createCollisionShape(
         pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size], physicsClientId=client
     )
-    visual = solids_visual(client, placed_object.solids, lower_m=middle)
+    visual = solids_visual(client, entry.solids, lower_m=middle)
     mass_kg = ITEM_MASSES_KG[item.kind] if ground.is_flat else 0.0
-    pose = _pose_on(ground, placed_object.pose, middle, tilted=True)
+    pose = _pose_on(ground, entry.pose, middle, tilted=True)
     body = _create(client, collision, visual, pose, mass_kg=mass_kg)
     pybullet.changeDynamics(
         body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=client

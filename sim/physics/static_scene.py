@@ -29,7 +29,7 @@ NATURAL = ("bark", "leaves")
 
 def build_static(client: int, objects: Iterable[PlacedObject], ground: Ground) -> None:
     """Build all static objects."""
-    solids = [solid for placed_object in objects for solid in _in_map(placed_object, ground)]
+    solids = [solid for entry in objects for solid in _in_map(entry, ground)]
     if not solids:
         return
     reachable = [solid for solid, low_m in solids if low_m < OVERHEAD_M]
@@ -46,17 +46,13 @@ def build_static(client: int, objects: Iterable[PlacedObject], ground: Ground) -
             apply_texture(client, body, textures[pattern])
 
 
-def _in_map(placed_object: PlacedObject, ground: Ground) -> Iterable[tuple[Solid, float]]:
+def _in_map(entry: PlacedObject, ground: Ground) -> Iterable[tuple[Solid, float]]:
     """Return the solids of an object in the map frame, each with its height above the ground."""
-    for solid in placed_object.solids:
-        (x, y), z = _to_map(solid.centre_m[:2], placed_object.pose), solid.centre_m[2]
+    for solid in entry.solids:
+        (x, y), z = _to_map(solid.centre_m[:2], entry.pose), solid.centre_m[2]
         # An object keeps its parts together on the ground at its middle; a wall, which has none,
         # follows the ground.
-        foot = (
-            (x, y)
-            if placed_object.name == "wall"
-            else (placed_object.pose.x_m, placed_object.pose.y_m)
-        )
+        foot = (x, y) if entry.name == "wall" else (entry.pose.x_m, entry.pose.y_m)
         deeper_m = (
             FOUNDATION_M
             if not ground.is_flat and solid.bottom_m < 1e-6 and solid.pitch_rad == 0
@@ -67,7 +63,7 @@ def _in_map(placed_object: PlacedObject, ground: Ground) -> Iterable[tuple[Solid
                 solid,
                 size_m=(*solid.size_m[:2], solid.size_m[2] + deeper_m),
                 centre_m=(x, y, z + ground.height_m(*foot) - deeper_m / 2),
-                yaw_rad=solid.yaw_rad + placed_object.pose.yaw_rad,
+                yaw_rad=solid.yaw_rad + entry.pose.yaw_rad,
             ),
             solid.bottom_m,
         )
@@ -90,7 +86,7 @@ def _visuals(client: int, solids: Sequence[Solid]) -> list[tuple[int, Pattern]]:
                 client,
                 merge_solids(parts, coarse=pattern in NATURAL),
                 colour,
-                pattern_period_m=pattern_period_m(pattern),
+                period_m=pattern_period_m(pattern),
             ),
             pattern,
         )

@@ -29,8 +29,8 @@ class Contacts:
     """The contacts of a run."""
 
     def __init__(self, name_of: Callable[[int], str], walks: Callable[[int], bool]) -> None:
-        """`name_of` returns the kind of an object by its number, `walks` whether it moves by
-        itself."""
+        """Track contacts; `name_of` returns the kind of an object by its number, `walks` whether it
+        moves by itself."""
         self._name_of, self._walks = name_of, walks
         self._open: dict[int, Contact] = {}
         self._all: list[Contact] = []
@@ -42,19 +42,19 @@ class Contacts:
         """Number of contacts that began, or went on, while the robot drove."""
         return sum(contact.collided for contact in self._all)
 
-    def judge(self, touched: set[int], *, drives: bool, t_s: float, driven_m: float) -> None:
+    def judge(self, touched: set[int], *, driving: bool, t_s: float, driven_m: float) -> None:
         """Judge one step by the numbers of the objects in contact, and whether the wheels drive the
         robot."""
         for number in touched:
             contact = self._open.get(number)
             if contact is None:
                 contact = Contact(
-                    t_s=t_s, what=self._name_of(number), driven_m=driven_m, collided=drives
+                    t_s=t_s, what=self._name_of(number), driven_m=driven_m, collided=driving
                 )
                 self._open[number] = contact
                 self._all.append(contact)
-                self.struck_while_standing += not drives and self._walks(number)
-            elif drives and driven_m - contact.driven_m > PUSH_LIMIT_M:
+                self.struck_while_standing += not driving and self._walks(number)
+            elif driving and driven_m - contact.driven_m > PUSH_LIMIT_M:
                 contact.collided = True
         self._open = {
             number: contact for number, contact in self._open.items() if number in touched

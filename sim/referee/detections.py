@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.geometry.camera import project
 from navcore.geometry.transform import Matrix
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.robot.frame import Frame
@@ -23,6 +24,8 @@ IN_VIEW_M = 4.0
 HIDDEN_M = 0.3
 """Least difference between the distance of an object and the measured depth at which something
 occludes it."""
+TARGET_HEIGHT_M = 0.02
+"""Height of the point of an object that must be visible."""
 MIN_VIEWS = 3
 """Number of frames that must show an object for it to count as seen."""
 MATCH_M = 0.4
@@ -45,11 +48,15 @@ class DetectionScore:
         if not len(self._objects):
             return
         floor = np.column_stack(
-            [self._centres, np.full(len(self._centres), 0.02), np.ones(len(self._centres))]
+            [
+                self._centres,
+                np.full(len(self._centres), TARGET_HEIGHT_M),
+                np.ones(len(self._centres)),
+            ]
         )
         x, y, z, _ = np.linalg.inv(T_map_camera) @ floor.T
-        lens, ahead = frame.intrinsics, np.maximum(z, 1e-6)
-        col, row = np.rint(lens.fx * x / ahead + lens.cx), np.rint(lens.fy * y / ahead + lens.cy)
+        lens = frame.intrinsics
+        col, row = np.rint(project(np.column_stack([x, y, z]), lens)).T
         shown = (
             (z > 0)
             & (z < IN_VIEW_M)

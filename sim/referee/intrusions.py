@@ -54,7 +54,7 @@ class IntrusionMonitor:
 
     @property
     def polygons(self) -> list[Polygon]:
-        """All polygons."""
+        """Polygons of all areas."""
         return [polygon for parts in self._parts for polygon in parts]
 
     def replace(self, named: Sequence[tuple[str, Parts]], *, body: Polygon | None) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,8 @@ SCALES = {"jackal": 1.0, "husky": HUSKY_SCALE}
 FIRST_DYNAMIC_LENGTH_M = 20.0
 """Distance from start to goal in every DynaBARN world; the published script uses a wrong one."""
 Point = Sequence[float]
+ToMap = Callable[[Point], tuple[float, float]]
+"""Function from a published point to the scaled map frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +113,7 @@ def _world(world: dict[str, Any], meta: dict[str, Any], scale: float) -> BarnWor
     )
 
 
-def _static(world: dict[str, Any], meta: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
+def _static(world: dict[str, Any], meta: dict[str, Any], at: ToMap, scale: float) -> dict[str, Any]:
     diameter = 2 * scale * float(meta["cylinder_radius"])
     size_m = (diameter, diameter, HEIGHT_M)
     cylinders = [*world["walls"], *world["cylinders"]]
@@ -123,7 +125,7 @@ def _static(world: dict[str, Any], meta: dict[str, Any], at: Any, scale: float) 
     }
 
 
-def _dynamic(world: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
+def _dynamic(world: dict[str, Any], at: ToMap, scale: float) -> dict[str, Any]:
     movers = tuple(
         Mover(
             keys=tuple((scale * t_s, *at((x, y))) for t_s, x, y in obstacle["keys"]),
@@ -136,7 +138,7 @@ def _dynamic(world: dict[str, Any], at: Any, scale: float) -> dict[str, Any]:
     return {"walls": tuple(_wall(wall, at, scale) for wall in world["walls"]), "movers": movers}
 
 
-def _wall(wall: dict[str, Any], at: Any, scale: float) -> Wall:
+def _wall(wall: dict[str, Any], at: ToMap, scale: float) -> Wall:
     """Return a box as a straight wall along its longer side."""
     (x, y), (long, wide) = wall["centre"], wall["size"]
     ends = (

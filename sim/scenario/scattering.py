@@ -81,11 +81,7 @@ def _select_apart(
 def _occupied(scenario: Scenario) -> shapely.Geometry:
     """Return the outlines of all objects in the file; scattered objects keep a gap from them."""
     objects = (*obstacles(scenario), *items(scenario))
-    shapes = [
-        shapely.Polygon(outline)
-        for placed_object in objects
-        for outline in placed_object.outlines()
-    ]
+    shapes = [shapely.Polygon(outline) for entry in objects for outline in entry.outlines()]
     shapes += [shapely.Polygon(marking.polygon) for marking in scenario.markings]
     occupied = shapely.union_all([*shapes, shapely.Point(1e6, 1e6)])
     shapely.prepare(occupied)
@@ -102,7 +98,7 @@ def _kept_free(scenario: Scenario) -> shapely.Geometry:
         *scenario.goals,
         *(person.points[0] for person in scenario.people),
     ]
-    return shapely.union_all([*paths, *(shapely.Point(spot) for spot in points)])
+    return shapely.union_all([*paths, *(shapely.Point(point) for point in points)])
 
 
 def _whole_floor(scenario: Scenario) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -64,7 +64,7 @@ class MapExtent:
     size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides along x and y."""
     resolution_m: float = ranged(0.01, 1.0, default=0.05)
-    """Side of a cell."""
+    """Side of a cell of the grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +203,7 @@ class Person:
     yaw_deg: float = ranged(-360.0, 360.0, default=0.0)
     """Direction that a standing person faces."""
     speed_mps: float = ranged(0.0, 3.0, default=0.8)
-    """Walking speed."""
+    """Walking speed of the person."""
     yields: bool = True
     """Whether a walker waits, or turns back, when the robot is right in front."""
     begins_at: float | None = ranged(0.0, 1.0, default=None)
@@ -251,7 +251,7 @@ class Scenario:
     relief: Relief | None = None
     """Relief of the ground; flat when left out."""
     walls: tuple[Wall, ...] = field(default=())
-    """Walls."""
+    """Walls of the world."""
     furniture: tuple[Furniture, ...] = field(default=())
     """Furniture and all other standing objects."""
     markings: tuple[Marking, ...] = field(default=())
@@ -261,7 +261,7 @@ class Scenario:
     prints: tuple[Print, ...] = field(default=())
     """Prints on floor and walls."""
     people: tuple[Person, ...] = field(default=())
-    """People."""
+    """People who stand or walk."""
     movers: tuple[Mover, ...] = field(default=())
     """Cylinders that move by a timetable."""
     faults: tuple[Fault, ...] = field(default=())

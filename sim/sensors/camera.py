@@ -126,7 +126,7 @@ class Camera:
         rgb, depth, _ = self.render(self._camera_pose(pose), flags=pybullet.ER_NO_SEGMENTATION_MASK)
         return rgb, depth
 
-    def bodies(self, pose: Pose2) -> BodyIds:
+    def body_ids(self, pose: Pose2) -> BodyIds:
         """Return the (H, W) body ids seen from a true pose of the base, `NO_BODY` where there is
         none."""
         return self.render(self._camera_pose(pose))[2]
@@ -141,7 +141,7 @@ class Camera:
         """Return colours, depth in metres and (H, W) body ids, `NO_BODY` where there is none,
         without errors."""
         width, height = self.intrinsics.width, self.intrinsics.height
-        *_, rgba, buffer, bodies = pybullet.getCameraImage(
+        *_, rgba, buffer, body_ids = pybullet.getCameraImage(
             width,
             height,
             viewMatrix=_view_matrix(T_map_camera),
@@ -161,7 +161,7 @@ class Camera:
         share = np.asarray(buffer, dtype=np.float64).reshape(height, width)
         # The depth buffer is 0 at the near and 1 at the far plane, and hyperbolic between them.
         depth = (FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * share)).astype(np.float32)
-        return rgb, depth, np.asarray(bodies, dtype=np.int32).reshape(height, width)
+        return rgb, depth, np.asarray(body_ids, dtype=np.int32).reshape(height, width)
 
     def close(self) -> None:
         """Release the renderer, before its client disconnects."""

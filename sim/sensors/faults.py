@@ -73,7 +73,7 @@ class Fault:
     turn_deg: float = ranged(-180.0, 180.0, default=0.0)
     """Rotation of `wrong` odometry, or rate in degrees per second that a `wrong` gyro adds."""
 
-    def holds(self, t_s: float) -> bool:
+    def is_active(self, t_s: float) -> bool:
         """Return whether the fault is active at this simulated time."""
         return self.from_s <= t_s < self.until_s
 
@@ -158,7 +158,7 @@ class _ActiveFault:
         fault, effects = self._fault, self._effects
         if fault.kind == "delayed":
             self._past.append((t_s, value))
-        if not fault.holds(t_s):
+        if not fault.is_active(t_s):
             self._held, self._held_s = value, -math.inf
             return value
         match fault.kind:

@@ -61,7 +61,7 @@ def draw_mission(
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=GRID_M)
-    clear_m = clearance_m(scenario, spec, margins_m)
+    clear_m = _clearance_m(scenario, spec, margins_m)
     reach_m = robot.circumscribed_radius_m + EXTRA_CLEARANCE_M
     starts = np.argwhere((clear_m >= max(start_clear_m, reach_m)) & ~_walking_areas(scenario, spec))
     areas = _areas(clear_m >= robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
@@ -119,7 +119,7 @@ def draw_zones(
     return tuple(tuple((round(float(x), 3), round(float(y), 3)) for x, y in zone) for zone in zones)
 
 
-def clearance_m(
+def _clearance_m(
     scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float]
 ) -> npt.NDArray[np.float32]:
     """Return the (rows, cols) distance in metres of each cell from all objects, less the margin of

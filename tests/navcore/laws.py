@@ -1,5 +1,5 @@
-"""How the laws of these tests are searched for counter-examples: the same examples on every run, by
-work and not by time."""
+"""Settings of the laws in these tests: the same examples on every run, bounded by work and not by
+time."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, settings
 
 
 def law(max_examples: int) -> settings:
-    """Settings for `@law(n)`: deterministic, without a deadline and without a data base on the
-    disk."""
+    """Return settings for `@law(n)`: deterministic, without a deadline and without a database on
+    the disk."""
     return settings(
         max_examples=max_examples,
         derandomize=True,

@@ -1,5 +1,5 @@
-"""Pictures of a world of boxes and painted floor, computed ray by ray, so that every pixel's true
-place is known."""
+"""Synthetic frames of boxes and painted floor, computed ray by ray, with known positions of all
+pixels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.camera import Intrinsics
+from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist, camera_mount
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
@@ -32,28 +32,28 @@ RED_LIST = BewareList(classes=(RED_FLOOR,))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """An axis-parallel box in the map frame."""
+    """Axis-parallel box in the map frame."""
 
     x: Span
-    """First and last x, m."""
+    """First and last x in metres."""
     y: Span
-    """First and last y, m."""
+    """First and last y in metres."""
     z: Span
-    """Bottom and top, m."""
+    """Bottom and top in metres."""
     colour: Colour = GREY
-    """Of every side."""
+    """Colour of every side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paint:
-    """A painted rectangle of the floor."""
+    """Painted rectangle of the floor."""
 
     x: Span
-    """First and last x, m."""
+    """First and last x in metres."""
     y: Span
-    """First and last y, m."""
+    """First and last y in metres."""
     colour: Colour = RED
-    """What is painted."""
+    """Colour of the paint."""
 
 
 def picture(
@@ -63,13 +63,10 @@ def picture(
     twist: Twist = STANDSTILL,
     mount: Matrix = MOUNT,
 ) -> Frame:
-    """What the camera of a robot at `pose` sees of the floor and the things on it."""
+    """Return the frame of a robot at `pose` with the floor and the objects on it."""
     camera = pose.matrix() @ mount
     rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
-    optical = np.stack(
-        [(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1
-    )
-    rays = optical @ camera[:3, :3].T
+    rays = pixel_rays(rows, cols, LENS) @ camera[:3, :3].T
     eye = camera[:3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
@@ -101,7 +98,7 @@ def picture(
 def _entry(
     box: Box, eye: npt.NDArray[np.float64], rays: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """(H, W) depth at which each ray enters the box, infinite where it misses."""
+    """Return (H, W) depths at which the rays enter the box; infinite for a miss."""
     near, far = np.full(rays.shape[:2], 1e-6), np.full(rays.shape[:2], np.inf)
     for axis, span in enumerate((box.x, box.y, box.z)):
         first, second = ((side - eye[axis]) / rays[..., axis] for side in span)

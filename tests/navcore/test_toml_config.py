@@ -1,5 +1,4 @@
-"""Beware list, configuration and the reading of tables: what is wrong is refused by the name of its
-key."""
+"""Beware list, configuration and TOML tables: errors name the key."""
 
 from __future__ import annotations
 
@@ -65,7 +64,7 @@ def test_a_missing_key_is_named(key: str) -> None:
 
 
 def test_good_entries_are_read_with_their_defaults_and_whole_numbers_will_do() -> None:
-    """Control of the refusals."""
+    """Control for the refusals."""
     assert from_table(BewareClass, CUP, "t") == BewareClass(name="cup", class_id=1)
     assert from_table(BewareClass, {**RED, "margin_m": 1}, "t") == BewareClass(
         name="red floor", class_id=2, margin_m=1.0, colour=ColourRule(hue_deg=(345.0, 15.0))
@@ -129,7 +128,7 @@ def test_an_edit_makes_the_next_version_and_leaves_the_old_value_untouched() -> 
         ("cup", {"margin_m": 9.0}, r"beware list: cup\.margin_m: 9.0 is out of range"),
         ("cup", {"margin_m": "0.1"}, r"cup\.margin_m: expected float"),
         ("cup", {"name": "mud"}, "class_id 1 belongs to 'cup' for ever"),
-        ("cup", {"class_id": 2}, "class_id stays with the name"),
+        ("cup", {"class_id": 2}, "class_id cannot be changed"),
         ("cup", {"margn_m": 0.1}, "margn_m"),
         ("cup", {"margin_m": None}, "margin_m"),
         ("cup", {"min_confidence": None}, "min_confidence"),
@@ -151,9 +150,7 @@ def test_a_class_keeps_its_id_since_the_map_knows_it_by_that() -> None:
         )
 
 
-def test_what_was_taken_off_the_list_keeps_its_id_for_the_map_still_holds_what_was_seen_of_it() -> (
-    None
-):
+def test_a_removed_class_keeps_its_id_because_the_map_may_still_hold_points_of_it() -> None:
     cup, mud = (LIST.named(name) for name in ("cup", "mud"))
     without = LIST.replaced(entry for entry in LIST.classes if entry != cup).edited(
         "mud", enabled=False
@@ -174,10 +171,11 @@ def test_the_list_that_is_shipped_is_sound() -> None:
     assert len({entry.class_id for entry in shipped.classes}) == len(shipped.classes)
 
 
-def test_files_are_read_and_what_is_wrong_is_told_by_file_and_key(tmp_path: Path) -> None:
+def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
     file = tmp_path / "list.toml"
     file.write_text(
-        '[[beware]]\nname = "cup"\nclass_id = 1\n[[beware]]\nname = "mud"\nclass_id = 2\nenabled = false\n'
+        '[[beware]]\nname = "cup"\nclass_id = 1\n'
+        '[[beware]]\nname = "mud"\nclass_id = 2\nenabled = false\n'
     )
     assert [entry.name for entry in load_beware_list(file).enabled] == ["cup"]
     file.write_text('[[beware]]\nname = "cup"\nclass_id = 1\ncolor = 3\n')
@@ -225,14 +223,12 @@ def test_an_empty_file_is_the_default_configuration(tmp_path: Path) -> None:
 
 def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> None:
     file, jackal = tmp_path / "nav.toml", load_profile("jackal")
-    file.write_text('[local]\nprimitives = "falco"\n')
-    usual = config_for(jackal)
-    assert usual.local.padding_m != LocalPlannerConfig().padding_m
-    assert load_config(file, jackal) == replace(
-        usual, local=replace(usual.local, primitives="falco")
-    )
-    file.write_text('[local]\nprimitives = "dwa"\n')
+    file.write_text("[local]\nlookahead_m = 1.0\n")
+    base = config_for(jackal)
+    assert base.local.padding_m != LocalPlannerConfig().padding_m
+    assert load_config(file, jackal) == replace(base, local=replace(base.local, lookahead_m=1.0))
+    file.write_text("[local]\nlookahead_m = 30.0\n")
     with pytest.raises(
-        BadConfiguration, match=r"nav\.toml\.local\.primitives: expected one of 'arcs', 'falco'"
+        BadConfiguration, match=r"nav\.toml\.local\.lookahead_m: 30\.0 is out of range"
     ):
         load_config(file)

@@ -1,5 +1,5 @@
-"""The whole console around a robot on a bench, in real time: for the figures about the door, the
-stop and the hand."""
+"""The whole console around a bench robot, in real time: for the measurements of security, stop and
+teleoperation."""
 
 from __future__ import annotations
 
@@ -25,28 +25,29 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.navigator import Stages
 from navcore.warmup import warm_up
 from sim.sensors.faults import Fault
-from tests.reliability.drills import Bench, first_picture, standing_pilot
-from web.access import Access
+from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
+from web.auth.access import Access
 from web.server import ConsoleServer
 
-PATIENCE_S = 30.0
-MIDDLE = Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)
+TIMEOUT_S = 30.0
+BENCH_POSE = Pose2(x_m=-2.5, y_m=2.5, yaw_rad=0.0)
 
 
 @dataclass
-class Wheels(Bench):
-    """A bench that remembers every command, by the machine's monotonic clock."""
+class RecordingRobot(BenchRobot):
+    """A bench robot that records every command, on the monotonic clock of the machine."""
 
     sent: list[tuple[float, Twist]] = field(default_factory=list)
-    """(seconds, velocity), oldest first."""
+    """(seconds, velocity) of every command, oldest first."""
 
     def send(self, twist: Twist) -> None:
-        """Note what comes."""
+        """Record a command."""
         super().send(twist)
         self.sent.append((time.monotonic(), twist))
 
     def stands_since(self) -> float:
-        """Since when every command was zero."""
+        """Return the time of the first command of the present unbroken run of zeros; infinite while
+        the robot moves."""
         for at_s, twist in reversed(self.sent):
             if twist != STANDSTILL:
                 later = [other_s for other_s, _ in self.sent if other_s > at_s]
@@ -56,29 +57,29 @@ class Wheels(Bench):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchConsole:
-    """A console that runs on a bench."""
+    """A console that runs on a bench robot."""
 
-    wheels: Wheels
-    """What it sends to."""
+    robot: RecordingRobot
+    """Robot that the console commands."""
     operations: LiveOperations
-    """The system behind it."""
+    """Operations behind the API."""
     server: ConsoleServer
-    """Its door."""
+    """Web server."""
     store: Store
-    """What it keeps."""
+    """Data store."""
     faults: list[Fault]
-    """May grow; times are of `now_s`."""
+    """Injected faults, which may grow; times are on the clock of `now_s`."""
     now_s: Callable[[], float]
-    """Seconds since it began."""
+    """Function that returns the seconds since the start."""
 
     def client(self) -> httpx.Client:
-        """A program that talks to it."""
-        return httpx.Client(base_url=self.server.url, trust_env=False, timeout=PATIENCE_S)
+        """Return an HTTP client of the console."""
+        return httpx.Client(base_url=self.server.url, trust_env=False, timeout=TIMEOUT_S)
 
 
 @contextmanager
 def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
-    """Start it on a free port, with a data folder of its own."""
+    """Start a console on a free port, with a data folder of its own."""
     warm_up()
     ended, faults = threading.Event(), list[Fault]()
     began_s = time.monotonic()
@@ -88,16 +89,18 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
 
     injector = FaultInjector(lambda: faults, now_s)
     injector.take_time(time.sleep)
-    pilot = standing_pilot(stages=injector.wrap(Stages()))
-    wheels = Wheels(scene=dataclasses.replace(first_picture(), pose=MIDDLE), pilot=pilot)
+    controller = standing_controller(stages=injector.wrap(Stages()))
+    robot = RecordingRobot(
+        scene=dataclasses.replace(first_frame(), pose=BENCH_POSE), controller=controller
+    )
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         store = Store(Path(folder))
         stack.callback(store.close)
-        recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
+        recorder = Recorder(controller=controller, store=store, referee=None, scenario="bench")
         operations = LiveOperations(
-            robot=wheels,
-            pilot=pilot,
+            robot=robot,
+            controller=controller,
             store=store,
             recorder=recorder,
             world="bench",
@@ -107,7 +110,10 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             config=NavigatorConfig(),
         )
         loop = ControlLoop(
-            wheels, pilot, on_decision=operations.note_decision, on_verdict=operations.note_verdict
+            robot,
+            controller,
+            on_decision=operations.note_decision,
+            on_verdict=operations.note_verdict,
         )
         loop.start()
         stack.callback(loop.stop)
@@ -116,21 +122,21 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
         server.start()
         stack.callback(server.stop)
         console = BenchConsole(
-            wheels=wheels,
+            robot=robot,
             operations=operations,
             server=server,
             store=store,
             faults=faults,
             now_s=now_s,
         )
-        patiently(lambda: operations.picture() is not None)
+        wait_until(lambda: operations.picture() is not None)
         yield console
 
 
-def patiently(holds: Callable[[], bool]) -> None:
-    """Wait until something holds; a bench on which it never does is broken."""
-    deadline_s = time.monotonic() + PATIENCE_S
+def wait_until(holds: Callable[[], bool]) -> None:
+    """Wait until a condition holds; raise `RuntimeError` when it never does."""
+    deadline_s = time.monotonic() + TIMEOUT_S
     while not holds():
         if time.monotonic() > deadline_s:
-            raise RuntimeError("the bench does not come to work")
+            raise RuntimeError(f"the condition did not hold within {TIMEOUT_S:g} s")
         time.sleep(0.005)

@@ -1,4 +1,4 @@
-"""Rows 22 to 25 of the reliability page: whatever is sent to the console, it refuses and goes on."""
+"""Rows 22 to 25: the console refuses whatever is sent to it, and goes on."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from navcore.perception.esanet.weights.weights_file import load
 from navcore.robot.profile import HUSKY
 from tests.reliability.console_rig import BenchConsole, bench_console
 from tests.reliability.result import Measurement
-from tests.reliability.routes import PARAMETER, STRANGERS, ask, routes_of
-from web.access import Access
+from tests.reliability.routes import FOREIGN_HEADERS, PARAMETER, response_status, routes_of
+from web.auth.access import Access
 from web.server import create_app
 
 KEYS = [
@@ -73,35 +73,35 @@ WORDS = (
 )
 BOMBS = ("[" * 100_000, '{"a":' * 50_000, "9" * 100_000, '"' + "\\ud800" * 1000 + '"')
 PAGE = "0123456789abcdef"
-VISER = Subprotocol("viser-v1.1.1")
+VISER_PROTOCOL = Subprotocol("viser-v1.1.1")
 
 
 def hostile_requests(trials: int) -> Measurement:
-    """Row 22: random nonsense to every route that takes a body; answers of 500 and more, or none."""
+    """Row 22: random nonsense to every route with a body; answers of 5xx, or none."""
     failed, refused = 0, 0
-    with bench_console() as console, console.client() as stranger:
+    with bench_console() as console, console.client() as client:
         routes = [
             route for route in routes_of(_app(console)) if route[0] not in ("GET", "HEAD", "WS")
         ]
         for number in range(trials):
-            chance = random.Random(number)
-            method, path = chance.choice(routes)
+            rng = random.Random(number)
+            method, path = rng.choice(routes)
             path = path.replace(
-                PARAMETER, quote(chance.choice(WORDS) or "z", safe="", errors="surrogatepass")
+                PARAMETER, quote(rng.choice(WORDS) or "z", safe="", errors="surrogatepass")
             )
-            body = _body(chance)
+            body = _body(rng)
             headers = {
-                "Content-Type": chance.choice(
+                "Content-Type": rng.choice(
                     ["application/json", "text/plain", "application/json; charset=utf-16"]
                 )
             }
             try:
-                status = stranger.request(method, path, content=body, headers=headers).status_code
+                status = client.request(method, path, content=body, headers=headers).status_code
             except httpx.TransportError:
-                status = HTTPStatus.INTERNAL_SERVER_ERROR  # cut off in the middle of its answer
+                status = HTTPStatus.INTERNAL_SERVER_ERROR  # connection cut within the answer
             failed += status >= HTTPStatus.INTERNAL_SERVER_ERROR
             refused += HTTPStatus.BAD_REQUEST <= status < HTTPStatus.INTERNAL_SERVER_ERROR
-        alive = stranger.get("/healthz").is_success
+        alive = client.get("/healthz").is_success
     return Measurement(
         trials=trials,
         measured=f"{refused} refused, {failed} answers of 5xx or none",
@@ -110,8 +110,8 @@ def hostile_requests(trials: int) -> Measurement:
 
 
 def hostile_frames(trials: int) -> Measurement:
-    """Row 23: nonsense on every websocket; others go on, and no command leaves the platform's
-    limits."""
+    """Row 23: nonsense on every websocket; other clients go on, and no command leaves the limits of
+    the platform."""
     with bench_console() as console, console.client() as program:
         address = console.server.url.replace("http", "ws")
         paths = [
@@ -120,11 +120,11 @@ def hostile_frames(trials: int) -> Measurement:
             "/api/v1/control/live",
             "/api/v1/events",
         ]
-        with connect(f"{address}/api/v1/events", proxy=None) as bystander:
+        with connect(f"{address}/api/v1/events", proxy=None) as other_client:
             for number in range(trials):
-                chance = random.Random(number)
+                rng = random.Random(number)
                 path = paths[number % len(paths)]
-                protocol = [VISER] if path.startswith("/viewer") else None
+                protocol = [VISER_PROTOCOL] if path.startswith("/viewer") else None
                 try:
                     with connect(
                         address + path,
@@ -133,57 +133,59 @@ def hostile_frames(trials: int) -> Measurement:
                         max_size=None,
                         close_timeout=1,
                     ) as hostile:
-                        for _ in range(chance.randint(1, 3)):
-                            hostile.send(_frame(chance))
+                        for _ in range(rng.randint(1, 3)):
+                            hostile.send(_frame(rng))
                 except websockets.exceptions.ConnectionClosed:
                     continue
-            told = [json.loads(bystander.recv(timeout=10))["type"] for _ in range(5)]
+            told = [json.loads(other_client.recv(timeout=10))["type"] for _ in range(5)]
         beyond = sum(
             not (
                 abs(twist.v_mps) <= HUSKY.max_speed_mps
                 and abs(twist.w_radps) <= HUSKY.max_yaw_rate_radps
             )
-            for _, twist in console.wheels.sent
+            for _, twist in console.robot.sent
         )
         alive = (
             program.get("/healthz").is_success
             and program.get("/viewer/").is_success
             and told == ["state"] * 5
         )
-    said = f"{'others went on' if alive else 'THE OTHERS SUFFERED'}, {beyond} commands beyond the limits"
-    return Measurement(trials=trials, measured=said, met=alive and beyond == 0)
+    others = "others went on" if alive else "OTHER CLIENTS FAILED"
+    measured = f"{others}, {beyond} commands beyond the limits"
+    return Measurement(trials=trials, measured=measured, met=alive and beyond == 0)
 
 
 def foreign_requests(trials: int) -> Measurement:
-    """Row 24: every route of the app, for every kind of stranger and for somebody not logged in; as
-    many as there are."""
-    let_in, asked = [], 0
+    """Row 24: every route of the app with every kind of foreign request, and without a log-in."""
+    admitted, asked = [], 0
     with bench_console() as console, tempfile.TemporaryDirectory() as folder:
         database = Database(Path(folder))
         locked = _app(console, Access.by_login(UserTable(database)))
-        for app, visitors in (
-            (_app(console), STRANGERS),
-            (locked, {"nobody": {"Host": "console"}}),
+        for app, requests in (
+            (_app(console), FOREIGN_HEADERS),
+            (locked, {"not logged in": {"Host": "console"}}),
         ):
             for route in routes_of(app):
-                for who, headers in visitors.items():
+                for who, headers in requests.items():
                     asked += 1
-                    status = ask(app, *route, headers, quiet=True)
+                    status = response_status(app, *route, headers, quiet=True)
                     if status not in (401, 403, 421):
-                        let_in.append(f"{who}: {' '.join(route)} {status}")
+                        admitted.append(f"{who}: {' '.join(route)} {status}")
         database.close()
-    first = f"; the first: {let_in[0]}" if let_in else ""
+    first = f"; the first: {admitted[0]}" if admitted else ""
     return Measurement(
-        trials=asked, measured=f"{len(let_in)} let in{first}", met=not let_in and asked >= trials
+        trials=asked,
+        measured=f"{len(admitted)} admitted{first}",
+        met=not admitted and asked >= trials,
     )
 
 
 def path_traversal(trials: int) -> Measurement:
-    """Row 25: paths that lead out of every folder there is, and weights that would run a program."""
-    escaped, executed = 0, _run_by_weights()
-    with bench_console() as console, console.client() as stranger:
+    """Row 25: paths that lead out of every folder, and weights that would run a program."""
+    escaped, executed = 0, _executed_pickles()
+    with bench_console() as console, console.client() as client:
         for number in range(trials):
-            answer = stranger.get(_path(random.Random(number)))
+            answer = client.get(_path(random.Random(number)))
             escaped += answer.status_code not in (400, 404, 405, 422) or "root:" in answer.text
     measured = f"{escaped} paths escaped, {executed} of 1 pickles executed"
     return Measurement(trials=trials, measured=measured, met=escaped == 0 and executed == 0)
@@ -193,38 +195,39 @@ def _app(console: BenchConsole, access: Access | None = None) -> Any:
     return create_app(console.operations, allowed_hosts=["console"], access=access)
 
 
-def _body(chance: random.Random) -> bytes:
-    if chance.random() < 0.02:
-        return chance.choice(BOMBS).encode()
-    if chance.random() < 0.1:
-        return chance.randbytes(chance.randint(0, 200))
-    return _json(chance, 4).encode("utf-8", "surrogatepass")
+def _body(rng: random.Random) -> bytes:
+    if rng.random() < 0.02:
+        return rng.choice(BOMBS).encode()
+    if rng.random() < 0.1:
+        return rng.randbytes(rng.randint(0, 200))
+    return _json(rng, 4).encode("utf-8", "surrogatepass")
 
 
-def _json(chance: random.Random, depth: int) -> str:
-    kind = chance.randrange(4) if depth else chance.randrange(2)
+def _json(rng: random.Random, depth: int) -> str:
+    kind = rng.randrange(4) if depth else rng.randrange(2)
     if kind == 0:
-        return chance.choice(NUMBERS)
+        return rng.choice(NUMBERS)
     if kind == 1:
-        return json.dumps(chance.choice(WORDS))
+        return json.dumps(rng.choice(WORDS))
     if kind == 2:
-        return "[" + ",".join(_json(chance, depth - 1) for _ in range(chance.randrange(5))) + "]"
+        return "[" + ",".join(_json(rng, depth - 1) for _ in range(rng.randrange(5))) + "]"
     pairs = (
-        f"{json.dumps(chance.choice(KEYS))}:{_json(chance, depth - 1)}"
-        for _ in range(chance.randrange(5))
+        f"{json.dumps(rng.choice(KEYS))}:{_json(rng, depth - 1)}" for _ in range(rng.randrange(5))
     )
     return "{" + ",".join(pairs) + "}"
 
 
-def _frame(chance: random.Random) -> bytes | str:
-    drive = f'{{"type":"drive","v_mps":{chance.choice(NUMBERS)},"w_radps":{chance.choice(NUMBERS)},"t_ms":0}}'
-    text = _json(chance, 3).encode("utf-8", "replace").decode()
-    frames: list[bytes | str] = [chance.randbytes(chance.randint(0, 300)), text, drive]
-    return chance.choice(frames)
+def _frame(rng: random.Random) -> bytes | str:
+    drive = (
+        f'{{"type":"drive","v_mps":{rng.choice(NUMBERS)},"w_radps":{rng.choice(NUMBERS)},"t_ms":0}}'
+    )
+    text = _json(rng, 3).encode("utf-8", "replace").decode()
+    frames: list[bytes | str] = [rng.randbytes(rng.randint(0, 300)), text, drive]
+    return rng.choice(frames)
 
 
-def _path(chance: random.Random) -> str:
-    up = chance.choice(
+def _path(rng: random.Random) -> str:
+    up = rng.choice(
         [
             "../",
             "..%2f",
@@ -238,7 +241,7 @@ def _path(chance: random.Random) -> str:
             "%2f",
         ]
     )
-    target = chance.choice(
+    target = rng.choice(
         [
             "etc/passwd",
             "console.sqlite",
@@ -248,11 +251,12 @@ def _path(chance: random.Random) -> str:
             "__init__.py",
         ]
     )
-    return f"/{chance.choice(['page', 'viewer', 'api/v1/runs', 'api/v1/zones'])}/{up * chance.randint(1, 8)}{target}"
+    base = rng.choice(["page", "viewer", "api/v1/runs", "api/v1/zones"])
+    return f"/{base}/{up * rng.randint(1, 8)}{target}"
 
 
 class _Program:
-    """A pickle that makes a file when it is read as pickles are."""
+    """A pickle that makes a folder when it is loaded."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -261,7 +265,7 @@ class _Program:
         return os.mkdir, (str(self.path),)
 
 
-def _run_by_weights() -> int:
+def _executed_pickles() -> int:
     with tempfile.TemporaryDirectory() as folder:
         trap, weights = Path(folder) / "trap", Path(folder) / "model.safetensors"
         weights.write_bytes(pickle.dumps(_Program(trap)))

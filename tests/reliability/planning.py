@@ -1,5 +1,4 @@
-"""Rows 7 to 11 of the reliability page: goals that cannot be, zones drawn in the way, and somebody
-who steps in it."""
+"""Rows 7 to 11: impossible goals, zones drawn on the path, and sudden obstacles."""
 
 from __future__ import annotations
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from app.episode.episode import Episode
 from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import STANDSTILL, Twist
@@ -21,15 +21,15 @@ from navcore.planning.planner import plan
 from navcore.planning.route import no_route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.collision_monitor import REACTION_S
 from navcore.safety.gate import StopReason
 from sim.scenario.schema import Mover
-from tests.reliability.drills import OPEN, drill, first_picture, standing_pilot
+from tests.reliability.fault_runs import OPEN_FLOOR, fault_run, first_frame, standing_controller
 from tests.reliability.result import Measurement
 
 Corners = tuple[tuple[float, float], ...]
 BUDGET = 200
-"""Of the searches that are to run over it; a whole one over these grids takes some thousand."""
+"""Expansion budget of the searches that exceed it; a whole search over these grids takes some
+thousand."""
 
 
 def _zone(corners: Corners, name: str = "drawn") -> Zone:
@@ -43,8 +43,8 @@ def _square(x_m: float, y_m: float, half_m: float, turn_rad: float = 0.0) -> Cor
 
 
 def over_budget(trials: int) -> Measurement:
-    """Row 7: searches on grids of noise that are given up, and how long that took next to the whole
-    search."""
+    """Row 7: searches on random grids that exceed their budget, and their duration compared with
+    the whole search."""
     rng, given_up, over_ms = np.random.default_rng(7), 0, []
     for _ in range(trials):
         blocked = rng.random((400, 400)) < 0.33
@@ -60,45 +60,48 @@ def over_budget(trials: int) -> Measurement:
     p99_ms = float(np.percentile(over_ms, 99))
     return Measurement(
         trials=trials,
-        measured=f"{given_up} given up, p99 {p99_ms:+.1f} ms against the whole search; held: {'yes' if held else 'NO'}",
+        measured=f"{given_up} given up, p99 {p99_ms:+.1f} ms against the whole search; "
+        f"held: {'yes' if held else 'NO'}",
         met=given_up == trials and held and p99_ms <= 10.0,
     )
 
 
 def _held_over_budget() -> bool:
-    """Whether a pilot whose search is given up stands, and says so."""
+    """Return whether a controller whose search is given up stands, with that reason."""
     timed_out = no_route(Reason.TIMEOUT)
-    pilot = standing_pilot(stages=Stages(replan=lambda *_: timed_out))
-    frame = first_picture()
-    moved, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
+    controller = standing_controller(stages=Stages(replan=lambda *_: timed_out))
+    frame = first_frame()
+    moved, reasons, _ = _response(controller, frame, (2.0, 2.0))
     return not moved and any(Reason.TIMEOUT in reason.text for reason in reasons)
 
 
-def _answer(
-    pilot: RobotController, frame: Frame, goal: tuple[float, float]
+def _response(
+    controller: RobotController, frame: Frame, goal: tuple[float, float]
 ) -> tuple[bool, tuple[StopReason, ...], float]:
-    """Whether the robot moves when sent to a goal, why not, and after how many seconds of thinking
-    that is known."""
+    """Return whether the robot moves when sent to a goal, why not, and the seconds of computation
+    until that is known."""
     began_s = time.perf_counter()
-    pilot.change_mission(lambda mission: mission.add(*goal, pilot.navigator.map.spec).start())
-    pilot.think(frame, clock=lambda: frame.stamp_ns)
-    verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+    controller.change_mission(
+        lambda mission: mission.add(*goal, controller.navigator.map.spec).start()
+    )
+    controller.think(frame, clock=lambda: frame.stamp_ns)
+    verdict = controller.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
     return verdict.twist != STANDSTILL, verdict.reasons, time.perf_counter() - began_s
 
 
 def _pilot_with(areas: tuple[Corners, ...]) -> RobotController:
-    pilot = standing_pilot()
+    controller = standing_controller()
     zones = tuple(_zone(corners, f"zone {number}") for number, corners in enumerate(areas))
-    pilot.change(lambda intent: dataclasses.replace(intent, zones=zones))
-    return pilot
+    controller.change(lambda intent: dataclasses.replace(intent, zones=zones))
+    return controller
 
 
 def impossible_goals(trials: int) -> Measurement:
-    """Row 8: whether each is told apart, how soon, and without a motion.
+    """Row 8: impossible goals are told apart, in time, and without a motion.
 
-    The robot looks along x from (-2.5, -2.5), and a box stands at (0.5, -2.4).
+    The robot faces along x from (-2.5, -2.5), and a box stands at (0.5, -2.4).
     """
-    frame = first_picture()
+    frame = first_frame()
     fence = (
         *(((1.0, y), (3.0, y), (3.0, y + 0.1), (1.0, y + 0.1)) for y in (0.9, 3.0)),
         *(((x, 0.9), (x + 0.1, 0.9), (x + 0.1, 3.1), (x, 3.1)) for x in (0.9, 3.0)),
@@ -113,13 +116,12 @@ def impossible_goals(trials: int) -> Measurement:
     slowest_s, moved, told = 0.0, 0, set[str]()
     for number in range(max(trials, len(cases))):
         goal, areas = cases[number % len(cases)]
-        pilot = _pilot_with(areas)
-        pilot.think(
-            frame, clock=lambda: frame.stamp_ns
-        )  # look round first: a goal is judged by what has been seen
-        pilot.trust_pose()
+        controller = _pilot_with(areas)
+        # Observe first: a goal is judged by what has been seen.
+        controller.think(frame, clock=lambda: frame.stamp_ns)
+        controller.trust_pose()
         try:
-            moves, reasons, took_s = _answer(pilot, frame, goal)
+            moves, reasons, took_s = _response(controller, frame, goal)
         except BadGeometry as error:
             moves, reasons, took_s = False, (), 0.0
             told.add(str(error))
@@ -128,29 +130,30 @@ def impossible_goals(trials: int) -> Measurement:
         told.update(reason.text for reason in reasons[:1])
     return Measurement(
         trials=max(trials, len(cases)),
-        measured=f"{len(told)} different reasons, answered within {slowest_s * 1e3:.0f} ms, {moved} moved",
+        measured=f"{len(told)} different reasons, answered within {slowest_s * 1e3:.0f} ms, "
+        f"{moved} moved",
         met=len(told) == len(cases) and moved == 0 and slowest_s <= 0.2,
     )
 
 
 def zone_under_robot(trials: int) -> Measurement:
     """Row 9: zones of any size drawn over some part of the robot while it is told to drive."""
-    rng, frame = np.random.default_rng(9), first_picture()
+    rng, frame = np.random.default_rng(9), first_frame()
     stood = left = 0
     for _ in range(trials):
         x_m, y_m = (
             frame.pose.x_m + float(rng.uniform(-0.3, 0.3)),
             frame.pose.y_m + float(rng.uniform(-0.3, 0.3)),
         )
-        pilot = _pilot_with(
+        controller = _pilot_with(
             (_square(x_m, y_m, float(rng.uniform(0.1, 0.8)), float(rng.uniform(0, math.pi))),)
         )
-        moves, reasons, _ = _answer(pilot, frame, (2.0, 2.0))
+        moves, reasons, _ = _response(controller, frame, (2.0, 2.0))
         stood += not moves and bool(reasons)
-        pilot.change_mission(lambda mission: mission.pause().leave())
-        pilot.trust_pose()
-        pilot.think(frame, clock=lambda: frame.stamp_ns)
-        verdict = pilot.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
+        controller.change_mission(lambda mission: mission.pause().leave())
+        controller.trust_pose()
+        controller.think(frame, clock=lambda: frame.stamp_ns)
+        verdict = controller.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
         left += verdict.twist != STANDSTILL
     return Measurement(
         trials=trials,
@@ -169,7 +172,7 @@ def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
         def draw(
             t_s: float, episode: Episode, rng: np.random.Generator = rng, zones: list[Zone] = zones
         ) -> None:
-            decision = episode.pilot.thought.decision
+            decision = episode.controller.tick_state.decision
             if (
                 zones
                 or t_s < 1.2
@@ -196,9 +199,11 @@ def zone_across_path(trials: int, *, told: bool = True) -> Measurement:
             )
             episode.simulator.referee.set_zones(tuple(np.array(zone.polygon) for zone in zones))
             if told:
-                episode.pilot.change(lambda intent: dataclasses.replace(intent, zones=tuple(zones)))
+                episode.controller.change(
+                    lambda intent: dataclasses.replace(intent, zones=tuple(zones))
+                )
 
-        _, report = drill(seed=seed, until_s=7.0, on_command=draw)
+        _, report = fault_run(seed=seed, until_s=7.0, on_command=draw)
         drawn += len(zones)
         intrusions += int(str(report["zone_intrusions"]))
     return Measurement(
@@ -216,9 +221,10 @@ def sudden_obstacle(trials: int) -> Measurement:
     def follow(t_s: float, episode: Episode) -> None:
         track.append((t_s, episode.simulator.true_pose().x_m))
 
-    drill(seed=0, until_s=2.0, scenario=OPEN, stages=drive_blindly(), on_command=follow)
+    fault_run(seed=0, until_s=2.0, scenario=OPEN_FLOOR, stages=drive_blindly(), on_command=follow)
     rng, contacts, nearest_m, fastest_mps = np.random.default_rng(11), 0, math.inf, 0.0
-    stop_m = HUSKY.max_speed_mps * REACTION_S + HUSKY.max_speed_mps**2 / (2 * HUSKY.max_accel_mps2)
+    reaction_s = DEFAULT_SAFETY.collision.reaction_s
+    stop_m = HUSKY.max_speed_mps * reaction_s + HUSKY.max_speed_mps**2 / (2 * HUSKY.max_accel_mps2)
     for _ in range(trials):
         at_s, radius_m = float(rng.uniform(1.2, 1.8)), float(rng.uniform(0.05, 0.4))
         x_m = (
@@ -235,9 +241,9 @@ def sudden_obstacle(trials: int) -> Measurement:
             radius_m=radius_m,
             height_m=1.0,
         )
-        world = dataclasses.replace(OPEN, movers=(post,))
+        world = dataclasses.replace(OPEN_FLOOR, movers=(post,))
         speeds: list[float] = []
-        _, report = drill(
+        _, report = fault_run(
             seed=0,
             until_s=at_s + 1.6,
             scenario=world,
@@ -257,7 +263,7 @@ def sudden_obstacle(trials: int) -> Measurement:
 
 
 def drive_blindly() -> Stages:
-    """Return stages whose local planner is replaced by one that drives straight on at full speed."""
+    """Return stages whose local planner drives straight on at full speed."""
     full = Motion(
         twist=Twist(v_mps=HUSKY.max_speed_mps, w_radps=0.0), outcome=ControllerState.FOLLOW
     )

@@ -1,4 +1,4 @@
-"""What was measured of a promise."""
+"""The measurement of a promise."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ class Measurement:
     """The outcome of some trials."""
 
     trials: int
-    """How many there were."""
+    """Number of trials."""
     measured: str
-    """What came of them, with the figure that the promise is about."""
+    """Summary of the outcome, with the number that the promise is about."""
     met: bool
-    """Whether the promise was kept in every one."""
+    """Whether the promise was kept in every trial."""

@@ -1,5 +1,4 @@
-"""Knocking at the door: every route an app itself knows, asked for by strangers, without a network
-between."""
+"""Requests to every route that an app declares, without a network between."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from fastapi.routing import iter_route_contexts
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Scope
 
-STRANGERS = {
+FOREIGN_HEADERS = {
     "foreign host": {"Host": "evil.example"},
     "host with a trick": {"Host": "console.evil.example"},
     "host and port of another": {"Host": "evil.example:8000"},
@@ -26,29 +25,29 @@ STRANGERS = {
         "Sec-Fetch-Dest": "image",
     },
 }
-"""Whom a console that is called `console` must not let in."""
+"""Headers of requests that a console with the host name `console` must refuse."""
 PARAMETER = "x" * 16
 
 
 def routes_of(app: FastAPI) -> list[tuple[str, str]]:
-    """(method or WS, path) of every route, taken from the app."""
+    """Return (method or WS, path) of every route of the app."""
     found = []
     for route in iter_route_contexts(app.routes):
-        assert route.path is not None, f"{route!r} is of a kind that is not known here"
+        assert route.path is not None, f"{route!r} is of an unknown kind"
         path = re.sub(r"\{[^}]*\}", PARAMETER, route.path)
         if isinstance(route.original_route, WebSocketRoute):
             found.append(("WS", path))
         else:
-            assert isinstance(route.original_route, Route), (
-                f"{route!r} is of a kind that is not known here"
-            )
+            assert isinstance(route.original_route, Route), f"{route!r} is of an unknown kind"
             found += [(method, path) for method in sorted(route.methods or ())]
     return found
 
 
-def ask(app: Any, method: str, path: str, headers: dict[str, str], *, quiet: bool = False) -> int:
-    """Status of the app's answer; 101 for a websocket that is accepted, 403 for one that is closed
-    before.
+def response_status(
+    app: Any, method: str, path: str, headers: dict[str, str], *, quiet: bool = False
+) -> int:
+    """Return the status of the answer; 101 for a websocket that is accepted, 403 for one that is
+    closed before.
 
     `quiet`: a handler that is reached and fails answers 500, and its error is not raised again.
     """

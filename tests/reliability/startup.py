@@ -1,4 +1,4 @@
-"""Rows 18 and 19 of the reliability page: a start that cannot be, refused at once and by name."""
+"""Rows 18 and 19: an impossible start is refused at once, with its cause."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ BAD_VALUES: tuple[object, ...] = ("nonsense", -1e12, {"nonsense": 1})
 
 
 def busy_ports(trials: int) -> Measurement:
-    """Row 18: from the program's start to its end, and what it said; the first, which fills caches,
-    is not counted."""
+    """Row 18: duration and output of a start on a port that is taken; the first start, which fills
+    caches, is not counted."""
     said, slowest_s = 0, 0.0
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
@@ -47,27 +47,26 @@ def busy_ports(trials: int) -> Measurement:
 
 
 def bad_values(trials: int) -> Measurement:
-    """Row 19: every key of the shipped world, robot and beware list gets a value of another kind,
-    or one out of range, or a neighbour that nobody knows. `trials` is the least number of such
-    files; there are as many as there are keys.
-    """
-    count, silent = 0, []
+    """Row 19: every key of the shipped world, robot and beware list gets a value of another type,
+    one out of range, or an unknown neighbour. `trials` is the least number of such files; there are
+    as many as there are keys."""
+    count, accepted = 0, []
     with tempfile.TemporaryDirectory() as folder:
         for name, text, load in _files():
-            load(_written(folder, text))
-            for key, spoilt in _spoilt(tomllib.loads(text)):
+            load(_write(folder, text))
+            for key, invalid in _invalid_variants(tomllib.loads(text)):
                 count += 1
                 try:
-                    load(_written(folder, _dumped(spoilt)))
-                    silent.append(f"{name}: {key}")
+                    load(_write(folder, _toml(invalid)))
+                    accepted.append(f"{name}: {key}")
                 except BadConfiguration as refusal:
                     if key.split(".")[-1] not in str(refusal):
-                        silent.append(f"{name}: {key} is not named in: {refusal}")
+                        accepted.append(f"{name}: {key} is not named in: {refusal}")
     return Measurement(
         trials=count,
-        measured=f"refused by name: {count - len(silent)} of {count}"
-        + (f"; not {silent[0]}" if silent else ""),
-        met=not silent and count >= trials,
+        measured=f"refused by name: {count - len(accepted)} of {count}"
+        + (f"; not {accepted[0]}" if accepted else ""),
+        met=not accepted and count >= trials,
     )
 
 
@@ -78,8 +77,8 @@ def _files() -> Iterator[tuple[str, str, Callable[[Path], object]]]:
     yield "world", (worlds / "office.toml").read_text(), load_scenario
 
 
-def _spoilt(document: Table) -> Iterator[tuple[str, Table]]:
-    """(key, document) with one thing wrong in each."""
+def _invalid_variants(document: Table) -> Iterator[tuple[str, Table]]:
+    """Yield (key, document) with one error in each."""
     for path in _paths(document):
         for bad in BAD_VALUES:
             if isinstance(_at(document, path), str) and isinstance(bad, str):
@@ -93,7 +92,7 @@ def _spoilt(document: Table) -> Iterator[tuple[str, Table]]:
 
 
 def _paths(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """Every key of every table; of several tables of one kind only the first."""
+    """Yield the path of every key of every table; of an array of tables only of the first."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield (*path, key)
@@ -108,14 +107,14 @@ def _at(value: Any, path: tuple[str | int, ...]) -> Any:
     return value
 
 
-def _written(folder: str, text: str) -> Path:
+def _write(folder: str, text: str) -> Path:
     path = Path(folder) / "file.toml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def _dumped(table: Table) -> str:
-    """TOML with every table written inline: what is needed here and no more."""
+def _toml(table: Table) -> str:
+    """Return TOML with every table written inline."""
     return "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
 
 

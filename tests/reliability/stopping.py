@@ -1,5 +1,4 @@
-"""Rows 1 to 6 of the reliability page: sensors, planner and console do wrong, and how soon the
-robot stands."""
+"""Rows 1 to 6: time to standstill when sensors, planner or console fail."""
 
 from __future__ import annotations
 
@@ -19,40 +18,46 @@ from navcore.safety.sensor_monitor import SensorMonitor
 from sim.scenario.schema import MapExtent, Scenario
 from sim.sensors.faults import Fault
 from sim.simulator import STEPS_PER_S, Simulator
-from tests.reliability.drills import Drill, bench, drill, first_picture, standing_pilot
+from tests.reliability.fault_runs import (
+    FaultRun,
+    bench_run,
+    fault_run,
+    first_frame,
+    standing_controller,
+)
 from tests.reliability.result import Measurement
 
 FROM_S, UNTIL_S, END_S = 1.2, 2.7, 3.7
-"""A drill drives, then something goes wrong, then it is over and the robot drives on."""
+"""Times of a run: the fault begins, the fault ends, and the run ends after driving on."""
 MOMENTS = 13
-"""At so many moments it goes wrong; the last of them leaves a second of fault."""
+"""Number of different moments at which a fault begins; the last of them leaves a second of fault.
+"""
 LATE_S = 0.02
-"""A busy machine may put this between judging a command and sending it."""
+"""Delay that a busy machine may put between judging a command and sending it."""
 STILL_MPS = 0.01
 
 
 def _trials(faults: list[Fault], trials: int) -> list[tuple[int, Fault]]:
-    """(seed, fault) for each trial: all faults in turn, then again with another seed, at another
-    moment of half a second."""
+    """Return (seed, fault) of each trial: all faults in turn, then again with another seed, at
+    another moment of half a second."""
     turns = product(range(-(-trials // len(faults))), faults)
     return [
-        (seed, _later(fault, 0.021 + 0.037 * (seed % MOMENTS)))
+        (seed, _delayed(fault, 0.021 + 0.037 * (seed % MOMENTS)))
         for seed, fault in list(turns)[:trials]
     ]
 
 
-def _later(fault: Fault, by_s: float) -> Fault:
-    """Not at a moment at which a picture is taken."""
+def _delayed(fault: Fault, by_s: float) -> Fault:
+    """Return the fault delayed, so that it does not begin at the moment of a frame."""
     return dataclasses.replace(fault, from_s=fault.from_s + by_s)
 
 
-def _drives(record: Drill, from_s: float, until_s: float) -> bool:
+def _is_driven(record: FaultRun, from_s: float, until_s: float) -> bool:
     return any(sent.moving for sent in record.between(from_s, until_s))
 
 
 def silent_camera(trials: int) -> Measurement:
-    """Row 1: how old the content of the newest picture was, in truth, when the robot still was told
-    to move."""
+    """Row 1: true age of the content of the newest image while the robot was still told to move."""
     span = {"sensor": "camera", "from_s": FROM_S, "until_s": UNTIL_S}
     faults = [
         Fault(kind="off", **span),  # type: ignore[arg-type]
@@ -63,35 +68,35 @@ def silent_camera(trials: int) -> Measurement:
     ]
     oldest_s, drove, said, unsaid = 0.0, 0, 0, 0
     for seed, fault in _trials(faults, trials):
-        record, _ = drill(fault, seed=seed, until_s=END_S)
+        record, _ = fault_run(fault, seed=seed, until_s=END_S)
         oldest_s = max([oldest_s, *(sent.content_age_s for sent in record.sent if sent.moving)])
-        drove += _drives(record, 0.0, fault.from_s) and _drives(record, UNTIL_S, END_S)
+        drove += _is_driven(record, 0.0, fault.from_s) and _is_driven(record, UNTIL_S, END_S)
         named = any(
             cause in ("stale_frame", "stuck_camera")
             for sent in record.sent
             for cause in sent.causes
         )
         said += named
-        # An intermittent camera may show something in time by chance: then there is nothing to
+        # # An intermittent camera may deliver a frame in time by chance: then there is nothing to
         # name.
         unsaid += not named and any(
             sent.content_age_s > 0.5 + COMMAND_PERIOD_S for sent in record.sent
         )
     return Measurement(
         trials=trials,
-        measured=f"moved on content at most {oldest_s:.2f} s old; camera named in {said}, not named though late in {unsaid}, "
-        f"drove before and after in {drove}",
+        measured=f"moved on content at most {oldest_s:.2f} s old; camera named in {said}, "
+        f"not named though late in {unsaid}, drove before and after in {drove}",
         met=oldest_s <= 0.5 and drove == trials and unsaid == 0 and said > 0,
     )
 
 
 def hung_planner(trials: int) -> Measurement:
-    """Row 2: the age of the oldest command that was sent while the planner hung, in real time."""
+    """Row 2: age of the oldest command that was sent while the planner hung, in real time."""
     faults: list[Fault] = []
-    with bench(faults) as (robot, now_s):
+    with bench_run(faults) as (robot, now_s):
         for _ in range(trials):
             sent = len(robot.ages_s)
-            _patiently(lambda sent=sent: len(robot.ages_s) > sent + 5)
+            _wait_until(lambda sent=sent: len(robot.ages_s) > sent + 5)
             faults.append(
                 Fault(sensor="planner", kind="hang", from_s=now_s(), until_s=now_s() + 0.6)
             )
@@ -104,14 +109,14 @@ def hung_planner(trials: int) -> Measurement:
     )
 
 
-def _patiently(holds: object, patience_s: float = 20.0) -> None:
+def _wait_until(holds: object, patience_s: float = 20.0) -> None:
     until_s = time.monotonic() + patience_s
     while not holds() and time.monotonic() < until_s:  # type: ignore[operator]
         time.sleep(0.01)
 
 
 def frozen_console(trials: int) -> Measurement:
-    """Row 3: how long the robot rolls on after the last command it got."""
+    """Row 3: time that the robot rolls on after the last command."""
     world = Scenario(
         name="open",
         size_m=(40.0, 40.0),
@@ -142,35 +147,40 @@ def frozen_console(trials: int) -> Measurement:
     )
     return Measurement(
         trials=trials,
-        measured=f"stood at most {longest_s:.2f} s after the last command (braking from 1 m/s takes 0.33 s)",
+        measured=f"stood at most {longest_s:.2f} s after the last command "
+        "(braking from 1 m/s takes 0.33 s)",
         met=longest_s <= allowed_s,
     )
 
 
-def _standing_at(stamp_ns: int) -> Callable[[], int]:
+def _clock_at(stamp_ns: int) -> Callable[[], int]:
     return lambda: stamp_ns
 
 
 def malformed_frames(trials: int) -> Measurement:
-    """Row 4: frames with something wrong in them, and what got through."""
-    pilot, rng, good = standing_pilot(), np.random.default_rng(4), first_picture()
-    pilot.change_mission(lambda mission: mission.add(0.0, 2.5, pilot.navigator.map.spec).start())
+    """Row 4: frames with one defect, and the number that got through."""
+    controller, rng, good = standing_controller(), np.random.default_rng(4), first_frame()
+    controller.change_mission(
+        lambda mission: mission.add(0.0, 2.5, controller.navigator.map.spec).start()
+    )
     refused = escaped = 0
     for number in range(trials):
-        frame = spoilt(good, number, rng)
-        pilot.trust_pose()
-        clock = _standing_at(frame.stamp_ns)
+        frame = malformed(good, number, rng)
+        controller.trust_pose()
+        clock = _clock_at(frame.stamp_ns)
         try:
-            decision = pilot.think(frame, clock=clock)
+            decision = controller.think(frame, clock=clock)
         except Exception:
             escaped += 1
             continue
-        verdict = pilot.command(clock, COMMAND_PERIOD_S, newest=frame)
-        refused += decision is None and pilot.thought.bad_frame is not None
+        verdict = controller.command(clock, COMMAND_PERIOD_S, newest=frame)
+        refused += decision is None and controller.tick_state.bad_frame is not None
         numbers = (verdict.twist.v_mps, verdict.twist.w_radps)
         escaped += not all(map(math.isfinite, numbers)) or decision is not None
         escaped += (
-            not np.isfinite(pilot.navigator.map.points.points_map).all() if number % 500 == 0 else 0
+            not np.isfinite(controller.navigator.map.points.points_map).all()
+            if number % 500 == 0
+            else 0
         )
     return Measurement(
         trials=trials,
@@ -179,8 +189,8 @@ def malformed_frames(trials: int) -> Measurement:
     )
 
 
-def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
-    """The frame with one thing wrong, another with each number."""
+def malformed(good: Frame, number: int, rng: np.random.Generator) -> Frame:
+    """Return the frame with one defect, which depends on the number."""
     frame = dataclasses.replace(good, stamp_ns=number * 100_000_000 + 1)
     depth_m, at = good.depth_m.copy(), tuple(int(rng.integers(side)) for side in good.depth_m.shape)
     nonsense = float(rng.choice([math.nan, math.inf, -math.inf]))
@@ -210,7 +220,7 @@ def spoilt(good: Frame, number: int, rng: np.random.Generator) -> Frame:
 
 
 def jumping_odometry(trials: int) -> Measurement:
-    """Row 5: how long after the fault the robot was last told to move, and what came on the map
+    """Row 5: time after the fault at which the robot was last told to move, and changes of the map
     meanwhile."""
     faults = [
         Fault(sensor="odometry", kind="wrong", shift_m=1.0, from_s=FROM_S, until_s=UNTIL_S),
@@ -227,7 +237,7 @@ def jumping_odometry(trials: int) -> Measurement:
     ]
     longest_s, mapped = 0.0, 0
     for seed, fault in _trials(faults, trials):
-        record, _ = drill(fault, seed=seed, until_s=UNTIL_S)
+        record, _ = fault_run(fault, seed=seed, until_s=UNTIL_S)
         during = record.between(fault.from_s, UNTIL_S)
         longest_s = max(
             [
@@ -244,7 +254,7 @@ def jumping_odometry(trials: int) -> Measurement:
 
 
 def false_alarms(trials: int) -> Measurement:
-    """Row 5's clean run, each trial 10 s of driving at random: frames that were doubted."""
+    """Row 5 without faults, each trial 10 s of random driving: number of doubted frames."""
     world = Scenario(
         name="open",
         size_m=(200.0, 200.0),
@@ -269,8 +279,8 @@ def false_alarms(trials: int) -> Measurement:
                 assert frame is not None
                 senses = senses.after(frame, HUSKY)
                 frames += 1
-                doubted += senses.doubt is not None
-                senses = senses if senses.doubt is None else SensorMonitor()
+                doubted += senses.fault is not None
+                senses = senses if senses.fault is None else SensorMonitor()
     return Measurement(
         trials=trials,
         measured=f"{doubted} of {frames} frames doubted in {frames / 600:.1f} min",
@@ -279,7 +289,7 @@ def false_alarms(trials: int) -> Measurement:
 
 
 def failing_segmentation(trials: int) -> Measurement:
-    """Row 6: loops that died, robots that were told to move meanwhile, and those that drove on."""
+    """Row 6: loops that died, robots that were told to move meanwhile, and robots that drove on."""
     span = {"sensor": "segmentation", "from_s": FROM_S, "until_s": UNTIL_S}
     faults = [
         Fault(kind="off", **span),  # type: ignore[arg-type]
@@ -289,12 +299,12 @@ def failing_segmentation(trials: int) -> Measurement:
     deaths = moved = drove_on = 0
     for seed, fault in _trials(faults, trials):
         try:
-            record, _ = drill(fault, seed=seed, until_s=END_S + 0.6)
+            record, _ = fault_run(fault, seed=seed, until_s=END_S + 0.6)
         except Exception:
             deaths += 1
             continue
-        moved += _drives(record, fault.from_s + 0.36, UNTIL_S)
-        drove_on += _drives(record, UNTIL_S, END_S + 0.6)
+        moved += _is_driven(record, fault.from_s + 0.36, UNTIL_S)
+        drove_on += _is_driven(record, UNTIL_S, END_S + 0.6)
     return Measurement(
         trials=trials,
         measured=f"{deaths} loops died, {moved} moved meanwhile, {drove_on} drove on",

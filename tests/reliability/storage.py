@@ -1,5 +1,4 @@
-"""Rows 14 to 17 of the reliability page: what is kept when processes die, disks refuse, people
-collide and clocks jump."""
+"""Rows 14 to 17: stored data when processes die, disks fail, editors collide and clocks jump."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from app.storage import Store
 from navcore.errors import StorageFailed
 from navcore.mission.zone import Zone
 from tests.reliability.console_rig import BenchConsole, bench_console
-from tests.reliability.drills import drill
+from tests.reliability.fault_runs import fault_run
 from tests.reliability.result import Measurement
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
@@ -32,7 +31,7 @@ HOUR_S = 3600.0
 
 
 def kills(trials: int, *, kind: str = "store") -> Measurement:
-    """Row 14: acknowledged saves that are gone after `kill -9`; `kind` "file" is the control."""
+    """Row 14: acknowledged saves that are lost after `kill -9`; `kind` "file" is the control."""
     with tempfile.TemporaryDirectory() as folder:
         worker = [
             sys.executable,
@@ -54,15 +53,15 @@ def kills(trials: int, *, kind: str = "store") -> Measurement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trouble:
-    """Something that keeps a disk from taking what is written."""
+class DiskFault:
+    """A condition under which a disk does not accept writes."""
 
     name: str
-    """For people."""
+    """Name of the condition."""
     begin: Callable[[Store], object]
-    """Makes it so."""
+    """Function that causes the condition."""
     end: Callable[[Store], object]
-    """Undoes it."""
+    """Function that ends the condition."""
 
 
 def _pragma(text: str) -> Callable[[Store], object]:
@@ -74,9 +73,9 @@ def _fill(store: Store) -> None:
     store._database._connection.execute(f"PRAGMA max_page_count = {pages}")
 
 
-TROUBLES = (
-    Trouble(name="full", begin=_fill, end=_pragma("max_page_count = 1000000")),
-    Trouble(name="read-only", begin=_pragma("query_only = ON"), end=_pragma("query_only = OFF")),
+DISK_FAULTS = (
+    DiskFault(name="full", begin=_fill, end=_pragma("max_page_count = 1000000")),
+    DiskFault(name="read-only", begin=_pragma("query_only = ON"), end=_pragma("query_only = OFF")),
 )
 
 
@@ -89,7 +88,7 @@ def refusing_disks(trials: int) -> Measurement:
             zones = tuple(Zone(id=f"z{n}", name="n" * 50, polygon=CORNERS) for n in range(5))
             for zone in zones:
                 store.save_zone(zone)
-            with _troubled(store, number):
+            with _failing_disk(store, number):
                 refused = (
                     all(_is_refused(store, n) for n in range(100, 103)) and store.zones() == zones
                 )
@@ -102,17 +101,17 @@ def refusing_disks(trials: int) -> Measurement:
 
 
 @contextmanager
-def _troubled(store: Store, number: int) -> Iterator[None]:
+def _failing_disk(store: Store, number: int) -> Iterator[None]:
     if number % 3 == 2:
         locker = sqlite3.connect(store.path, isolation_level=None)
         locker.execute("BEGIN IMMEDIATE")
         yield
         locker.close()
         return
-    trouble = TROUBLES[number % 3]
-    trouble.begin(store)
+    fault = DISK_FAULTS[number % 3]
+    fault.begin(store)
     yield
-    trouble.end(store)
+    fault.end(store)
 
 
 def _is_refused(store: Store, number: int) -> bool:
@@ -124,8 +123,8 @@ def _is_refused(store: Store, number: int) -> bool:
 
 
 def two_editors(trials: int, *, careful: bool = True) -> Measurement:
-    """Row 16: two operators add marks to one zone's name at random moments; a lost update is a mark
-    that is missing."""
+    """Row 16: two operators add marks to the name of one zone at random moments; a missing mark is
+    a lost update."""
     lost, collisions = 0, 0
     with bench_console() as console:
         for number in range(trials):
@@ -158,7 +157,7 @@ def _new_zone(console: BenchConsole) -> str:
 
 
 class _Editor:
-    """One of them: reads, thinks, writes, and begins again when the other was quicker."""
+    """One operator: reads, waits, writes, and retries after a conflict."""
 
     def __init__(
         self, console: BenchConsole, zone_id: str, mark: str, careful: bool, *, seed: int
@@ -169,7 +168,7 @@ class _Editor:
             mark,
             careful,
         )
-        self._chance = random.Random(seed)
+        self._rng = random.Random(seed)
         self.collisions = 0
 
     def run(self) -> None:
@@ -183,7 +182,7 @@ class _Editor:
         read = program.get(self._path)
         zone = read.json()
         zone["properties"]["name"] += self._mark
-        time.sleep(self._chance.uniform(0.0, 0.004))
+        time.sleep(self._rng.uniform(0.0, 0.004))
         headers = {"If-Match": read.headers["etag"]} if self._careful else {}
         answer = program.put(self._path, json=zone, headers=headers)
         if answer.status_code == 409:
@@ -198,7 +197,7 @@ class _Editor:
 
 
 def jumping_clocks(trials: int) -> Measurement:
-    """Row 17: the same drive with the wall clock an hour off, and off by another hour in the middle
+    """Row 17: the same run with the wall clock an hour off, and off by another hour in the middle
     of it."""
     differences = 0
     for seed in range(trials):
@@ -220,5 +219,5 @@ def _commands(seed: int, off_s: float) -> list[object]:
         patch("time.time", wall_s),
         patch("time.time_ns", lambda: real_ns() + round(1e9 * (wall_s() - real_s()))),
     ):
-        record, _ = drill(seed=seed, until_s=3.0)
+        record, _ = fault_run(seed=seed, until_s=3.0)
     return list(record.sent)

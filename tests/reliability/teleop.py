@@ -1,5 +1,4 @@
-"""Rows 12 and 13 of the reliability page: the emergency stop through the door, and a hand that goes
-away."""
+"""Rows 12 and 13: the emergency stop through the API, and a teleoperating page that disappears."""
 
 from __future__ import annotations
 
@@ -20,31 +19,30 @@ from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import braking_s
 from sim.sensors.faults import Fault
-from tests.reliability.console_rig import BenchConsole, bench_console, patiently
+from tests.reliability.console_rig import BenchConsole, bench_console, wait_until
 from tests.reliability.result import Measurement
 
-SLOWLY = Twist(v_mps=0.3, w_radps=0.0)
+SLOW = Twist(v_mps=0.3, w_radps=0.0)
 SEND_S = 0.08
 WATCH_S = 0.8
 IDLE_S, LOADED_S = 0.05, 0.15
 
 
 def emergency_stops(trials: int) -> Measurement:
-    """Row 12: from the press to the first zero, with nothing else to do and with everything at
-    once; and nothing after it."""
+    """Row 12: time from the press to the first zero, idle and loaded, and motion after it."""
     waits: dict[bool, list[float]] = {False: [], True: []}
     missed = 0
     with bench_console() as console, console.client() as button:
         for number in range(trials):
             loaded = number % 2 == 1
-            with _load(console) if loaded else _nothing(), _pushed(console):
-                patiently(lambda: console.wheels.last != STANDSTILL)
+            with _loaded(console) if loaded else _idle(), _teleoperated(console):
+                wait_until(lambda: console.robot.last != STANDSTILL)
                 pressed_s = time.monotonic()
                 button.post("/api/v1/stop", params={"by": "drill"}).raise_for_status()
-                patiently(lambda: console.wheels.last == STANDSTILL)
+                wait_until(lambda: console.robot.last == STANDSTILL)
                 time.sleep(0.1)
-                stood_s = console.wheels.stands_since()
-                missed += console.wheels.last != STANDSTILL
+                stood_s = console.robot.stands_since()
+                missed += console.robot.last != STANDSTILL
             waits[loaded].append(stood_s - pressed_s)
             button.post("/api/v1/stop/reset").raise_for_status()
     p99_s = {
@@ -53,33 +51,35 @@ def emergency_stops(trials: int) -> Measurement:
     }
     return Measurement(
         trials=trials,
-        measured=f"p99 {p99_s[False] * 1000:.0f} ms idle, {p99_s[True] * 1000:.0f} ms loaded, {missed} missed",
+        measured=f"p99 {p99_s[False] * 1000:.0f} ms idle, {p99_s[True] * 1000:.0f} ms loaded, "
+        f"{missed} missed",
         met=p99_s[False] <= IDLE_S and p99_s[True] <= LOADED_S and missed == 0,
     )
 
 
 def lost_teleop(trials: int) -> Measurement:
-    """Row 13: from a page's last word, or the last that is not late, to standstill; closed, frozen,
-    and held up on the way."""
+    """Row 13: time from the last timely velocity of a page to standstill; the page is closed,
+    frozen, or its messages are delayed."""
     worst_s, drove = 0.0, 0
     with bench_console() as console:
         for number in range(trials):
-            ways = (_closed, _frozen, _held_up)
+            failures = (_closed, _frozen, _congested)
             with connect(_address(console), proxy=None) as page:
-                last_s = ways[number % len(ways)](console, page)
+                last_s = failures[number % len(failures)](console, page)
                 time.sleep(WATCH_S)
                 drove += any(
                     twist != STANDSTILL
-                    for at_s, twist in console.wheels.sent
+                    for at_s, twist in console.robot.sent
                     if at_s <= last_s + 0.1
                 )
-                stood_s = console.wheels.stands_since()
-            worst_s = max(worst_s, stood_s - last_s + braking_s(SLOWLY, HUSKY))
-            patiently(lambda: console.wheels.last == STANDSTILL)
-            console.wheels.sent.clear()
+                stood_s = console.robot.stands_since()
+            worst_s = max(worst_s, stood_s - last_s + braking_s(SLOW, HUSKY))
+            wait_until(lambda: console.robot.last == STANDSTILL)
+            console.robot.sent.clear()
     return Measurement(
         trials=trials,
-        measured=f"stood at most {worst_s:.2f} s after the page's last word, braking included; drove before in {drove}",
+        measured=f"stood at most {worst_s:.2f} s after the last message of the page, "
+        f"braking included; drove before in {drove}",
         met=worst_s <= 0.5 and drove == trials,
     )
 
@@ -94,8 +94,8 @@ def _frozen(console: BenchConsole, page: Connection) -> float:
     return _drive(console, page)
 
 
-def _held_up(console: BenchConsole, page: Connection) -> float:
-    """A second's worth of velocities arrives in one burst, long after they were sent."""
+def _congested(console: BenchConsole, page: Connection) -> float:
+    """Send a second of velocities in one burst, long after their time."""
     last_s = _drive(console, page)
     sent_s = [last_s + SEND_S * n for n in range(1, 12)]
     time.sleep(max(0.0, sent_s[-1] + 0.4 - time.monotonic()))
@@ -105,10 +105,10 @@ def _held_up(console: BenchConsole, page: Connection) -> float:
 
 
 def _drive(console: BenchConsole, page: Connection) -> float:
-    """Drive for half a second at least; when the last velocity was sent."""
+    """Drive for at least half a second; return the time of the last velocity."""
     deadline_s = time.monotonic() + 0.5
     last_s = 0.0
-    while time.monotonic() < deadline_s or console.wheels.last == STANDSTILL:
+    while time.monotonic() < deadline_s or console.robot.last == STANDSTILL:
         last_s = time.monotonic()
         _send(page, last_s)
         time.sleep(SEND_S)
@@ -117,7 +117,7 @@ def _drive(console: BenchConsole, page: Connection) -> float:
 
 def _send(page: Connection, at_s: float) -> None:
     page.send(
-        json.dumps({"type": "drive", "v_mps": SLOWLY.v_mps, "w_radps": 0.0, "t_ms": at_s * 1000})
+        json.dumps({"type": "drive", "v_mps": SLOW.v_mps, "w_radps": 0.0, "t_ms": at_s * 1000})
     )
 
 
@@ -126,24 +126,24 @@ def _address(console: BenchConsole) -> str:
 
 
 @contextmanager
-def _pushed(console: BenchConsole) -> Iterator[None]:
-    """Somebody who goes on pushing the robot by hand, stop or no stop."""
+def _teleoperated(console: BenchConsole) -> Iterator[None]:
+    """Drive by hand continuously, whether stopped or not."""
     ended = threading.Event()
 
     def push() -> None:
         while not ended.wait(0.04):
             try:
-                console.operations.drive(SLOWLY)
+                console.operations.drive(SLOW)
             except Refused:
                 continue
 
-    with _beside(push, ended):
+    with _in_background(push, ended):
         yield
 
 
 @contextmanager
-def _load(console: BenchConsole) -> Iterator[None]:
-    """The planner hangs, the database is locked, and somebody streams the cloud."""
+def _loaded(console: BenchConsole) -> Iterator[None]:
+    """Hang the planner, lock the database and stream the cloud."""
     ended = threading.Event()
     console.faults.append(
         Fault(sensor="planner", kind="hang", from_s=console.now_s(), until_s=console.now_s() + 1.0)
@@ -164,7 +164,7 @@ def _load(console: BenchConsole) -> Iterator[None]:
                     continue
 
     try:
-        with _beside(stream, ended):
+        with _in_background(stream, ended):
             yield
     finally:
         locker.close()
@@ -174,12 +174,12 @@ RING = [[2.0, -3.0], [2.2, -3.0], [2.2, -2.8]]
 
 
 @contextmanager
-def _nothing() -> Iterator[None]:
+def _idle() -> Iterator[None]:
     yield
 
 
 @contextmanager
-def _beside(act: Callable[[], None], ended: threading.Event) -> Iterator[None]:
+def _in_background(act: Callable[[], None], ended: threading.Event) -> Iterator[None]:
     thread = threading.Thread(target=act, daemon=True)
     thread.start()
     try:

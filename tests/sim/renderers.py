@@ -1,4 +1,4 @@
-"""Which renderers the tests may count on."""
+"""Availability of the renderers in tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sim.sensors.egl import egl_works
 
 
 def need_egl() -> None:
-    """Skip where EGL does not work; in continuous integration it must."""
+    """Skip the test where EGL does not work; fail in continuous integration."""
     if egl_works():
         return
     text = "EGL does not work here: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"

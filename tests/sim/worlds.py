@@ -1,4 +1,4 @@
-"""Small worlds for the tests, made in code, and ways to drive in them."""
+"""Small worlds for the tests, made in code, and functions to drive in them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def open_floor(
     movers: tuple[Mover, ...] = (),
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Scenario:
-    """20 m × 20 m without walls."""
+    """Return a floor of 20 m × 20 m without walls."""
     return Scenario(
         name="open floor",
         size_m=(20.0, 20.0),
@@ -36,21 +36,21 @@ def open_floor(
 
 
 def blind(scenario: Scenario, seed: int = 0) -> Simulator:
-    """A simulator that hardly takes pictures, for tests of everything else."""
+    """Return a simulator that renders almost no frames, for tests of everything else."""
     return Simulator(
         scenario, seed=seed, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
     )
 
 
 def seeing(scenario: Scenario, seed: int = 0, size: tuple[int, int] = (424, 240)) -> Simulator:
-    """A simulator with a camera without errors."""
+    """Return a simulator whose camera has no errors."""
     return Simulator(
         scenario, seed=seed, renderer="tiny", camera_size=size, camera_rate_hz=0.001, errors=PERFECT
     )
 
 
 def drive(simulator: Simulator, v_mps: float, w_radps: float, duration_s: float) -> None:
-    """Hold a velocity."""
+    """Command a constant velocity."""
     for step in range(round(duration_s * STEPS_PER_S)):
         if step % 12 == 0:
             simulator.send(Twist(v_mps=v_mps, w_radps=w_radps))
@@ -58,16 +58,16 @@ def drive(simulator: Simulator, v_mps: float, w_radps: float, duration_s: float)
 
 
 def wait(simulator: Simulator, duration_s: float) -> None:
-    """Send nothing."""
+    """Step without commands."""
     for _ in range(round(duration_s * STEPS_PER_S)):
         simulator.step()
 
 
 def shifted(x_m: float, y_m: float) -> tuple[tuple[float, float], ...]:
-    """A square of 1 m about a point."""
+    """Return a square of 1 m about a point."""
     return tuple((x_m + x, y_m + y) for x, y in SQUARE)
 
 
 def turned_by(before_rad: float, after_rad: float) -> float:
-    """Difference of two headings, as the shortest turn."""
+    """Return the signed difference of two headings."""
     return math.remainder(after_rad - before_rad, 2 * math.pi)

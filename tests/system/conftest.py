@@ -1,4 +1,5 @@
-"""The whole console with the running simulator, as `bewarenav console` starts it, on a free port."""
+"""The whole console with the running simulator, as `bewarenav console` starts it, on a free
+port."""
 
 from __future__ import annotations
 

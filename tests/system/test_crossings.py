@@ -1,5 +1,5 @@
-"""Somebody walks across the robot's way: it yields, as the referee sees it, and without care it
-would have met him."""
+"""A person walks across the robot's path: it yields, as the referee sees it, and without care it
+would have met the person."""
 
 from __future__ import annotations
 
@@ -28,11 +28,9 @@ def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(
     assert drive()["min_clearance_m"] < 0.03
 
 
-def test_every_crossing_is_drawn_so_that_a_robot_without_care_meets_him_and_the_same_seed_draws_the_same() -> (
-    None
-):
+def test_every_crossing_meets_a_robot_without_care_and_the_same_seed_draws_the_same() -> None:
     drawn = [draw_crossing(seed) for seed in range(60)]
-    assert all(crossing.meets_the_careless() for crossing in drawn)
+    assert all(crossing.hits_undisturbed_robot() for crossing in drawn)
     assert drawn == [draw_crossing(seed) for seed in range(60)]
     assert {crossing.kind for crossing in drawn} == {"walks on", "stops", "turns back"}
     assert min(crossing.speed_mps for crossing in drawn) < 0.6

@@ -1,5 +1,5 @@
-"""The console of a robot on which something goes wrong: what the operator is told, and what he can
-do about it."""
+"""The console of a robot on which something goes wrong: what the operator is told and can do
+about it."""
 
 from __future__ import annotations
 

@@ -29,6 +29,9 @@ def test_the_example_of_a_package_runs(package: object) -> None:
 
 
 def test_importing_a_package_loads_neither_torch_nor_the_simulator() -> None:
-    code = "import sys, navcore, sim, web; print([m for m in ('torch', 'pybullet', 'viser') if m in sys.modules])"
+    code = (
+        "import sys, navcore, sim, web; "
+        "print([m for m in ('torch', 'pybullet', 'viser') if m in sys.modules])"
+    )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"

@@ -1,9 +1,10 @@
-"""Rows 1 to 11 of the reliability page with few trials, each with its control; `make reliability`
-takes more of them."""
+"""Rows 1 to 11 of `tests/reliability/README.md` with few trials, each with its control;
+`make reliability` takes more of them."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import pytest
@@ -11,12 +12,12 @@ import pytest
 from app.runtime import robot_controller
 from app.runtime.robot_controller import RobotController
 from navcore import navigator
+from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.mission.zone import Zone
 from navcore.safety import gate as safety
 from navcore.safety import sensor_monitor as senses
 from sim.robot import skid_steer
-from tests.reliability import planning as plan_figures
-from tests.reliability import stopping as stop_figures
+from tests.reliability import planning, stopping
 from tests.reliability.main import ROWS, measure_reliability
 
 NEVER_NS = 10**15
@@ -25,53 +26,53 @@ NEVER_NS = 10**15
 @pytest.fixture
 def no_expiry(monkeypatch: pytest.MonkeyPatch) -> None:
     """A gate for which nothing grows old."""
-    monkeypatch.setattr(safety, "FRAME_LIFE_NS", NEVER_NS)
-    monkeypatch.setattr(safety, "COMMAND_LIFE_NS", NEVER_NS)
+    endless = SafetyConfig(gate=GateConfig(command_life_s=1e6, frame_life_s=1e6))
+    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(safety.gate, config=endless))
 
 
 def test_row_1_a_camera_that_fails_in_any_way_stops_the_robot_and_is_named() -> None:
-    figure = stop_figures.silent_camera(5)
+    figure = stopping.silent_camera(5)
     assert figure.met, figure.measured
 
 
 @pytest.mark.usefixtures("no_expiry")
 def test_row_1_without_expiry_the_robot_drives_on_blind() -> None:
-    assert not stop_figures.silent_camera(2).met
+    assert not stopping.silent_camera(2).met
 
 
 def test_row_2_a_hung_planner_is_outlived_by_no_command() -> None:
-    figure = stop_figures.hung_planner(2)
+    figure = stopping.hung_planner(2)
     assert figure.met, figure.measured
 
 
 @pytest.mark.usefixtures("no_expiry")
 def test_row_2_without_expiry_an_old_command_is_sent_on() -> None:
-    assert not stop_figures.hung_planner(1).met
+    assert not stopping.hung_planner(1).met
 
 
 def test_row_3_a_robot_whose_console_is_gone_stands_by_itself() -> None:
-    figure = stop_figures.frozen_console(6)
+    figure = stopping.frozen_console(6)
     assert figure.met, figure.measured
 
 
 def test_row_3_without_the_drivers_time_out_it_rolls_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(skid_steer, "COMMAND_TIMEOUT_NS", NEVER_NS)
-    assert not stop_figures.frozen_console(1).met
+    assert not stopping.frozen_console(1).met
 
 
 def test_row_4_no_malformed_frame_gets_through() -> None:
-    figure = stop_figures.malformed_frames(270)
+    figure = stopping.malformed_frames(270)
     assert figure.met, figure.measured
 
 
 def test_row_4_without_the_check_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(navigator, "check_frame", lambda frame: None)
     with pytest.warns(RuntimeWarning):
-        assert not stop_figures.malformed_frames(27).met
+        assert not stopping.malformed_frames(27).met
 
 
 def test_row_5_odometry_and_stamps_that_cannot_be_stop_the_robot_and_spare_the_map() -> None:
-    figure = stop_figures.jumping_odometry(4)
+    figure = stopping.jumping_odometry(4)
     assert figure.met, figure.measured
 
 
@@ -79,16 +80,16 @@ def test_row_5_without_the_doubt_a_jump_is_driven_on_and_mapped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(senses, "_jumped", lambda before, after, reach: False)
-    assert not stop_figures.jumping_odometry(1).met
+    assert not stopping.jumping_odometry(1).met
 
 
 def test_row_5_a_clean_drive_raises_no_false_alarm() -> None:
-    figure = stop_figures.false_alarms(1)
+    figure = stopping.false_alarms(1)
     assert figure.met, figure.measured
 
 
 def test_row_6_a_segmentation_that_fails_is_outlived() -> None:
-    figure = stop_figures.failing_segmentation(3)
+    figure = stopping.failing_segmentation(3)
     assert figure.met, figure.measured
 
 
@@ -97,21 +98,21 @@ def test_row_6_without_the_catch_the_loop_dies(monkeypatch: pytest.MonkeyPatch) 
         raise error
 
     monkeypatch.setattr(RobotController, "note_failure", die)
-    assert not stop_figures.failing_segmentation(1).met
+    assert not stopping.failing_segmentation(1).met
 
 
 def test_row_7_a_search_over_its_budget_is_given_up_and_the_robot_held() -> None:
-    figure = plan_figures.over_budget(3)
+    figure = planning.over_budget(3)
     assert figure.met, figure.measured
 
 
 def test_row_7_without_a_budget_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_figures, "BUDGET", 10**9)
-    assert not plan_figures.over_budget(2).met
+    monkeypatch.setattr(planning, "BUDGET", 10**9)
+    assert not planning.over_budget(2).met
 
 
 def test_row_8_each_impossible_goal_has_a_reason_of_its_own() -> None:
-    figure = plan_figures.impossible_goals(5)
+    figure = planning.impossible_goals(5)
     assert figure.met, figure.measured
 
 
@@ -121,11 +122,11 @@ def test_row_8_by_the_planners_word_alone_two_of_them_are_the_same(
     monkeypatch.setattr(
         robot_controller, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
     )
-    assert not plan_figures.impossible_goals(5).met
+    assert not planning.impossible_goals(5).met
 
 
 def test_row_9_a_zone_under_the_robot_holds_it_until_it_is_told_to_leave() -> None:
-    figure = plan_figures.zone_under_robot(6)
+    figure = planning.zone_under_robot(6)
     assert figure.met, figure.measured
 
 
@@ -133,29 +134,29 @@ def test_row_9_a_zone_that_is_switched_off_does_not(monkeypatch: pytest.MonkeyPa
     def off(corners: Any, name: str = "drawn") -> Zone:
         return Zone(id=name, name=name, polygon=corners, enabled=False)
 
-    monkeypatch.setattr(plan_figures, "_zone", off)
-    assert not plan_figures.zone_under_robot(1).met
+    monkeypatch.setattr(planning, "_zone", off)
+    assert not planning.zone_under_robot(1).met
 
 
 def test_row_10_a_zone_drawn_across_the_path_is_not_driven_into() -> None:
-    figure = plan_figures.zone_across_path(1)
+    figure = planning.zone_across_path(1)
     assert figure.met, figure.measured
 
 
 def test_row_10_a_zone_that_only_the_referee_knows_is() -> None:
-    assert not plan_figures.zone_across_path(1, told=False).met
+    assert not planning.zone_across_path(1, told=False).met
 
 
 def test_row_11_the_gate_alone_stops_before_what_appears() -> None:
-    figure = plan_figures.sudden_obstacle(2)
+    figure = planning.sudden_obstacle(2)
     assert figure.met, figure.measured
 
 
 def test_row_11_without_the_time_to_contact_the_robot_runs_into_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(safety, "time_to_contact", lambda points, twist, profile: math.inf)
-    assert not plan_figures.sudden_obstacle(1).met
+    monkeypatch.setattr(safety, "time_to_contact", lambda *_: math.inf)
+    assert not planning.sudden_obstacle(1).met
 
 
 def test_the_table_has_every_row_and_fails_when_one_is_not_met(

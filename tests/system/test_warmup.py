@@ -5,24 +5,26 @@ from __future__ import annotations
 
 import ast
 import importlib
-import inspect
 import json
 import pkgutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 
 from numba.core.dispatcher import Dispatcher
 
 import navcore
 from navcore.warmup import warm_up
-from tests.reliability.drills import drill
+from tests.reliability.fault_runs import fault_run
 
 OTHERS = {
-    "navcore.grid.free_space._replace",  # only benches and tests change a space but through its layers
+    # Only benches and tests change a space other than through its layers.
+    "navcore.grid.free_space._replace",
     "navcore.grid.free_space._set_cells",
-    "navcore.perception.esanet.network.preprocess._look_up",  # of the network, which runs while warming up where there is one
+    # Of the network, which runs while warming up where there is one.
+    "navcore.perception.esanet.network.preprocess._look_up",
     "navcore.perception.esanet.inference.argmax._most_likely",
 }
 
@@ -32,7 +34,8 @@ def kernels() -> dict[str, Dispatcher]:
     found = {}
     for info in pkgutil.walk_packages(navcore.__path__, "navcore."):
         module = importlib.import_module(info.name)
-        for name in called(ast.parse(inspect.getsource(module)), module):
+        source = Path(str(module.__file__)).read_text(encoding="utf-8")
+        for name in called(ast.parse(source), module):
             kernel = getattr(module, name)
             found[f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"] = kernel
     return found
@@ -51,15 +54,15 @@ def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
 
 
 def report() -> None:
-    """Print what was not compiled after warming up, and what was compiled anew, for other types,
+    """Print what was not compiled after warming up, and what was compiled again, for other types,
     during a drive."""
     compiled = kernels()
     warm_up()
     before = {name: len(kernel.signatures) for name, kernel in compiled.items()}
-    drill(seed=0, until_s=4.0)
-    anew = [name for name, kernel in compiled.items() if len(kernel.signatures) > before[name]]
+    fault_run(seed=0, until_s=4.0)
+    again = [name for name, kernel in compiled.items() if len(kernel.signatures) > before[name]]
     cold = [name for name, count in before.items() if count == 0]
-    sys.stdout.write(json.dumps({"cold": cold, "anew": anew, "all": len(compiled)}))
+    sys.stdout.write(json.dumps({"cold": cold, "again": again, "all": len(compiled)}))
 
 
 def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
@@ -73,4 +76,4 @@ def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
     found = json.loads(ran.stdout.splitlines()[-1])
     assert found["all"] > 40
     assert set(found["cold"]) <= OTHERS
-    assert found["anew"] == []
+    assert found["again"] == []

@@ -10,9 +10,9 @@ import pytest
 
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
-from web.access import Access
-from web.access.roles import Role, Visitor
-from web.access.users import User, hash_password, new_token
+from web.auth.access import Access
+from web.auth.roles import Role, Visitor
+from web.auth.users import User, hash_password, new_token
 from web.server import ConsoleServer
 
 PASSWORD = "correct horse"

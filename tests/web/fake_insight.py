@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sized
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from app.insight.event_log import Journal
-from app.insight.explanation import ExplanationQuery, alternative, explained
-from app.insight.time_series import COLUMNS, Series
+from app.insight.event_log import EventLog
+from app.insight.explanation import ExplanationQuery, alternative, explain
+from app.runtime.time_series import COLUMNS, TimeSeries
 from navcore.errors import NotKnown
 from navcore.geometry.transform import Pose2
-from web.insight import Alternative, Candidates, Explanation, Kind, LabellingState, Page, Sighting
-from web.pictures import camera_jpg
+from web.images.encode import camera_jpg
+from web.interface.insight import (
+    Alternative,
+    Candidates,
+    Explanation,
+    LabellingState,
+    Sighting,
+)
 
 
 class FakeInsight:
@@ -22,19 +28,11 @@ class FakeInsight:
 
     def __init__(self, case: Callable[[], ExplanationQuery], place: Callable[[], Pose2]) -> None:
         self._case, self._place = case, place
-        self.log = Journal(wall_clock=lambda: 1_700_000_000.0)
-        self.figures = Series()
+        self.event_log = EventLog(wall_clock=lambda: 1_700_000_000.0)
+        self.series = TimeSeries()
         self.taught: list[tuple[str | None, tuple[int, int, int, int] | None]] = []
-        self._sighting = Sighting(
-            id=1,
-            class_name="cup",
-            class_id=3,
-            place=(2.5, 1.0),
-            confidence=0.83,
-            looks=4,
-            first_s=1.0,
-            last_s=2.0,
-        )
+        self.labelling = FakeLabelling(self.taught)
+        self.detections = FakeDetections()
         for second in range(30):
             row = {
                 "speed_mps": 0.5,
@@ -42,18 +40,12 @@ class FakeInsight:
                 "explored_m2": 2.0 * second,
                 "explored_m3": 1.0 * second,
             }
-            self.figures.add(float(second), {**row, "tick_ms": 20.0 + second % 5})
-        assert set(self.figures.after(-1.0)) == set(COLUMNS)
-
-    def journal(
-        self, *, kinds: Collection[Kind], since: int, limit: int, before: int | None = None
-    ) -> Page:
-        """As the port says."""
-        return self.log.page(kinds=kinds, since=since, limit=limit, before=before)
+            self.series.add(float(second), {**row, "tick_ms": 20.0 + second % 5})
+        assert set(self.series.after(-1.0)) == set(COLUMNS)
 
     def explain(self) -> Explanation:
         """As the port says."""
-        return explained(self._case())
+        return explain(self._case())
 
     def without(self, keys: Collection[str]) -> Alternative:
         """As the port says."""
@@ -71,25 +63,12 @@ class FakeInsight:
         )
         return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
-    def sightings(self) -> tuple[Sighting, ...]:
-        """One cup."""
-        return (self._sighting,)
-
-    def sighting_picture(self, sighting_id: int) -> bytes:
-        """A grey one."""
-        self._expect(sighting_id)
-        return camera_jpg(np.full((60, 80, 3), 150, dtype=np.uint8))
-
-    def seen_counts(self) -> Mapping[int, int]:
-        """As the port says."""
-        return {} if self._sighting.verdict else {3: 1}
-
     def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """As the port says."""
-        self._expect(sighting_id)
-        self._sighting = replace(self._sighting, verdict="wrong")
+        self.detections.crop(sighting_id)
+        self.detections.call_wrong()
         self.taught.append((class_name, None))
-        return self.labelling()
+        return self.labelling.state()
 
     def snapshot(self) -> int:
         """Always the same."""
@@ -109,22 +88,55 @@ class FakeInsight:
         """As the port says."""
         self.snapshot_picture(snapshot)
         self.taught.append((class_name, box))
-        return self.labelling()
+        return self.labelling.state()
 
-    def labelling(self) -> LabellingState:
+
+class FakeDetections:
+    """One cup."""
+
+    def __init__(self) -> None:
+        self._sighting = Sighting(
+            id=1,
+            class_name="cup",
+            class_id=3,
+            place=(2.5, 1.0),
+            confidence=0.83,
+            looks=4,
+            first_s=1.0,
+            last_s=2.0,
+        )
+
+    def all(self) -> tuple[Sighting, ...]:
+        """As the port says."""
+        return (self._sighting,)
+
+    def crop(self, sighting_id: int) -> bytes:
+        """A grey image."""
+        if sighting_id != 1:
+            raise NotKnown("nothing was recognised under this id")
+        return camera_jpg(np.full((60, 80, 3), 150, dtype=np.uint8))
+
+    def counts(self) -> Mapping[int, int]:
+        """As the port says."""
+        return {} if self._sighting.verdict else {3: 1}
+
+    def call_wrong(self) -> None:
+        """Mark the cup as wrong."""
+        self._sighting = replace(self._sighting, verdict="wrong")
+
+
+class FakeLabelling:
+    """A folder that counts what was taught."""
+
+    def __init__(self, taught: Sized) -> None:
+        self._taught = taught
+
+    def state(self) -> LabellingState:
         """As the port says."""
         return LabellingState(
             folder=str(Path("data") / "labelling"),
-            pictures=len(self.taught),
-            bytes_used=250_000 * len(self.taught),
+            pictures=len(self._taught),
+            bytes_used=250_000 * len(self._taught),
             max_pictures=500,
             max_bytes=500_000_000,
         )
-
-    def series(self, since_s: float) -> Mapping[str, list[float | None]]:
-        """As the port says."""
-        return self.figures.after(since_s)
-
-    def _expect(self, sighting_id: int) -> None:
-        if sighting_id != 1:
-            raise NotKnown("nothing was recognised under this id")

@@ -3,6 +3,7 @@ world of rectangles."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import math
@@ -16,13 +17,13 @@ import numpy.typing as npt
 
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
-from app.console.path_preview import compared, place_on, standing_at, under
+from app.console.path_preview import compare, pose_at, position_on, with_zones
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
+from app.runtime.operator_state import OperatorState
 from navcore.config.control import LocalPlannerConfig
 from navcore.control.speed_limits import travel_time_s
-from navcore.costmap.cell_description import check_goal_free
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.geometry.camera import Intrinsics
@@ -39,9 +40,9 @@ from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoint
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
-from web.drafts import PathPreview, Preview, PreviewDraft
-from web.port import MissionAction
-from web.snapshots import Cloud, Picture, State
+from web.interface.drafts import PathPreview, Preview, PreviewDraft
+from web.interface.operations import MissionAction
+from web.interface.snapshots import Cloud, Picture, State
 
 SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
 INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
@@ -58,37 +59,23 @@ class FakeOperations:
 
     def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
         self._lock = threading.RLock()
-        self._mission = Mission()
-        shelf, self.calendar_s = MemoryShelf(), 1e9
-        self.goals = Goals(
-            spec=SPEC,
-            shelf=SavedMissions(shelf),
-            present=lambda: self._mission,
-            change=self._change,
-            check=lambda x, y: check_goal_free(
-                self._picture.grid, self._picture.blocked, (x, y), robot=self._pose
-            ),
-        )
+        self._intent = OperatorState(mission=Mission(), beware=default_beware_list())
+        store, self.calendar_s = MemoryStore(), 1e9
+        self.view = FakeView()
+        self.goals = Goals(self, view=self.view, spec=SPEC, saved=SavedMissions(store))
         self.zones = ZoneEditor(
-            (),
+            self,
+            store=store,
             spec=SPEC,
-            shelf=shelf,
-            bind=self._bound,
             calendar_s=lambda: self.calendar_s,
             new_id=_ids().__next__,
         )
-        self._beware = default_beware_list()
-        self.beware = BewareEditor(
-            present=lambda: self._beware,
-            save=lambda _: None,
-            put=self._put,
-            finds=ColourSegmenter().finds,
-        )
+        self.beware = BewareEditor(self, store=store, segmenter=ColourSegmenter())
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
         self._poses = [self._pose, Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0)]
         self._stopped_by: str | None = None
-        self._counts = {"serial": 0, "grid": 0, "zones": 0, "replans": 0}
+        self._counts = {"serial": 0, "grid": 0, "replans": 0}
         self._urdf = robot_urdf
         self.stops: list[str] = []
         self.hand: Twist | None = None
@@ -117,12 +104,12 @@ class FakeOperations:
         """The newest snapshot."""
         with self._lock:
             reasons = self._reasons()
-            moving = self._mission.goal is not None and not reasons
+            moving = self._intent.mission.goal is not None and not reasons
             return State(
                 stamp_s=0.1 * self._counts["serial"],
                 scenario="fake hall",
                 robot=HUSKY.name,
-                phase=self._mission.phase,
+                phase=self._intent.mission.phase,
                 moving=moving or self.hand is not None,
                 by_hand=self.hand is not None,
                 summary=self._summary(reasons, moving),
@@ -131,20 +118,20 @@ class FakeOperations:
                 pose=self._pose,
                 twist=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
                 command=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
-                queue=self._mission.queue,
-                reached=self._mission.reached,
+                queue=self._intent.mission.queue,
+                reached=self._intent.mission.reached,
                 distance_to_goal_m=self._length(self._path),
                 travelled_m=STEP_M * (len(self._driven) - 1),
                 explored_m2=float(self._seen.sum()) * SPEC.resolution_m**2,
                 replans=self._counts["replans"],
                 tick_ms=12.5,
                 frame_age_s=0.05,
-                zones_version=self._counts["zones"],
-                beware_version=self._beware.version,
-                beware_enabled=len(self._beware.enabled),
+                zones_version=self.zones.changes,
+                beware_version=self._intent.beware.version,
+                beware_enabled=len(self._intent.beware.enabled),
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
-                loop=self._mission.loop,
+                loop=self._intent.mission.loop,
             )
 
     def picture(self) -> Picture | None:
@@ -185,8 +172,8 @@ class FakeOperations:
         with self._lock:
             if twist is not None and self._stopped_by is not None:
                 raise Refused("the emergency stop is latched; reset it first")
-            if twist is not None and self._mission.phase is Phase.DRIVING:
-                self._mission = self._mission.pause()
+            if twist is not None and self._intent.mission.phase is Phase.DRIVING:
+                self._set_mission(self._intent.mission.pause())
             self.hand = twist
             self.hands.append(twist)
 
@@ -194,13 +181,13 @@ class FakeOperations:
         """As the port says."""
         with self._lock:
             self._stopped_by = None
-            if self._mission.phase is Phase.DRIVING:
-                self._mission = self._mission.pause()
+            if self._intent.mission.phase is Phase.DRIVING:
+                self._set_mission(self._intent.mission.pause())
 
     def step(self) -> None:
         """One tick: the robot moves one step along its path and arrives at its end."""
         with self._lock:
-            goal = self._mission.goal
+            goal = self._intent.mission.goal
             if goal is not None and not self._reasons() and len(self._path):
                 x, y = self._path[min(1, len(self._path) - 1)]
                 yaw = (
@@ -211,20 +198,22 @@ class FakeOperations:
                 self._pose = Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw)
                 self._driven.append((float(x), float(y)))
                 if len(self._path) <= 2:
-                    self._mission = self._mission.arrive()
+                    self._set_mission(self._intent.mission.arrive())
             self._see()
 
     def preview(self, draft: PreviewDraft) -> Preview:
         """As the port says."""
         with self._lock:
-            queue = self._mission.queue
+            queue = self._intent.mission.queue
             if draft.goal is None and not queue:
                 raise Refused("there is no goal to preview a path to; give one")
-            goal = place_on(self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal")
+            goal = position_on(
+                self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal"
+            )
             pose = (
                 self._pose
                 if draft.start is None
-                else standing_at(place_on(self._picture.grid, draft.start, "start"))
+                else pose_at(position_on(self._picture.grid, draft.start, "start"))
             )
             zone = (
                 None
@@ -242,7 +231,7 @@ class FakeOperations:
                 )
                 return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
 
-            return compared(
+            return compare(
                 self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces
             )
 
@@ -276,12 +265,12 @@ class FakeOperations:
 
     def _case(self) -> ExplanationQuery:
         with self._lock:
-            if not self._mission.queue:
+            if not self._intent.mission.queue:
                 raise Refused("there is no goal, so there is no path to explain; add a goal first")
-            goal = self._mission.queue[0]
+            goal = self._intent.mission.queue[0]
             return ExplanationQuery(
                 occupancy=self._picture.occupancy,
-                beware=self._beware,
+                beware=self._intent.beware,
                 zones=self.zones.stored,
                 pose=self._pose,
                 goal=(goal.x_m, goal.y_m),
@@ -291,20 +280,28 @@ class FakeOperations:
                 start_relief_m=0.5,
             )
 
-    def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
-        with self._lock:
-            self._mission = edit(self._mission)
-            self._see()
-            return self._mission
+    @property
+    def intent(self) -> OperatorState:
+        """The present state of the operator."""
+        return self._intent
 
-    def _put(self, beware: BewareList) -> None:
+    def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
+        """Replace the state of the operator, and see what follows."""
         with self._lock:
-            self._beware = beware
+            self._intent = edit(self._intent)
             self._see()
+            return self._intent
 
-    def _bound(self, _: tuple[Zone, ...]) -> None:
-        self._counts["zones"] += 1
-        self._see()
+    @property
+    def _picture(self) -> Picture:
+        assert self.view.picture is not None
+        return self.view.picture
+
+    def _set_mission(self, mission: Mission) -> None:
+        self._intent = dataclasses.replace(self._intent, mission=mission)
+
+    def _change(self, edit: Callable[[Mission], Mission]) -> None:
+        self.change(lambda state: dataclasses.replace(state, mission=edit(state.mission)))
 
     def _reasons(self) -> tuple[StopReason, ...]:
         found = []
@@ -315,7 +312,7 @@ class FakeOperations:
                     text=f"emergency stop by {self._stopped_by}; reset it to go on",
                 )
             )
-        if self._mission.goal is not None and not len(self._path):
+        if self._intent.mission.goal is not None and not len(self._path):
             found.append(
                 StopReason(
                     cause=Cause.NO_PATH,
@@ -328,19 +325,19 @@ class FakeOperations:
         if reasons:
             return f"standing: {reasons[0].text}"
         if moving:
-            return f"driving to goal {self._mission.queue[0].id}"
+            return f"driving to goal {self._intent.mission.queue[0].id}"
         return (
             "waiting for a goal"
-            if not self._mission.queue
-            else f"waiting, mission is {self._mission.phase}"
+            if not self._intent.mission.queue
+            else f"waiting, mission is {self._intent.mission.phase}"
         )
 
     def _see(self) -> None:
         counts = self._counts
         counts["serial"] += 1
-        grid = _grid(self._world, self._beware, self.zones.stored)
+        grid = _grid(self._world, self._intent.beware, self.zones.stored)
         blocked = _inflated(grid)
-        old: Picture | None = getattr(self, "_picture", None)
+        old = self.view.picture
         if (
             old is None
             or not np.array_equal(old.blocked, blocked)
@@ -348,16 +345,16 @@ class FakeOperations:
         ):
             counts["grid"] += 1
         self._path, waypoints = np.empty((0, 2)), np.empty((0, 2))
-        if self._mission.queue:
+        if self._intent.mission.queue:
             counts["replans"] += 1
-            goal = self._mission.queue[0]
+            goal = self._intent.mission.queue[0]
             outcome, self._path = _planned(blocked, self._pose, (goal.x_m, goal.y_m))
             if isinstance(outcome, Path):
                 waypoints = choose_waypoints(
                     outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
                 )
         rgb, labels = _frame()
-        self._picture = Picture(
+        self.view.picture = Picture(
             serial=counts["serial"],
             pose=self._pose,
             T_map_camera=self._pose.matrix() @ T_BASE_CAMERA,
@@ -380,7 +377,13 @@ class FakeOperations:
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if len(points) else None
 
 
-class MemoryShelf:
+class FakeView:
+    """The newest map."""
+
+    picture: Picture | None = None
+
+
+class MemoryStore:
     """Keeps named things until the test is over."""
 
     def __init__(self) -> None:
@@ -389,7 +392,14 @@ class MemoryShelf:
     def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
         """The book itself remembers the zones."""
 
-    def kept(self, kind: str) -> dict[str, Any]:
+    def beware_versions(self) -> tuple[BewareList, ...]:
+        """None: nothing outlives the test."""
+        return ()
+
+    def save_beware(self, beware: BewareList) -> None:
+        """The operator's state remembers the list."""
+
+    def documents(self, kind: str) -> dict[str, Any]:
         """As the store does."""
         return {
             name: json.loads(value)
@@ -397,7 +407,7 @@ class MemoryShelf:
             if of == kind
         }
 
-    def keep(self, kind: str, name: str, value: Any) -> None:
+    def save_document(self, kind: str, name: str, value: Any) -> None:
         """As the store does."""
         self._kept[kind, name] = json.dumps(value)
         if value is None:
@@ -427,7 +437,7 @@ def _grid(
         beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
         zones=nothing,
     )
-    return under(open_floor, tuple(zones))
+    return with_zones(open_floor, tuple(zones))
 
 
 def _inflated(grid: OccupancyGrid) -> BoolGrid:

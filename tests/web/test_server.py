@@ -19,7 +19,7 @@ from websockets.typing import Subprotocol
 
 from app.bench.viser_client import SUBPROTOCOL, camera, names_in
 from tests.web.fake_operations import FakeOperations
-from web.listening import PortInUse, reserve
+from web.port import PortInUse, reserve
 from web.server import ConsoleServer
 from web.viewer.viewer import Viewer
 

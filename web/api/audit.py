@@ -7,9 +7,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
-from web.access.audit import Ledger, is_deep
-from web.api.answers import finite
-from web.problems import JsonResponse
+from web.auth.audit import Ledger, is_deep
+from web.gateway.problems import JsonResponse
+from web.schemas.convert import finite
 
 LARGEST_ID = 2**53
 

@@ -8,13 +8,13 @@ from fastapi import APIRouter, HTTPException, Path, Query, Response
 
 from navcore.errors import Outdated, Refused
 from navcore.mission.beware_list import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
-from web.api.answers import beware_of
-from web.api.versions import ExpectedVersion, etag, outdated
-from web.port import Operations
-from web.problems import RESPONSES, JsonResponse
-from web.replies import BewareOut
+from web.gateway.etag import ExpectedVersion, etag, outdated
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.interface.operations import Operations
 from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
+from web.schemas.convert import beware_of
 from web.schemas.fields import MAX_NAME
+from web.schemas.responses import BewareOut
 
 _REFUSALS: dict[int | str, dict[str, Any]] = {
     status: RESPONSES[status] for status in (409, 422, 503)

@@ -18,14 +18,14 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from navcore.errors import BewareNavError
 from navcore.geometry.transform import Twist
-from web.access.audit import Auditor
-from web.access.control import Control
-from web.access.roles import CurrentVisitor, Role, Visitor
-from web.port import Operations
-from web.problems import RESPONSES, JsonResponse
-from web.replies import ControlOut, VisitorOut
-from web.schemas.hand import Drive, Halt, Here
-from web.sockets import until_one_ends
+from web.auth.audit import Auditor
+from web.auth.control_lease import Control
+from web.auth.roles import CurrentVisitor, Role, Visitor
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.gateway.websockets import until_one_ends
+from web.interface.operations import Operations
+from web.schemas.responses import ControlOut, VisitorOut
+from web.schemas.teleop import Drive, Halt, Here
 
 Action = Literal["take", "ask", "give"]
 BEAT_S, LOOK_S = 0.5, 0.05

@@ -8,10 +8,10 @@ from typing import Any
 
 from fastapi import APIRouter, WebSocket
 
-from web.api.answers import state_of
-from web.port import Operations
-from web.snapshots import State
-from web.sockets import until_gone, until_one_ends
+from web.gateway.websockets import until_gone, until_one_ends
+from web.interface.operations import Operations
+from web.interface.snapshots import State
+from web.schemas.convert import state_of
 
 LOOK_S = 0.025
 """How often a change is looked for; a snapshot is one attribute read."""

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from fastapi import APIRouter, Response
 
 from navcore.mission.mission import Phase
-from web.port import Operations
-from web.problems import JsonResponse
-from web.replies import HealthOut
-from web.snapshots import State
+from web.gateway.problems import JsonResponse
+from web.interface.operations import Operations
+from web.interface.snapshots import State
+from web.schemas.responses import HealthOut
 
 
 def health_router(operations: Operations) -> APIRouter:

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
+from navcore.geometry.transform import Pose2
 from navcore.perception.people.track import Track
-from web.api.answers import finite, track, zone_of
-from web.pictures import (
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.images.encode import (
     Newest,
     camera_jpg,
     cells_png,
@@ -19,11 +20,12 @@ from web.pictures import (
     map_yaml,
     overlaid,
 )
-from web.port import Operations
-from web.problems import RESPONSES, JsonResponse
-from web.replies import MapOut, PathOut, PersonOut, TilesOut
-from web.snapshots import Picture
-from web.tiles import TILE, TileVersions, newer, part_of
+from web.images.tiles import TILE, TileVersions, newer, part_of
+from web.interface.operations import Operations
+from web.interface.snapshots import Picture
+from web.schemas.convert import finite, track, zone_of
+from web.schemas.poses import PosesIn
+from web.schemas.responses import MapOut, NumberedPoseOut, PathOut, PersonOut, PosesOut, TilesOut
 
 _NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
 TileIndex = Annotated[int, Path(ge=0, le=10_000)]
@@ -191,3 +193,35 @@ def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) 
     return Response(
         make(), media_type=media_type, headers={"ETag": tag, "Cache-Control": "no-cache"}
     )
+
+
+def poses_router(operations: Operations) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+
+    @router.get("/map/poses", response_model=PosesOut)
+    def get_poses() -> PosesOut:
+        """Where the robot was when it saw the map's points; a new ID every so many metres or
+        degrees."""
+        poses = enumerate(operations.poses())
+        return PosesOut(
+            poses=[
+                NumberedPoseOut(id=i, x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad)
+                for i, pose in poses
+            ]
+        )
+
+    @router.patch(
+        "/map/poses", status_code=204, response_class=Response, responses={422: RESPONSES[422]}
+    )
+    def correct_poses(body: PosesIn) -> None:
+        """Put past poses right: what was seen from them moves along, and the path follows, from the
+        next tick on."""
+        operations.correct_poses(
+            {
+                pose.id: Pose2(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad)
+                for pose in body.poses
+            }
+        )
+
+    return router

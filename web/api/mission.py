@@ -11,14 +11,14 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 
-from web.access.roles import CurrentVisitor
-from web.api.answers import goals, mission_of, state_of
 from web.api.control import stopped_by
-from web.port import MissionAction, Operations
-from web.problems import RESPONSES, JsonResponse
-from web.replies import GoalOut, MissionOut, SavedMissionOut, StateOut
+from web.auth.roles import CurrentVisitor
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.interface.operations import MissionAction, Operations
+from web.schemas.convert import goals, mission_of, state_of
 from web.schemas.fields import MAX_NAME, Name
 from web.schemas.mission import GoalIn, GoalOrderIn, GoalPatchIn, LoopIn
+from web.schemas.responses import GoalOut, MissionOut, SavedMissionOut, StateOut
 
 
 def mission_router(operations: Operations) -> APIRouter:

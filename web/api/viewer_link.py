@@ -13,10 +13,10 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 from pydantic import ValidationError
 
-from web.access.roles import CurrentVisitor, Role
-from web.sockets import until_one_ends
-from web.viewer.link import PAGE_ID, PageLink
+from web.auth.roles import CurrentVisitor, Role
+from web.gateway.websockets import until_one_ends
 from web.viewer.messages import PageMessage, Show
+from web.viewer.page_link import PAGE_ID, PageLink
 from web.viewer.viewer import Viewer
 
 NOT_FOR_YOU, BAD_MESSAGE = 1008, 1007

@@ -8,12 +8,12 @@ from fastapi import APIRouter, Path, Response
 
 from navcore.errors import NotKnown, Outdated
 from navcore.mission.zone import Zone
-from web.api.answers import zone_of, zones_of
-from web.api.versions import ExpectedVersion, etag, outdated
-from web.port import Operations
-from web.problems import RESPONSES, JsonResponse
-from web.replies import ZoneOut, ZoneSetOut, ZonesOut
+from web.gateway.etag import ExpectedVersion, etag, outdated
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.interface.operations import Operations
+from web.schemas.convert import zone_of, zones_of
 from web.schemas.fields import Name
+from web.schemas.responses import ZoneOut, ZoneSetOut, ZonesOut
 from web.schemas.zones import ZoneIn
 
 _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}

@@ -1,24 +1,24 @@
 // The page's wiring: the robot's state comes in by websocket, everything else follows its version numbers.
 
-import { connect, get, post } from "./api.js";
-import "./account.js";
-import "./control.js";
-import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./draft.js";
-import "./draft_keys.js";
-import { showGoals } from "./goals.js";
+import { connect, get, post } from "./core/api.js";
+import "./access/account.js";
+import "./mission/teleop.js";
+import { clicked, draft, dragged, drawing, nameZonesBy, onDraft, ring, setMode } from "./zones/draft.js";
+import "./zones/draft_keys.js";
+import { showGoals } from "./mission/goals.js";
 import { onKey, pressStop, swallowSpace, switchViewBy } from "./keys.js";
-import { onLayers, showLayers, strength } from "./layers.js";
-import { showBeware, showLegend } from "./lists.js";
-import * as map from "./map.js";
-import { isNarrow } from "./page_tabs.js";
-import "./picture.js";
-import { attempt, say } from "./toasts.js";
-import { during } from "./progress.js";
-import * as ages from "./ages.js";
-import * as tiles from "./tiles.js";
-import * as understand from "./understand.js";
-import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./view.js";
-import { showZones } from "./zones.js";
+import { onLayers, showLayers, strength } from "./map/layers.js";
+import { showBeware, showLegend } from "./beware/beware_list.js";
+import * as map from "./map/map.js";
+import { isNarrow } from "./core/page_tabs.js";
+import "./zones/from_camera.js";
+import { attempt, say } from "./core/toasts.js";
+import { during } from "./core/progress.js";
+import * as ages from "./insight/freshness.js";
+import * as tiles from "./map/tiles.js";
+import * as understand from "./insight/drawer.js";
+import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./map/view.js";
+import { showZones } from "./zones/zones.js";
 
 const STALE_MS = 1000;
 const CAMERA_MS = 250;

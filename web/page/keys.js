@@ -1,17 +1,17 @@
 // Every key of the page, and the list of them under `?`. Space means stop and nothing else, wherever the focus is.
 
-import { stop } from "./api.js";
-import { handKey, togglePad } from "./control.js";
-import { element, make } from "./dom.js";
-import { canRedo, canUndo, draft, drawing, finish, redo, remove, sent, setMode, setTool, shift, snapshot, undo } from "./draft.js";
-import { fit, redraw } from "./map.js";
-import { closeOverlay } from "./menus.js";
-import { letGo } from "./pointer.js";
-import { switchTheme } from "./theme.js";
-import { attempt } from "./toasts.js";
-import { togglePanel } from "./users.js";
-import { follow, view, zoom } from "./view.js";
-import { travel } from "./zones.js";
+import { stop } from "./core/api.js";
+import { handKey, togglePad } from "./mission/teleop.js";
+import { element, make } from "./core/dom.js";
+import { canRedo, canUndo, draft, drawing, finish, redo, remove, sent, setMode, setTool, shift, snapshot, undo } from "./zones/draft.js";
+import { fit, redraw } from "./map/map.js";
+import { closeOverlay } from "./core/menus.js";
+import { letGo } from "./map/pointer.js";
+import { switchTheme } from "./core/theme.js";
+import { attempt } from "./core/toasts.js";
+import { togglePanel } from "./access/users.js";
+import { follow, view, zoom } from "./map/view.js";
+import { travel } from "./zones/zones.js";
 
 const NUDGE_M = 0.05;
 const LISTED = [

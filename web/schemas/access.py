@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictStr
 
-from web.access.users import LONGEST_PASSWORD
+from web.auth.users import LONGEST_PASSWORD
 from web.schemas.fields import Closed, Name
 
 Password = Annotated[StrictStr, Field(max_length=LONGEST_PASSWORD)]

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, StrictStr
 
 from navcore.mission.zone import MAX_CORNERS
-from web.drafts import PreviewDraft, ZoneDraft
+from web.interface.drafts import PreviewDraft, ZoneDraft
 from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share
 from web.schemas.mission import GoalIn
 from web.schemas.zones import ZoneIn

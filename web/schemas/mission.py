@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, cast
 
 from pydantic import Field, StrictBool
 
+from web.interface.drafts import GoalChanges
 from web.schemas.fields import Closed, Label, Metres, Radians
 
 GoalId = Annotated[int, Field(strict=True, ge=0, le=2**53)]
@@ -30,12 +31,17 @@ class GoalPatchIn(Closed):
     yaw_rad: Radians | None = None
     name: Label | None = None
 
-    def changes(self) -> dict[str, object]:
+    def changes(self) -> GoalChanges:
         """What was given."""
         given = self.model_dump(exclude_unset=True)
-        return {
-            name: value for name, value in given.items() if value is not None or name == "yaw_rad"
-        }
+        return cast(
+            "GoalChanges",
+            {
+                name: value
+                for name, value in given.items()
+                if value is not None or name == "yaw_rad"
+            },
+        )
 
 
 class GoalOrderIn(Closed):

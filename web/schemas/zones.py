@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, StrictBool, St
 
 from navcore.mission.zone import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, ZoneKind
 from navcore.mission.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
-from web.drafts import ZoneDraft
+from web.interface.drafts import ZoneDraft
 from web.schemas.fields import Closed, Corner, Margin, Metres, Name
 
 Seconds = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e11)]

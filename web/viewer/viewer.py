@@ -18,20 +18,20 @@ from viser import _messages
 from viser.extras import ViserUrdf
 
 from navcore.grid.grid import GridSpec
-from web import palette
-from web.insight import Candidates
-from web.port import Operations
-from web.snapshots import Picture
-from web.viewer.candidates import CandidateLayer
-from web.viewer.cloud import CloudLayer
-from web.viewer.floor import FloorLayer
-from web.viewer.layer import Layer, Snapshot
-from web.viewer.layers import CameraLayer, PathLayer, RobotLayer
-from web.viewer.link import PAGE_ID, PAGE_ID_HEADER, Links
-from web.viewer.marks import GoalLayer, ZoneLayer
+from web.images import palette
+from web.interface.insight import Candidates
+from web.interface.operations import Operations
+from web.interface.snapshots import Picture
+from web.viewer.draft_overlay import Sketch
+from web.viewer.layers.base import Layer, Snapshot
+from web.viewer.layers.cloud import CloudLayer
+from web.viewer.layers.floor import FloorLayer
+from web.viewer.layers.goals_zones import GoalLayer, ZoneLayer
+from web.viewer.layers.people import PeopleLayer
+from web.viewer.layers.primitives import CandidateLayer
+from web.viewer.layers.robot import CameraLayer, PathLayer, RobotLayer
 from web.viewer.messages import LAYERS, Draft, Look, Mark, Show
-from web.viewer.people import PeopleLayer
-from web.viewer.sketch import Sketch
+from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, Links
 
 log = logging.getLogger(__name__)
 

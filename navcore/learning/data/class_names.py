@@ -1,4 +1,4 @@
-"""The classes that the network for the beware list tells apart, in the order of its outputs."""
+"""Class names of the shipped network, in the order of its outputs."""
 
 from __future__ import annotations
 
@@ -16,4 +16,4 @@ BEWARE_CLASSES: tuple[str, ...] = (
     "wet-floor sign",
     "person",
 )
-"""In a label picture class i has the value i + 1; 0 is void, which no network predicts."""
+"""Class names; class i has the label i + 1, and 0 is void, which no network predicts."""

@@ -1,9 +1,9 @@
-"""Labelled RGB-D pictures on the disk, in the layout in which the official ESANet code reads SUN
+"""Data sets of labelled RGB-D images, in the layout in which the official ESANet code reads SUN
 RGB-D.
 
-    train_rgb.txt  train_depth.txt  train_label.txt    one path per line, relative to the folder; likewise test_*.txt
-    valid_rgb.txt  …                                   ours: the split by which the best epoch is chosen
-    dataset.json                                       ours: the card, without which class names and depth must be told
+    {train,test}_{rgb,depth,label}.txt    one path per line, relative to the folder
+    valid_{rgb,depth,label}.txt           an extension: the split that chooses the best epoch
+    dataset.json                          an extension: the card with class names and depth
 
 Colours are PNG or JPEG, depth is 16-bit PNG (0 = not measured), labels are `.npy` uint8: 0 = void,
 else class + 1.
@@ -22,7 +22,7 @@ from navcore.errors import BadConfiguration
 from navcore.learning.data.card import (
     CARD_NAME,
     KINDS,
-    MAX_PICTURES,
+    MAX_IMAGES,
     SPLITS,
     Counts,
     DatasetCard,
@@ -45,30 +45,30 @@ MAX_LIST_BYTES = 1 << 27
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dataset:
-    """A data set whose lists are checked; the pictures are read one by one."""
+    """A data set whose lists are checked; the images are read one by one."""
 
     folder: Path
-    """Absolute."""
+    """Absolute path of the folder."""
     card: DatasetCard
-    """Its classes and statistics."""
+    """Classes and statistics of the data set."""
     files: Mapping[Split, tuple[Files, ...]]
-    """By split, in the order of the lists."""
+    """Files by split, in the order of the lists."""
 
     def __len__(self) -> int:
-        """Pictures in all splits."""
+        """Return the number of images in all splits."""
         return sum(len(files) for files in self.files.values())
 
     def count(self, split: Split) -> int:
-        """Pictures in this split."""
+        """Return the number of images in a split."""
         return len(self.files[split])
 
     def name(self, split: Split, index: int) -> str:
-        """What the picture is called: its file name without the ending."""
+        """Return the file name of an image without its ending."""
         return PurePosixPath(self.files[split][index][0]).stem
 
     def read(self, split: Split, index: int) -> Sample:
-        """One picture of the disk; raises `BadConfiguration` naming the file that is damaged or
-        does not fit."""
+        """Read a sample; raises `BadConfiguration` naming a file that is damaged or does not
+        fit."""
         rgb_path, depth_path, label_path = (
             _inside(self.folder, path) for path in self.files[split][index]
         )
@@ -77,7 +77,7 @@ class Dataset:
         return Sample(rgb=rgb, depth=depth, labels=labels)
 
     def read_labels(self, split: Split, index: int) -> LabelArray:
-        """(H, W) labels alone; raises `BadConfiguration` as `read` does."""
+        """Read only the labels (H, W); raises `BadConfiguration` as `read` does."""
         path = _inside(self.folder, self.files[split][index][2])
         labels = read_labels(path)
         check_labels(labels, len(self.card.class_names), str(path))
@@ -87,17 +87,17 @@ class Dataset:
 def load_dataset(
     folder: Path, *, class_names: Sequence[str] | None = None, depth: DepthStatistics | None = None
 ) -> Dataset:
-    """Read the card and the lists of a data set and see that every file is there.
+    """Read the card and the lists of a data set and check that every file exists.
 
-    A data set in the official layout has no card: then `class_names` and `depth` are needed;
-    `measure_depth` finds the latter out. Raises `BadConfiguration` naming the file and what is
-    wrong with it.
+    A data set in the official layout has no card and needs `class_names` and `depth`, which
+    `measure_depth` returns. Raises `BadConfiguration` naming the file and the defect.
     """
     folder = folder.resolve()
     files: dict[Split, tuple[Files, ...]] = {split: _read_lists(folder, split) for split in SPLITS}
     if not any(files.values()):
         raise BadConfiguration(
-            f"{folder}: no data set: none of {', '.join(f'{split}_rgb.txt' for split in SPLITS)} has an entry"
+            f"{folder}: no data set: none of "
+            f"{', '.join(f'{split}_rgb.txt' for split in SPLITS)} has an entry"
         )
     counts = Counts(**{split: len(listed) for split, listed in files.items()})
     card = _card(folder, counts, class_names, depth)
@@ -108,11 +108,9 @@ def load_dataset(
 
 
 def dataset_for(folder: Path, *, class_names: Sequence[str], depth: DepthStatistics) -> Dataset:
-    """A data set for a network of these classes: its labels are the network's numbers, its depth in
-    the network's units.
+    """Load a data set for a network, whose classes and depth units it must have.
 
-    Raises `BadConfiguration` where the data set's own card says otherwise, else as `load_dataset`
-    does.
+    Raises `BadConfiguration` if the data set's own card differs, else as `load_dataset` does.
     """
     dataset = load_dataset(folder, class_names=class_names, depth=depth)
     path = dataset.folder / CARD_NAME
@@ -122,18 +120,19 @@ def dataset_for(folder: Path, *, class_names: Sequence[str], depth: DepthStatist
             name.casefold() for name in class_names
         ]:
             raise BadConfiguration(
-                f"{path}: the classes are {', '.join(own.class_names)}; the network's are {', '.join(class_names)}: labels are "
-                "numbers, so names and order must be the same"
+                f"{path}: the classes are {', '.join(own.class_names)}; the network's are "
+                f"{', '.join(class_names)}: labels are numbers, so names and order must be the same"
             )
         if own.depth.units_per_m != depth.units_per_m:
             raise BadConfiguration(
-                f"{path}: depth in {own.depth.units_per_m:g} units per metre, the network takes {depth.units_per_m:g}"
+                f"{path}: depth in {own.depth.units_per_m:g} units per metre, "
+                f"the network takes {depth.units_per_m:g}"
             )
     return dataset
 
 
 def measure_depth(folder: Path, *, units_per_m: float) -> DepthStatistics:
-    """Depth statistics of the train split of a data set without a card."""
+    """Measure the depth statistics of the train split of a data set without a card."""
     folder, sums = folder.resolve(), DepthSums()
     for _, path, _ in _read_lists(folder, "train"):
         sums.add(read_depth(_inside(folder, path)))
@@ -143,20 +142,21 @@ def measure_depth(folder: Path, *, units_per_m: float) -> DepthStatistics:
 def _card(
     folder: Path, counts: Counts, class_names: Sequence[str] | None, depth: DepthStatistics | None
 ) -> DatasetCard:
-    """The card of the folder, what is told taking precedence."""
+    """Return the card of the folder; the arguments take precedence."""
     path = folder / CARD_NAME
     if path.is_file():
         card = _read_card(path)
         if card.counts != counts:
             raise BadConfiguration(
-                f"{path}: counts {card.counts}, the lists have {counts}: one of them is from elsewhere"
+                f"{path}: counts {card.counts}, the lists have {counts}: "
+                "they do not belong together"
             )
         return dataclasses.replace(
             card, class_names=tuple(class_names or card.class_names), depth=depth or card.depth
         )
     if class_names is None or depth is None:
         raise BadConfiguration(
-            f"{path}: no such file; without it say the class names and the depth statistics"
+            f"{path}: no such file; without it give class names and depth statistics"
         )
     return DatasetCard(class_names=tuple(class_names), depth=depth, counts=counts)
 
@@ -173,7 +173,7 @@ def _read_card(path: Path) -> DatasetCard:
 
 
 def _read_lists(folder: Path, split: Split) -> tuple[Files, ...]:
-    """The files of a split; none where all three lists are missing."""
+    """Read the files of a split; empty if all three lists are missing."""
     paths = [folder / f"{split}_{kind}.txt" for kind in KINDS]
     missing = [path for path in paths if not path.is_file()]
     if missing:
@@ -184,15 +184,16 @@ def _read_lists(folder: Path, split: Split) -> tuple[Files, ...]:
         return ()
     lists = [_read_text(path, MAX_LIST_BYTES).splitlines() for path in paths]
     lengths = [len(lines) for lines in lists]
-    if len(set(lengths)) != 1 or lengths[0] > MAX_PICTURES:
+    if len(set(lengths)) != 1 or lengths[0] > MAX_IMAGES:
         raise BadConfiguration(
-            f"{paths[0]}: {split} lists {lengths} colours, depths and labels; expected as many of each"
+            f"{paths[0]}: {split} lists {lengths} colours, depths and labels; "
+            "expected the same number of each"
         )
     return tuple(zip(*lists, strict=True))
 
 
 def _inside(folder: Path, path: str) -> Path:
-    """The file, which must lie inside the folder even after links are followed."""
+    """Return the path of a file, which must be inside the folder after links are resolved."""
     relative = PurePosixPath(path)
     if not path or relative.is_absolute() or ".." in relative.parts or "\0" in path:
         raise BadConfiguration(f"{folder}: lists {path!r:.200}, expected a path inside the folder")

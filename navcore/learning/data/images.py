@@ -1,5 +1,4 @@
-"""Pictures and label arrays on the disk, read with their sizes known before any memory is spent on
-them."""
+"""Image and label files; sizes are checked before memory is allocated."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from navcore.files import read_whole
 
 MAX_SIDE_PX = 8192
 MAX_PIXELS = 1 << 25
-"""Of one picture; a 4096 × 4096 one fits twice."""
+"""Largest number of pixels of an image, twice 4096 × 4096."""
 MAX_FILE_BYTES = 1 << 27
 RgbArray = npt.NDArray[np.uint8]
 DepthArray = npt.NDArray[np.uint16]
@@ -27,45 +26,46 @@ _NPY_HEADER_BYTES = 10_000
 
 
 def read_rgb(path: Path) -> RgbArray:
-    """(H, W, 3) uint8 in RGB order, from PNG or JPEG; raises `BadConfiguration` naming the file."""
+    """Read (H, W, 3) uint8 RGB from a PNG or JPEG; raises `BadConfiguration` naming the file."""
     return decode_rgb(read_bytes(path), str(path))
 
 
 def read_depth(path: Path) -> DepthArray:
-    """(H, W) uint16 in data set units, 0 = not measured, from a 16-bit PNG; raises
+    """Read (H, W) uint16 in data set units, 0 = not measured, from a 16-bit PNG; raises
     `BadConfiguration`."""
     return decode_depth(read_bytes(path), str(path))
 
 
 def read_grey(path: Path) -> LabelArray:
-    """(H, W) uint8 from an 8-bit PNG of one channel; raises `BadConfiguration` naming the file."""
-    picture = _decode(read_bytes(path), str(path), cv2.IMREAD_UNCHANGED)
-    if picture.dtype != np.uint8 or picture.ndim != 2:
+    """Read (H, W) uint8 from an 8-bit PNG of one channel; raises `BadConfiguration`."""
+    image = _decode(read_bytes(path), str(path), cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.uint8 or image.ndim != 2:
         raise BadConfiguration(
-            f"{path}: {picture.dtype} {picture.shape}, expected an 8-bit PNG of one channel"
+            f"{path}: {image.dtype} {image.shape}, expected an 8-bit PNG of one channel"
         )
-    return np.asarray(picture, dtype=np.uint8)
+    return np.asarray(image, dtype=np.uint8)
 
 
 def decode_rgb(content: bytes, where: str) -> RgbArray:
-    """(H, W, 3) uint8 in RGB order out of the bytes of a PNG or JPEG; raises `BadConfiguration`
-    naming `where`."""
-    picture = _decode(content, where, cv2.IMREAD_COLOR)
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    """Decode the bytes of a PNG or JPEG to (H, W, 3) uint8 RGB; raises `BadConfiguration` naming
+    `where`."""
+    image = _decode(content, where, cv2.IMREAD_COLOR)
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
 def decode_depth(content: bytes, where: str) -> DepthArray:
-    """(H, W) uint16 out of the bytes of a 16-bit PNG; raises `BadConfiguration` naming `where`."""
-    picture = _decode(content, where, cv2.IMREAD_UNCHANGED)
-    if picture.dtype != np.uint16 or picture.ndim != 2:
+    """Decode the bytes of a 16-bit PNG to (H, W) uint16; raises `BadConfiguration` naming
+    `where`."""
+    image = _decode(content, where, cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.uint16 or image.ndim != 2:
         raise BadConfiguration(
-            f"{where}: {picture.dtype} {picture.shape}, expected depth as a 16-bit PNG of one channel"
+            f"{where}: {image.dtype} {image.shape}, expected depth as a 16-bit PNG of one channel"
         )
-    return np.asarray(picture, dtype=np.uint16)
+    return np.asarray(image, dtype=np.uint16)
 
 
 def read_labels(path: Path) -> LabelArray:
-    """(H, W) uint8, 0 = void, else class + 1, from a `.npy` of small whole numbers; raises
+    """Read labels (H, W) uint8, 0 = void, else class + 1, from a `.npy` of integers; raises
     `BadConfiguration`."""
     try:
         with path.open("rb") as file:
@@ -86,7 +86,7 @@ def read_labels(path: Path) -> LabelArray:
 
 
 def write_rgb(path: Path, rgb: RgbArray, *, jpeg_quality: int | None = None) -> None:
-    """Write (H, W, 3) RGB as PNG, or as JPEG of that quality with full colour resolution; raises
+    """Write (H, W, 3) RGB as PNG, or as JPEG of a quality with full colour resolution; raises
     `StorageFailed`."""
     bgr = np.ascontiguousarray(rgb[..., ::-1])
     if jpeg_quality is None:
@@ -96,19 +96,19 @@ def write_rgb(path: Path, rgb: RgbArray, *, jpeg_quality: int | None = None) -> 
     _write(path, ".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality, *sampling])
 
 
-def write_grey(path: Path, picture: DepthArray | LabelArray) -> None:
-    """Write (H, W) as PNG of 8 or 16 bits; raises `StorageFailed`."""
-    _write(path, ".png", np.ascontiguousarray(picture), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+def write_grey(path: Path, image: DepthArray | LabelArray) -> None:
+    """Write (H, W) as an 8-bit or 16-bit PNG; raises `StorageFailed`."""
+    _write(path, ".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's content; raises `BadConfiguration` when it is missing or larger than a picture can
-    be."""
+    """Return the content of an image file; raises `BadConfiguration` if it is missing or too
+    large."""
     return read_whole(path, at_most=MAX_FILE_BYTES)
 
 
-def picture_size(content: bytes) -> tuple[int, int] | None:
-    """(height, width) that the header of a PNG or JPEG claims; `None` for anything else."""
+def image_size(content: bytes) -> tuple[int, int] | None:
+    """Return (height, width) from the header of a PNG or JPEG; None for anything else."""
     if content.startswith(_PNG_START) and content[12:16] == b"IHDR" and len(content) >= 24:
         width, height = struct.unpack(">II", content[16:24])
         return height, width
@@ -116,7 +116,7 @@ def picture_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int] | None:
-    """Walks over the segments to the start of frame."""
+    """Return (height, width) from the start-of-frame segment of a JPEG."""
     at = 2
     while at + 9 <= len(content) and content[at] == 0xFF:
         marker = content[at + 1]
@@ -128,7 +128,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _decode(content: bytes, where: str, flags: int) -> npt.NDArray[np.integer]:
-    size = picture_size(content)
+    size = image_size(content)
     if size is None or not _fits(*size):
         said = (
             "it is neither PNG nor JPEG, or cut off"
@@ -139,14 +139,14 @@ def _decode(content: bytes, where: str, flags: int) -> npt.NDArray[np.integer]:
             f"{where}: {said}; expected a PNG or JPEG of at most {MAX_PIXELS} pixels"
         )
     try:
-        picture = cv2.imdecode(
+        image = cv2.imdecode(
             np.frombuffer(content, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION
         )
     except cv2.error:
-        picture = None
-    if picture is None:
-        raise BadConfiguration(f"{where}: the picture is damaged")
-    return picture  # type: ignore[return-value]  # cv2's stubs leave floats open
+        image = None
+    if image is None:
+        raise BadConfiguration(f"{where}: the image is damaged")
+    return image  # type: ignore[return-value]  # cv2's stubs leave floats open
 
 
 def _fits(height: int, width: int) -> bool:
@@ -168,11 +168,11 @@ def _npy_header(file: BinaryIO, path: Path) -> tuple[tuple[int, ...], np.dtype[n
     return tuple(shape), dtype
 
 
-def _write(path: Path, suffix: str, picture: npt.NDArray[np.integer], options: list[int]) -> None:
-    _, content = cv2.imencode(suffix, picture, options)
+def _write(path: Path, suffix: str, image: npt.NDArray[np.integer], options: list[int]) -> None:
+    _, content = cv2.imencode(suffix, image, options)
     try:
         path.write_bytes(content.tobytes())
     except OSError as error:
         raise StorageFailed(
-            f"{path}: the picture cannot be written: {error.strerror or error}"
+            f"{path}: the image cannot be written: {error.strerror or error}"
         ) from error

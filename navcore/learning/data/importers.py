@@ -1,9 +1,9 @@
-"""Labels that people drew elsewhere: CVAT's "Segmentation mask 1.1" archives and labelme's
-polygons, as samples.
+"""Importers of labels drawn in other programs: CVAT's "Segmentation mask 1.1" archives and
+labelme's polygons.
 
-Both give colours and labels; depth comes from a folder of 16-bit PNGs of the same names. What is in
-the files is not trusted: sizes are bounded before anything is unpacked, nothing is unpacked onto
-the disk, and no path is followed out of a folder.
+Both contain colours and labels; depth comes from a folder of 16-bit PNGs of the same names. The
+files are not trusted: sizes are limited before anything is unpacked, nothing is unpacked to disk,
+and no path leads out of a folder.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ from navcore.learning.data.images import (
 )
 
 MAX_ENTRIES = 200_000
+"""Largest number of files in an archive or folder."""
 MAX_POINTS = 100_000
-"""Of one polygon."""
-MASKS, PICTURES, SETS = "SegmentationClass/", "JPEGImages/", "ImageSets/Segmentation/"
+"""Largest number of points of a polygon."""
+MASKS, IMAGES, SETS = "SegmentationClass/", "JPEGImages/", "ImageSets/Segmentation/"
 _SPLIT_OF: dict[str, Split] = {
     "train": "train",
     "val": "valid",
@@ -49,20 +50,20 @@ _VOID_NAMES = ("void", "unlabeled", "_background_", "__ignore__")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Labelled:
-    """One imported picture."""
+class ImportedSample:
+    """An imported sample."""
 
     split: Split
-    """Where it belongs; `train` where the source does not say."""
+    """Split of the sample; `train` if the source does not tell."""
     name: str
-    """Of the picture, without its ending."""
+    """Name of the image without its ending."""
     sample: Sample
     """Colours, depth and labels."""
 
 
 class CvatArchive:
-    """A CVAT "Segmentation mask 1.1" zip: labelmap.txt, coloured masks, lists of names, and perhaps
-    the pictures."""
+    """A CVAT "Segmentation mask 1.1" archive: labelmap.txt, coloured masks, lists of names, and
+    optionally the images."""
 
     def __init__(
         self,
@@ -72,11 +73,11 @@ class CvatArchive:
         rgb_dir: Path | None = None,
         keep_background: bool = False,
     ) -> None:
-        """Raises `BadConfiguration` naming the file and what is wrong with it.
+        """Open an archive; raises `BadConfiguration` naming the file and the defect.
 
-        `rgb_dir` is where the pictures are if the archive was exported without them. The label
-        `background`, which CVAT gives to all that nobody drew on, is void, unless `keep_background`
-        makes it a class of its own.
+        `rgb_dir` is the folder of the images if the archive was exported without them. The label
+        `background`, which CVAT gives to unlabelled pixels, is void unless `keep_background` makes
+        it a class.
         """
         self.path, self._depth_dir, self._rgb_dir = path, depth_dir, rgb_dir
         try:
@@ -109,8 +110,8 @@ class CvatArchive:
             _packed(colour): number for number, colour in enumerate(kept.values(), start=1)
         }
 
-    def __iter__(self) -> Iterator[Labelled]:
-        """The pictures that have a mask, by name."""
+    def __iter__(self) -> Iterator[ImportedSample]:
+        """Yield the images that have a mask, sorted by name."""
         splits = self._splits()
         masks = sorted(
             key for key in self._entries if key.startswith(MASKS) and key.endswith(".png")
@@ -125,10 +126,12 @@ class CvatArchive:
             sample = _sample(
                 self._rgb(name), _depth(self._depth_dir, name), labels, f"{self.path}: {name}"
             )
-            yield Labelled(split=splits.get(name, "train"), name=flat(name), sample=sample)
+            yield ImportedSample(
+                split=splits.get(name, "train"), name=flat_name(name), sample=sample
+            )
 
     def _mask(self, key: str) -> LabelArray:
-        """Colours → labels; raises for a colour that labelmap.txt does not know."""
+        """Return the labels of a coloured mask; raises `BadConfiguration` for an unknown colour."""
         mask = decode_rgb(self._bytes(key), f"{self.path}: {key}").astype(np.int64)
         packed = (mask[..., 0] << 16) | (mask[..., 1] << 8) | mask[..., 2]
         found, where = np.unique(packed, return_inverse=True)
@@ -145,18 +148,18 @@ class CvatArchive:
 
     def _rgb(self, name: str) -> RgbArray:
         for ending in (".jpg", ".jpeg", ".png"):
-            if f"{PICTURES}{name}{ending}" in self._entries:
+            if f"{IMAGES}{name}{ending}" in self._entries:
                 return decode_rgb(
-                    self._bytes(f"{PICTURES}{name}{ending}"), f"{self.path}: {name}{ending}"
+                    self._bytes(f"{IMAGES}{name}{ending}"), f"{self.path}: {name}{ending}"
                 )
         if self._rgb_dir is None:
             raise BadConfiguration(
-                f"{self.path}: no picture {PICTURES}{name}; export with pictures, or say where they are"
+                f"{self.path}: no image {IMAGES}{name}; export with images, or give their folder"
             )
         return read_rgb(_found(self._rgb_dir, name, (".jpg", ".jpeg", ".png")))
 
     def _labelmap(self) -> dict[str, tuple[int, int, int]]:
-        """Colour by name, out of lines `name:r,g,b:parts:actions`."""
+        """Return colours by name from lines `name:r,g,b:parts:actions`."""
         colours: dict[str, tuple[int, int, int]] = {}
         for line in self._text("labelmap.txt").splitlines():
             if not line.strip() or line.startswith("#"):
@@ -192,8 +195,7 @@ class CvatArchive:
             raise BadConfiguration(f"{self.path}: {key}: not UTF-8 text") from None
 
     def _bytes(self, key: str) -> bytes:
-        """Unpacked in memory, and no more of it than a picture can have, whatever the archive's
-        index claims."""
+        """Unpack a file in memory, limited to the size of an image whatever the archive claims."""
         entry = self._entries.get(key)
         if entry is None:
             raise BadConfiguration(
@@ -219,8 +221,8 @@ class CvatArchive:
 
 
 class LabelmeFolder:
-    """A folder of labelme JSON files: polygons (and rectangles) per picture, later ones over
-    earlier ones."""
+    """A folder of labelme JSON files: polygons and rectangles per image, later ones over earlier
+    ones."""
 
     def __init__(
         self,
@@ -231,10 +233,10 @@ class LabelmeFolder:
         split: Split = "train",
         keep_background: bool = False,
     ) -> None:
-        """Raises `BadConfiguration`. Without `class_names` the classes are the labels that occur,
-        in alphabetical order.
+        """Open a folder; raises `BadConfiguration`.
 
-        What nobody drew on is void, or with `keep_background` of the class `background`, which then
+        Without `class_names` the classes are the labels that occur, in alphabetical order.
+        Unlabelled pixels are void, or with `keep_background` the class `background`, which then
         comes first.
         """
         self.folder, self._depth_dir, self._split, self._keeps = (
@@ -258,17 +260,18 @@ class LabelmeFolder:
         if not 0 < len(self.class_names) <= MAX_CLASSES or not occurring <= set(self.class_names):
             unknown = ", ".join(sorted(occurring - set(self.class_names)))
             raise BadConfiguration(
-                f"{folder}: labels {unknown!r:.200} are not among the classes; expected 1 to {MAX_CLASSES}"
+                f"{folder}: labels {unknown!r:.200} are not among the classes; "
+                f"expected 1 to {MAX_CLASSES}"
             )
 
-    def __iter__(self) -> Iterator[Labelled]:
-        """The pictures, by name."""
+    def __iter__(self) -> Iterator[ImportedSample]:
+        """Yield the images, sorted by name."""
         for path in self._files:
             document = _document(path)
             rgb = self._rgb(path, document)
             labels = self._drawn(path, rgb.shape[:2])
             sample = _sample(rgb, _depth(self._depth_dir, path.stem), labels, str(path))
-            yield Labelled(split=self._split, name=flat(path.stem), sample=sample)
+            yield ImportedSample(split=self._split, name=flat_name(path.stem), sample=sample)
 
     def _rgb(self, path: Path, document: dict[str, Any]) -> RgbArray:
         if isinstance(document.get("imageData"), str):
@@ -284,7 +287,7 @@ class LabelmeFolder:
         return read_rgb(_within(path.parent, _safe(named, str(path))))
 
     def _drawn(self, path: Path, shape: tuple[int, ...]) -> LabelArray:
-        """(H, W) with each polygon filled."""
+        """Return the labels (H, W) with each polygon filled."""
         labels = np.full(
             shape, self.class_names.index(BACKGROUND) + 1 if self._keeps else 0, dtype=np.uint8
         )
@@ -296,8 +299,8 @@ class LabelmeFolder:
         return labels
 
 
-def flat(name: str) -> str:
-    """A name that is no path: folders of the source become part of it."""
+def flat_name(name: str) -> str:
+    """Return a file name without folders, whose names become part of it."""
     kept = "".join(
         sign if sign.isascii() and (sign.isalnum() or sign in "._-") else "_" for sign in name
     )
@@ -305,7 +308,7 @@ def flat(name: str) -> str:
 
 
 def _polygon(path: Path, drawn: dict[str, Any]) -> npt.NDArray[np.int32]:
-    """(N, 2) pixels; a rectangle is given by two corners."""
+    """Return the corners (N, 2) in pixels; labelme gives a rectangle by two corners."""
     points, kind = drawn.get("points"), drawn.get("shape_type", "polygon")
     try:
         corners = np.array(points, dtype=np.float64)
@@ -319,13 +322,14 @@ def _polygon(path: Path, drawn: dict[str, Any]) -> npt.NDArray[np.int32]:
         or len(corners) < (3 if kind == "polygon" else 2)
     ):
         raise BadConfiguration(
-            f"{path}: shape {drawn['label']!r:.60} of type {kind!r:.40}: expected a polygon or a rectangle"
+            f"{path}: shape {drawn['label']!r:.60} of type {kind!r:.40}: "
+            "expected a polygon or a rectangle"
         )
     if kind == "rectangle":
         (x0, y0), (x1, y1) = corners[:2]
         corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-    # A pixel's index is where its upper left corner is; cv2 fills the pixels that the outline
-    # touches.
+    # The coordinates of a pixel are those of its upper left corner; cv2 fills the pixels that the
+    # outline touches.
     return np.asarray(np.floor(corners), dtype=np.int32)
 
 
@@ -358,7 +362,8 @@ def _sample(rgb: RgbArray, depth: npt.NDArray[np.uint16], labels: LabelArray, wh
     shapes = {"colours": rgb.shape[:2], "depth": depth.shape, "labels": labels.shape}
     if len(set(shapes.values())) != 1:
         raise BadConfiguration(
-            f"{where}: sizes differ: {', '.join(f'{kind} {shape}' for kind, shape in shapes.items())}"
+            f"{where}: sizes differ: "
+            f"{', '.join(f'{kind} {shape}' for kind, shape in shapes.items())}"
         )
     return Sample(rgb=rgb, depth=depth, labels=labels)
 
@@ -368,14 +373,14 @@ def _depth(folder: Path, name: str) -> npt.NDArray[np.uint16]:
 
 
 def _found(folder: Path, name: str, endings: Sequence[str]) -> Path:
-    """The file of that name in the folder; the source's own folders may be missing there."""
+    """Return the file of a name in the folder; the folders of the source may be missing there."""
     for stem in (name, PurePosixPath(name).name):
         for ending in endings:
             path = _within(folder, _safe(stem + ending, str(folder)))
             if path.is_file():
                 return path
     raise BadConfiguration(
-        f"{folder}: no file for picture {name!r:.120}; expected {name}{endings[0]}"
+        f"{folder}: no file for image {name!r:.120}; expected {name}{endings[0]}"
     )
 
 
@@ -387,7 +392,7 @@ def _within(folder: Path, relative: str) -> Path:
 
 
 def _safe(name: str, where: str) -> str:
-    """The name, which must be a path downwards on every system."""
+    """Return the name, which must be a relative path without `..` on every system."""
     path = PurePosixPath(name)
     if (
         not name

@@ -1,5 +1,5 @@
-"""Write a data set as `navcore.learning.dataset` reads it; the lists and the card come last, so a
-half-written one is none."""
+"""Writer of data sets for `navcore.learning.data.dataset`; lists and card are written last, so that
+an incomplete data set is recognised."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 class DatasetWriter:
-    """Takes labelled pictures one by one: `add`, `add`, …, `finish`."""
+    """Writer of a data set: call `add` per image, then `finish`."""
 
     def __init__(
         self,
@@ -42,8 +42,8 @@ class DatasetWriter:
         source: Mapping[str, object] | None = None,
         jpeg_quality: int | None = None,
     ) -> None:
-        """`folder` is made; it must be empty. Colours are kept exactly (PNG) unless a
-        `jpeg_quality` is said.
+        """Create `folder`, which must be empty. Colours are stored as PNG unless `jpeg_quality` is
+        given.
 
         Raises `BadConfiguration` or `StorageFailed`.
         """
@@ -62,11 +62,10 @@ class DatasetWriter:
     def add(
         self, split: Split, name: str, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray
     ) -> None:
-        """Write one picture: (H, W, 3) uint8, (H, W) uint16 in the data set's unit with 0 = not
-        measured, (H, W) uint8.
+        """Write a sample: (H, W, 3) uint8, (H, W) uint16 in the data set's unit with 0 = not
+        measured, (H, W) uint8 labels with 0 = void, else class + 1.
 
-        Labels are 0 = void, else class + 1. Raises `BadConfiguration` for a name, shape or label
-        that will not do.
+        Raises `BadConfiguration` for a wrong name, shape or label.
         """
         self._check(split, name)
         check_sample(rgb, depth_mm, labels, len(self._card.class_names), f"{split}/{name}")
@@ -85,11 +84,11 @@ class DatasetWriter:
         self._sizes.add((labels.shape[0], labels.shape[1]))
 
     def finish(self) -> DatasetCard:
-        """Write the lists and then the card; from now on `load_dataset` takes the folder."""
+        """Write the lists and then the card, after which `load_dataset` accepts the folder."""
         if self._finished:
             raise BadConfiguration(f"{self._folder}: the data set is finished already")
         if not self._names:
-            raise BadConfiguration(f"{self._folder}: a data set without any picture")
+            raise BadConfiguration(f"{self._folder}: a data set without any image")
         card = dataclasses.replace(
             self._card,
             depth=self._depth(),
@@ -117,10 +116,11 @@ class DatasetWriter:
             )
         if not _NAME.fullmatch(name):
             raise BadConfiguration(
-                f"data set: {name!r:.120} is no name for a picture: expected letters, digits and . _ -"
+                f"data set: {name!r:.120} is no name for an image: "
+                "expected letters, digits and . _ -"
             )
         if (split, name.casefold()) in self._names:
-            raise BadConfiguration(f"data set: {split} has a picture {name!r} already")
+            raise BadConfiguration(f"data set: {split} has an image {name!r} already")
 
     def _depth(self) -> DepthStatistics:
         used = [self._sums["train"]] if self._files["train"] else list(self._sums.values())
@@ -133,8 +133,7 @@ class DatasetWriter:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a text file; what was at `target` stays intact until the new one is whole. Raises
-    `StorageFailed`."""
+    """Write a text file, replacing `target` atomically; raises `StorageFailed`."""
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
         try:
@@ -150,7 +149,8 @@ def write_text(target: Path, text: str) -> None:
 
 
 def _make_empty(folder: Path) -> None:
-    """Make the folders of a new data set; refuses one in which something lies."""
+    """Create the folders of a new data set; raises `BadConfiguration` unless the folder is
+    empty."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):

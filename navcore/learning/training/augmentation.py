@@ -1,5 +1,5 @@
-"""Pictures as training shows them: enlarged, cropped, tinted and mirrored at random; and as
-validation shows them: resized."""
+"""Augmentation: random scaling, cropping, tinting and mirroring for training; resizing for
+validation."""
 
 from __future__ import annotations
 
@@ -22,53 +22,52 @@ def augmented(
     *,
     crop: Size | None = None,
 ) -> Sample:
-    """A random variation of the sample, `crop` (else all) of the working size. The same generator
-    gives the same variation."""
+    """Return a random variation of the sample, of size `crop` or else of the working size; the same
+    generator gives the same variation."""
     window = crop or size
     scale = random.uniform(*changes.scale)
-    grown = Size(
+    scaled = Size(
         height=max(size.height, round(size.height * scale)),
         width=max(size.width, round(size.width * scale)),
     )
-    row = int(random.integers(grown.height - window.height + 1))
-    col = int(random.integers(grown.width - window.width + 1))
+    row = int(random.integers(scaled.height - window.height + 1))
+    col = int(random.integers(scaled.width - window.width + 1))
     factors = random.uniform(*changes.hsv, size=3)
     mirrored = random.random() < changes.flip
     if changes.focus and random.random() < changes.focus:
-        row, col = _around_something(sample.labels, grown, window, random)
-    cut = cropped(resized(sample, grown), row, col, window)
+        row, col = _window_on_class(sample.labels, scaled, window, random)
+    cut = cropped(resized(sample, scaled), row, col, window)
     tinted_rgb = cut.rgb if (factors == 1.0).all() else tinted(cut.rgb, factors)
     varied = Sample(rgb=tinted_rgb, depth=cut.depth, labels=cut.labels)
     return flipped(varied) if mirrored else varied
 
 
-def _around_something(
-    labels: LabelArray, grown: Size, window: Size, random: np.random.Generator
+def _window_on_class(
+    labels: LabelArray, scaled: Size, window: Size, random: np.random.Generator
 ) -> tuple[int, int]:
-    """First row and column of a window that shows a random pixel of a random class, small classes
-    first.
+    """Return the first row and column of a window with a random pixel of a random class, preferring
+    small classes.
 
-    A picture is mostly floor and walls; of a cable it has some dozen pixels, and a random window
-    would seldom show them.
+    An image is mostly floor and walls; a cable has some dozen pixels, which a random window would
+    seldom show.
     """
     classes, counts = np.unique(labels[labels > 0], return_counts=True)
     if not len(classes):
-        return int(random.integers(grown.height - window.height + 1)), int(
-            random.integers(grown.width - window.width + 1)
+        return int(random.integers(scaled.height - window.height + 1)), int(
+            random.integers(scaled.width - window.width + 1)
         )
     shares = 1 / np.sqrt(counts)
     rows, cols = np.nonzero(labels == random.choice(classes, p=shares / shares.sum()))
     at = int(random.integers(len(rows)))
-    row = rows[at] * grown.height // labels.shape[0] - int(random.integers(window.height))
-    col = cols[at] * grown.width // labels.shape[1] - int(random.integers(window.width))
-    return int(np.clip(row, 0, grown.height - window.height)), int(
-        np.clip(col, 0, grown.width - window.width)
+    row = rows[at] * scaled.height // labels.shape[0] - int(random.integers(window.height))
+    col = cols[at] * scaled.width // labels.shape[1] - int(random.integers(window.width))
+    return int(np.clip(row, 0, scaled.height - window.height)), int(
+        np.clip(col, 0, scaled.width - window.width)
     )
 
 
 def resized(sample: Sample, size: Size) -> Sample:
-    """Colours by bilinear interpolation; depth and labels by nearest, for there is nothing between
-    two classes."""
+    """Resize a sample: colours bilinearly, depth and labels by nearest neighbour."""
     if sample.labels.shape == (size.height, size.width):
         return sample
     shape = (size.width, size.height)
@@ -86,21 +85,21 @@ def resized(sample: Sample, size: Size) -> Sample:
 
 
 def cropped(sample: Sample, row: int, col: int, size: Size) -> Sample:
-    """The window of that size whose upper left pixel is (row, col)."""
+    """Return the window of a size whose upper left pixel is (row, col)."""
     window = np.s_[row : row + size.height, col : col + size.width]
     return Sample(rgb=sample.rgb[window], depth=sample.depth[window], labels=sample.labels[window])
 
 
 def flipped(sample: Sample) -> Sample:
-    """Left and right exchanged."""
+    """Return the sample mirrored left to right."""
     return Sample(
         rgb=sample.rgb[:, ::-1], depth=sample.depth[:, ::-1], labels=sample.labels[:, ::-1]
     )
 
 
 def tinted(rgb: RgbArray, factors: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> RgbArray:
-    """Hue, saturation and value of (H, W, 3) multiplied by the three factors and clipped; hue does
-    not wrap round."""
+    """Multiply hue, saturation and value of (H, W, 3) by three factors and clip; hue does not wrap
+    around."""
     hsv = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2HSV)
     hsv *= factors.astype(np.float32)
     np.minimum(hsv, np.array([HUE_CIRCLE, 1.0, 1.0], dtype=np.float32), out=hsv)

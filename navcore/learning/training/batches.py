@@ -1,5 +1,4 @@
-"""Batches of tensors out of a data set: which pictures, in which order, and each of them decoded
-only once."""
+"""Batches of tensors from a data set: order of the images, decoding and caching."""
 
 from __future__ import annotations
 
@@ -28,51 +27,51 @@ _MEGABYTE = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Batch:
-    """Pictures ready for the network."""
+    """Preprocessed images and their labels."""
 
     rgb: Tensor
-    """(B, 3, h, w) float32, normalised, channels last in memory."""
+    """(B, 3, h, w) float32 normalised colours, channels last in memory."""
     depth: Tensor
-    """(B, 1, h, w) float32, normalised."""
+    """(B, 1, h, w) float32 normalised depth."""
     labels: Tensor
-    """(B, h, w) uint8, 0 = void, else class + 1."""
+    """(B, h, w) uint8 labels, 0 = void, else class + 1."""
 
 
-class Pictures:
-    """The pictures of one split; as many as fit in `cache_mb` megabytes are kept decoded. Threads
-    may share it."""
+class CachedSplit:
+    """The samples of one split; as many as fit in `cache_mb` megabytes stay decoded.
+    Thread-safe."""
 
     def __init__(self, dataset: Dataset, split: Split, *, cache_mb: int) -> None:
         self.dataset, self.split = dataset, split
-        self._room_bytes = cache_mb * _MEGABYTE
-        self._kept: dict[int, Sample] = {}
+        self._free_bytes = cache_mb * _MEGABYTE
+        self._cache: dict[int, Sample] = {}
 
     def __len__(self) -> int:
-        """Pictures of the split."""
+        """Return the number of samples of the split."""
         return self.dataset.count(self.split)
 
     def __getitem__(self, index: int) -> Sample:
-        """The picture as it is on the disk."""
-        sample = self._kept.get(index)
+        """Return a sample, from the cache or the disk."""
+        sample = self._cache.get(index)
         if sample is None:
             sample = self.dataset.read(self.split, index)
             size_bytes = sample.rgb.nbytes + sample.depth.nbytes + sample.labels.nbytes
             if (
-                size_bytes <= self._room_bytes
+                size_bytes <= self._free_bytes
             ):  # two threads may both find room for a last one; that is no harm
-                self._room_bytes -= size_bytes
-                self._kept[index] = sample
+                self._free_bytes -= size_bytes
+                self._cache[index] = sample
         return sample
 
 
 def epoch_batches(
     count: int, batch: int, *, seed: int, epoch: int, rank: int = 0, ranks: int = 1
 ) -> list[npt.NDArray[np.int64]]:
-    """The indexes of each step's pictures: a fresh order every epoch, without the rest that fills
-    no batch.
+    """Return the image indexes of each step: a new order every epoch, without an incomplete last
+    batch.
 
-    Each rank gets its own part of every batch, so that all of them together take the steps that one
-    would take alone.
+    Each rank gets its own part of every batch, so that all ranks together take the steps of a
+    single process.
     """
     if batch % ranks:
         raise BadConfiguration(
@@ -80,17 +79,18 @@ def epoch_batches(
         )
     if batch // ranks < 2:
         raise BadConfiguration(
-            f"training: a batch of {batch} leaves {ranks} processes one picture each; batch norm needs two"
+            f"training: a batch of {batch} leaves {ranks} processes one image each; "
+            "batch norm needs two"
         )
     if count < batch:
-        raise BadConfiguration(f"training: {count} pictures do not fill one batch of {batch}")
+        raise BadConfiguration(f"training: {count} images do not fill one batch of {batch}")
     order = np.random.default_rng([seed, epoch]).permutation(count).astype(np.int64)
     steps = count // batch
     return list(order[: steps * batch].reshape(steps, ranks, batch // ranks)[:, rank])
 
 
 def training_batch(
-    pictures: Pictures,
+    images: CachedSplit,
     indexes: Sequence[int] | npt.NDArray[np.int64],
     size: Size,
     changes: Augmentation,
@@ -99,10 +99,10 @@ def training_batch(
     epoch: int,
     crop: Size | None = None,
 ) -> Batch:
-    """Random variations of these pictures, which depend on nothing but seed, epoch and index."""
+    """Return random variations of the images, which depend only on seed, epoch and index."""
     samples = [
         augmented(
-            pictures[int(index)],
+            images[int(index)],
             size,
             changes,
             np.random.default_rng([seed, epoch, int(index)]),
@@ -110,16 +110,16 @@ def training_batch(
         )
         for index in indexes
     ]
-    return as_batch(samples, pictures.dataset.card.depth)
+    return as_batch(samples, images.dataset.card.depth)
 
 
 def plain_batch(samples: Sequence[Sample], size: Size, statistics: DepthStatistics) -> Batch:
-    """The samples resized to the working size, nothing else."""
+    """Return the samples resized to the working size, without augmentation."""
     return as_batch([resized(sample, size) for sample in samples], statistics)
 
 
 def as_batch(samples: Sequence[Sample], statistics: DepthStatistics) -> Batch:
-    """Samples of one size, normalised and stacked."""
+    """Normalise and stack samples of one size."""
     rgb = np.stack([normalise_rgb(sample.rgb) for sample in samples])
     depth = np.stack(
         [normalise_depth(sample.depth.astype(np.float32), statistics) for sample in samples]

@@ -1,14 +1,13 @@
-"""What a trained network says is shifted and scaled until it says it as often, and as surely, as it
-is right.
+"""Calibration of a trained network: an offset per class and one temperature for its logits.
 
-Weighted by rarity, a network learns to call a rare class when in doubt. One constant a class, added
-to its logits, undoes as much of that as maximises the mean IoU of a split that was not trained on
-(cf. logit adjustment, Menon et al., ICLR 2021). The constants go into the bias of the last layer:
-the network's shape and time stay the same.
+Trained with class weights, a network predicts a rare class when in doubt. One constant per class,
+added to its logits, compensates for this so that the mean IoU of a split that was not used for
+training is largest (cf. logit adjustment, Menon et al., ICLR 2021). The constants are added to the
+bias of the last layer: the network's shape and time stay the same.
 
-Then all logits are divided by one temperature (Guo et al., ICML 2017): it changes no class, but how
-sure the network is of it. A loss that asks for IoU makes it as sure as can be whether it is right
-or wrong, and then no second look can tell.
+Then all logits are divided by one temperature (Guo et al., ICML 2017), which changes no class but
+the confidence. An IoU loss makes the network overconfident whether it is right or wrong, so that
+repeated observations could not correct it.
 """
 
 from __future__ import annotations
@@ -22,32 +21,32 @@ import torch
 from scipy.optimize import minimize_scalar
 from torch.nn import functional
 
-from navcore.learning.training.batches import Pictures, plain_batch
-from navcore.learning.training.evaluation import Looking, logits_of
+from navcore.learning.training.batches import CachedSplit, plain_batch
+from navcore.learning.training.evaluation import InferenceSettings, logits_of
 from navcore.perception.esanet.network.model import EsaNet
 
 CANDIDATES = np.linspace(-6.0, 6.0, 97)
-"""Offsets that are tried for a class."""
+"""Offsets that are tried for each class."""
 ROUNDS = 4
-"""Times that every class is gone through."""
+"""Largest number of passes over the classes."""
 BACKGROUND_STRIDE = 16
-"""Of the pixels that are background, and taken for it, one in so many counts, for so many."""
+"""Subsampling of correctly labelled background: one pixel in this many counts, with this weight."""
 Logits = npt.NDArray[np.float32]
 
 
 def calibrate(
     network: EsaNet,
-    pictures: Pictures,
-    looking: Looking,
+    images: CachedSplit,
+    inference: InferenceSettings,
     *,
-    seen: Callable[[int], None] = lambda count: None,
+    on_progress: Callable[[int], None] = lambda count: None,
 ) -> tuple[npt.NDArray[np.float64], float]:
-    """Shift and scale the network's class logits so that they fit the pictures best.
+    """Shift and scale the network's logits in place so that they fit the images best.
 
-    Returns the (C,) constants, class 0 at 0, and the temperature that what is shifted is divided
+    Returns the offsets (C,), 0 for class 0, and the temperature that the shifted logits are divided
     by.
     """
-    logits, classes, weights = _collected(network, pictures, looking, seen)
+    logits, classes, weights = _collected(network, images, inference, on_progress)
     offsets = best_offsets(logits, classes, weights)
     temperature = best_temperature(logits + offsets.astype(np.float32), classes, weights)
     last = network.decoder.upsample2.conv
@@ -62,11 +61,10 @@ def calibrate(
 def best_temperature(
     logits: Logits, classes: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]
 ) -> float:
-    """What the logits have to be divided by for the true classes to be likeliest: least mean cross
-    entropy.
+    """Return the temperature that minimises the mean cross entropy of the true classes.
 
-    Classes count alike: of the pixels nearly all are floor and wall, which anybody is sure of.
-    Arguments as above.
+    All classes count the same, because nearly all pixels are floor and wall, where the network is
+    certain. The arguments are those of `best_offsets`.
     """
     of_class = np.bincount(classes, weights, minlength=logits.shape[1])
     share = torch.from_numpy(weights / of_class[classes] / np.count_nonzero(of_class))
@@ -88,18 +86,18 @@ def best_temperature(
 def best_offsets(
     logits: Logits, classes: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """(C,) constants that maximise the mean IoU of argmax(logits + constants), found class by
+    """Return the offsets (C,) that maximise the mean IoU of argmax(logits + offsets), class by
     class.
 
-    `logits` (N, C), true `classes` (N,) 0 … C−1, `weights` (N,) how many pixels each stands for.
-    The first class keeps 0.
+    `logits` is (N, C), `classes` (N,) the true classes 0 … C−1, `weights` (N,) the number of pixels
+    that each one stands for. The first class keeps 0.
     """
     offsets = np.zeros(logits.shape[1])
     for _ in range(ROUNDS):
         before = offsets.copy()
         for number in range(1, len(offsets)):
             scores = _scores(logits, classes, weights, offsets, number)
-            # Of equally good constants the one nearest to the present.
+            # Of equally good offsets take the one nearest to the present one.
             good = np.flatnonzero(scores >= scores.max() - 1e-12)
             offsets[number] = CANDIDATES[
                 good[np.argmin(np.abs(CANDIDATES[good] - offsets[number]))]
@@ -116,8 +114,8 @@ def _scores(
     offsets: npt.NDArray[np.float64],
     number: int,
 ) -> npt.NDArray[np.float64]:
-    """Mean IoU for every candidate offset of one class: it wins a pixel where its lead over the
-    best other is positive."""
+    """Return the mean IoU for every candidate offset of one class, which wins a pixel where its
+    logit exceeds the largest other one."""
     count = logits.shape[1]
     others = logits + offsets.astype(np.float32)
     others[:, number] = -np.inf
@@ -152,17 +150,20 @@ def _scores(
 
 
 def _collected(
-    network: EsaNet, pictures: Pictures, looking: Looking, seen: Callable[[int], None]
+    network: EsaNet,
+    images: CachedSplit,
+    inference: InferenceSettings,
+    on_progress: Callable[[int], None],
 ) -> tuple[Logits, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Logits, true class and weight of the pixels that matter: all but most of those that are
-    clearly background."""
+    """Return logits, true class and weight of the pixels, with correctly labelled background
+    subsampled."""
     logits, classes, weights = [], [], []
-    for start in range(0, len(pictures), looking.batch):
+    for start in range(0, len(images), inference.batch):
         samples = [
-            pictures[index] for index in range(start, min(start + looking.batch, len(pictures)))
+            images[index] for index in range(start, min(start + inference.batch, len(images)))
         ]
         made = logits_of(
-            network, plain_batch(samples, looking.size, pictures.dataset.card.depth), looking
+            network, plain_batch(samples, inference.size, images.dataset.card.depth), inference
         )
         for one, sample in zip(made, samples, strict=True):
             if one.shape[1:] != sample.labels.shape:
@@ -180,5 +181,5 @@ def _collected(
                 logits.append(flat[chosen].copy())
                 classes.append(labels[chosen])
                 weights.append(np.full(len(chosen), weight))
-        seen(len(samples))
+        on_progress(len(samples))
     return np.concatenate(logits), np.concatenate(classes), np.concatenate(weights)

@@ -1,5 +1,5 @@
-"""Where a training run stands, on the disk after every epoch, so that a killed one goes on as if
-nothing had happened."""
+"""Checkpoints of a training run, written after every epoch, from which a killed run continues
+identically."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ _FORMAT = "bewarenav-training-1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """What one epoch came to."""
+    """Result of one epoch."""
 
     number: int
-    """From 1."""
+    """Number of the epoch, from 1."""
     loss: float
-    """Mean over the steps, sum of the four scales."""
+    """Mean loss over the steps, summed over the four scales."""
     learning_rate: float
-    """At its last step."""
+    """Learning rate at the last step."""
     miou: float | None = None
-    """Of the selection split; none where it was not validated."""
+    """Mean IoU of the selection split; None if it was not validated."""
 
 
 @dataclass(slots=True, kw_only=True)
 class RunState:
-    """Everything that the next epoch depends on beside recipe and data."""
+    """Everything that the next epoch depends on besides recipe and data."""
 
     identity: str
-    """Of recipe and data: `Recipe.identity`."""
+    """Identity of recipe and data: `Recipe.identity`."""
     network: dict[str, Tensor]
-    """Its state dict."""
+    """State dict of the network."""
     optimiser: dict[str, Any]
-    """Its state dict."""
+    """State dict of the optimiser."""
     average: dict[str, Tensor] = field(default_factory=dict)
-    """The averaged weights; empty where none are kept."""
+    """Averaged weights; empty without averaging."""
     history: list[Epoch] = field(default_factory=list)
-    """Of the epochs that are done."""
+    """Results of the finished epochs."""
     best_epoch: int = 0
-    """Whose weights are kept; 0 before the first."""
+    """Number of the saved epoch; 0 before the first."""
     best_miou: float = -1.0
     """Of that epoch."""
 
@@ -78,10 +78,9 @@ def write_state(path: Path, state: RunState) -> None:
 
 
 def read_state(path: Path, identity: str) -> RunState:
-    """Read what `write_state` wrote for the same recipe and data; executes nothing that is in the
-    file.
+    """Read a state of the same recipe and data without executing the file's content.
 
-    Raises `BadConfiguration` for a file of another run, a damaged or a foreign one.
+    Raises `BadConfiguration` for a file of another run, and for a damaged or foreign one.
     """
     try:
         if path.stat().st_size > MAX_STATE_BYTES:
@@ -100,7 +99,8 @@ def read_state(path: Path, identity: str) -> RunState:
         raise BadConfiguration(f"{path}: not the state of a training run of this version")
     if content["identity"] != identity:
         raise BadConfiguration(
-            f"{path}: is of a run with another recipe or other data; resume it with the same, or train elsewhere"
+            f"{path}: is of a run with another recipe or other data; resume it with the same, "
+            "or train elsewhere"
         )
     content["history"] = [
         from_table(Epoch, epoch, f"{path}: history") for epoch in content["history"]

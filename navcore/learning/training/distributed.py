@@ -1,4 +1,4 @@
-"""The processes that train one network together: who this one is, and how their figures become one."""
+"""Distributed training: this process among those of the run, and reductions over all of them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ from torch import nn
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranks:
-    """This process among those of the run; whoever starts them has set up torch's process group
-    before."""
+    """This process among those of the run; torch's process group must be initialised."""
 
     rank: int = 0
-    """Number of this process. The first one alone writes files."""
+    """Index of this process; only process 0 writes files."""
     count: int = 1
-    """Processes of the run."""
+    """Number of processes of the run."""
 
     @property
     def first(self) -> bool:
-        """Whether this process writes the files."""
+        """Return whether this process writes the files."""
         return self.rank == 0
 
     def summed(self, values: npt.NDArray[np.int64], device: torch.device) -> npt.NDArray[np.int64]:
-        """The element-wise sum over all processes."""
+        """Return the element-wise sum over all processes."""
         if self.count == 1:
             return values
         tensor = torch.from_numpy(values.copy()).to(device)
@@ -35,7 +34,7 @@ class Ranks:
         return tensor.cpu().numpy()
 
     def mean(self, value: float, device: torch.device) -> float:
-        """The mean over all processes."""
+        """Return the mean over all processes."""
         if self.count == 1:
             return value
         tensor = torch.tensor(value, dtype=torch.float64, device=device)
@@ -43,8 +42,8 @@ class Ranks:
         return float(tensor) / self.count
 
     def average_buffers(self, network: nn.Module) -> None:
-        """Make the running means of the batch norms, which each process has of its own pictures,
-        the same everywhere."""
+        """Average the running means of the batch norms, which each process has of its own
+        images."""
         if self.count == 1:
             return
         for buffer in network.buffers():
@@ -53,6 +52,6 @@ class Ranks:
                 buffer /= self.count
 
     def wait(self) -> None:
-        """Until all processes have come here."""
+        """Wait until all processes have called this."""
         if self.count > 1:
             group.barrier()

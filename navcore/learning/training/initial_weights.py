@@ -1,5 +1,4 @@
-"""The network a run begins with: fresh, or what another has learned, carried over to other classes
-where they differ."""
+"""Initial weights of a run: random, or transferred from another network to other classes."""
 
 from __future__ import annotations
 
@@ -15,8 +14,8 @@ from navcore.perception.esanet.weights.architecture import Architecture
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 
 
-def fresh_network(recipe: Recipe, num_classes: int) -> EsaNet:
-    """The network before it has learned anything; the same for the same seed."""
+def new_network(recipe: Recipe, num_classes: int) -> EsaNet:
+    """Return a network with random weights, the same for the same seed."""
     with torch.random.fork_rng():
         torch.manual_seed(recipe.seed)
         if recipe.he_init:
@@ -24,23 +23,23 @@ def fresh_network(recipe: Recipe, num_classes: int) -> EsaNet:
         return EsaNet(variant_named(recipe.variant), num_classes, width=recipe.width)
 
 
-def taught_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> EsaNet:
-    """A network for the classes of `card` that knows what `start` knows, and begins afresh with the
-    classes it does not.
+def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> EsaNet:
+    """Return a network for the classes of `card` with the weights of `start`, random for new
+    classes.
 
-    Raises `BadConfiguration` when the two differ in more than their classes.
+    Raises `BadConfiguration` if the two differ in more than their classes.
     """
     known, wanted = start.card, card
     if (known.variant, known.width) != (wanted.variant, wanted.width):
-        told, asked = (f"{of.variant} × {of.width:g}" for of in (known, wanted))
+        has, asked = (f"{of.variant} × {of.width:g}" for of in (known, wanted))
         raise BadConfiguration(
-            f"training: cannot start from a network {told}; the recipe asks for {asked}"
+            f"training: cannot start from a network {has}; the recipe asks for {asked}"
         )
     if known.class_names == wanted.class_names:
         return start.network
-    network = fresh_network(recipe, wanted.num_classes)
-    rows = _both(known, wanted)
-    by_class = _per_class(wanted.architecture)
+    network = new_network(recipe, wanted.num_classes)
+    rows = _common_classes(known, wanted)
+    by_class = _class_tensors(wanted.architecture)
     learned, tensors = start.network.state_dict(), network.state_dict()
     for key, tensor in tensors.items():
         if key not in by_class:
@@ -51,9 +50,9 @@ def taught_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> 
     return network
 
 
-def _both(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:
-    """Of each class that both have, its number in what is wanted and in what is known; by name, in
-    whatever case."""
+def _common_classes(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:
+    """Return for each common class its index in the wanted and in the known network, by name,
+    ignoring case."""
     numbers = {name.casefold(): number for number, name in enumerate(known.class_names)}
     return [
         (number, numbers[name.casefold()])
@@ -62,9 +61,9 @@ def _both(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:
     ]
 
 
-def _per_class(architecture: Architecture) -> set[str]:
-    """The tensors with a row for each class: those whose shape another number of classes would
-    change."""
+def _class_tensors(architecture: Architecture) -> set[str]:
+    """Return the keys of the tensors with a row per class, whose shape depends on the number of
+    classes."""
     other = (
         dataclasses.replace(architecture, num_classes=architecture.num_classes + 1)
         .skeleton()

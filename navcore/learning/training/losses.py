@@ -1,7 +1,5 @@
-"""What the network is taught by: class-weighted cross entropy at four scales (Seichter et al. 2021,
-section IV).
-
-Where a recipe asks for it, also by the measure it is judged by (`jaccard_loss`).
+"""Losses: class-weighted cross entropy at four scales (Seichter et al. 2021, section IV), and an
+optional soft Jaccard loss.
 """
 
 from __future__ import annotations
@@ -15,18 +13,18 @@ from torch.nn import functional
 from navcore.errors import BadFrame
 
 VOID = 0
-"""Label of pixels nobody named; class c of the network is label c + 1."""
+"""Label of unlabelled pixels; class c of the network is label c + 1."""
 _IGNORED = -1
 
 
 def pyramid_losses(
     logits: Sequence[Tensor], labels: Tensor, class_weights: Tensor
 ) -> tuple[Tensor, ...]:
-    """One loss per scale; the training loss is their plain sum.
+    """Return one loss per scale; the training loss is their sum.
 
-    `logits`: (B, C, h, w) each, the first at the size of `labels`. `labels`: (B, H, W) integers, 0
-    = void, else class + 1. `class_weights`: (C,). Coarser scales learn from the labels resized by
-    nearest.
+    `logits` are (B, C, h, w) each, the first at the size of `labels`; `labels` are integers
+    (B, H, W), 0 = void, else class + 1; `class_weights` is (C,). Coarser scales use the labels
+    resized by nearest neighbour.
     """
     targets = _targets(labels, logits[0])
     return tuple(
@@ -36,7 +34,7 @@ def pyramid_losses(
 
 
 def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tensor) -> Tensor:
-    """L = Σ w(t)·CE / Σ w(t) over the labelled pixels; 0 where no pixel is labelled.
+    """Return L = Σ w(t)·CE / Σ w(t) over the labelled pixels; 0 without labelled pixels.
 
     `logits` (B, C, h, w), `targets` (B, h, w) int64 with −1 = void, `class_weights` (C,).
     """
@@ -46,17 +44,16 @@ def weighted_cross_entropy(logits: Tensor, targets: Tensor, class_weights: Tenso
     )
     labelled = targets != _IGNORED
     weight = weights[targets.clamp(min=0)][labelled].sum()
-    # A picture without labels would be 0 / 0, and one NaN would end the training.
+    # An image without labels would give 0 / 0, and one NaN would end the training.
     return total / weight.clamp(min=torch.finfo(weight.dtype).tiny)
 
 
 def jaccard_loss(logits: Tensor, labels: Tensor) -> Tensor:
-    """1 − the mean IoU that the probabilities would have, over the classes in these pictures
-    (Rahman & Wang, ISVC 2016).
+    """Return 1 − the mean soft IoU over the classes in these images (Rahman & Wang, ISVC 2016).
 
-    A class counts the same however few its pixels are, and missing one of them costs what one too
-    many does: cross entropy alone leaves thin things to the background. `logits` (B, C, H, W),
-    `labels` (B, H, W) as above; 0 where nothing is labelled.
+    All classes count the same, however few pixels they have, and a missed pixel costs as much as a
+    false one; cross entropy alone leaves thin objects to the background. `logits` (B, C, H, W),
+    `labels` (B, H, W) as above; 0 if nothing is labelled.
     """
     targets = _targets(labels, logits)
     known = targets != _IGNORED
@@ -74,21 +71,24 @@ def jaccard_loss(logits: Tensor, labels: Tensor) -> Tensor:
 
 
 def _targets(labels: Tensor, logits: Tensor) -> Tensor:
-    """(B, H, W) int64 classes of the network, −1 for void; raises `BadFrame` for labels that do not
+    """Return the classes (B, H, W) as int64, −1 for void; raises `BadFrame` if the labels do not
     fit the logits."""
     if labels.shape != (logits.shape[0], *logits.shape[2:]):
         raise BadFrame(
-            f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: batch, height, width differ"
+            f"labels have shape {tuple(labels.shape)}, the logits {tuple(logits.shape)}: "
+            "batch, height, width differ"
         )
     targets = labels.long() - 1
     if targets.numel() and not -1 <= int(targets.min()) <= int(targets.max()) < logits.shape[1]:
         raise BadFrame(
-            f"labels reach from {int(labels.min())} to {int(labels.max())}, expected 0 (void) to {logits.shape[1]}"
+            f"labels reach from {int(labels.min())} to {int(labels.max())}, "
+            f"expected 0 (void) to {logits.shape[1]}"
         )
     return targets
 
 
 def _resized(targets: Tensor, logits: Tensor) -> Tensor:
-    """The targets at the size of `logits`, by nearest; floats hold class numbers exactly."""
+    """Resize the targets to the size of `logits` by nearest neighbour; floats are exact for
+    them."""
     small = functional.interpolate(targets[:, None].float(), size=logits.shape[2:], mode="nearest")
     return small[:, 0].long()

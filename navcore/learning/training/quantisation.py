@@ -1,4 +1,4 @@
-"""What it takes, and what it costs, to run a trained network in eight bits."""
+"""Measurement of the ranges and the cost of running a trained network in eight bits."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.learning.training.batches import Pictures, plain_batch
-from navcore.learning.training.evaluation import Looking, evaluate
+from navcore.learning.training.batches import CachedSplit, plain_batch
+from navcore.learning.training.evaluation import InferenceSettings, evaluate
 from navcore.learning.training.metrics import mean_iou
 from navcore.perception.esanet.network.model import EsaNet
 from navcore.perception.esanet.network.quantisation import measured_ranges, quantised
 
 MEASURED_ON = 32
-"""Pictures that the ranges are taken from, spread over the split: the largest of each lie close to
-one another."""
+"""Number of images that the ranges are measured on, spread over the split; their largest values are
+close to each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantisation:
-    """Ranges, and how well the network does with them and without."""
+    """Ranges for eight bits, and the mean IoU with and without them."""
 
     ranges: tuple[float, ...]
-    """As the card of weights keeps them."""
+    """Largest inputs of the convolutions, as in the card of the weights."""
     mean_iou_in_bytes: float
-    """Over the split, computed in torch as if in eight bits."""
+    """Mean IoU over the split, simulated in eight bits by torch."""
     mean_iou: float
-    """Over the split, in f32."""
+    """Mean IoU over the split in f32."""
 
 
-def quantise(network: EsaNet, pictures: Pictures, looking: Looking) -> Quantisation:
-    """Measure the ranges on some pictures, and the mean IoU on all of them. The network is left as
-    it is."""
-    statistics = pictures.dataset.card.depth
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, MEASURED_ON).astype(int))
-    batches = (plain_batch([pictures[int(index)]], looking.size, statistics) for index in chosen)
+def quantise(network: EsaNet, images: CachedSplit, inference: InferenceSettings) -> Quantisation:
+    """Measure the ranges on some images and the mean IoU on all of them; the network is not
+    changed."""
+    statistics = images.dataset.card.depth
+    chosen = np.unique(np.linspace(0, len(images) - 1, MEASURED_ON).astype(int))
+    batches = (plain_batch([images[int(index)]], inference.size, statistics) for index in chosen)
     ranges = measured_ranges(network, ((batch.rgb, batch.depth) for batch in batches))
     return Quantisation(
         ranges=ranges,
-        mean_iou_in_bytes=mean_iou(evaluate(quantised(network, ranges), pictures, looking)),
-        mean_iou=mean_iou(evaluate(network, pictures, looking)),
+        mean_iou_in_bytes=mean_iou(evaluate(quantised(network, ranges), images, inference)),
+        mean_iou=mean_iou(evaluate(network, images, inference)),
     )

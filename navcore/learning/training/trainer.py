@@ -1,7 +1,7 @@
-"""Teaching the network: `Training.run` is the whole of it, epoch by epoch.
+"""Training of the network, epoch by epoch (`Training.run`).
 
-Every random choice follows from the recipe's seed, the epoch and the picture's index, never from
-what happened before, so a resumed run draws what the uninterrupted one draws.
+Every random choice depends only on the recipe's seed, the epoch and the index of the image, so that
+a resumed run draws the same as an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from torch.nn.parallel import DistributedDataParallel
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Split
 from navcore.learning.data.dataset import Dataset
-from navcore.learning.training.batches import Batch, Pictures, epoch_batches, training_batch
+from navcore.learning.training.batches import Batch, CachedSplit, epoch_batches, training_batch
 from navcore.learning.training.checkpoint import Epoch, RunState, read_state, write_state
 from navcore.learning.training.distributed import Ranks
-from navcore.learning.training.evaluation import Looking, evaluate
-from navcore.learning.training.initial_weights import fresh_network, taught_network
+from navcore.learning.training.evaluation import InferenceSettings, evaluate
+from navcore.learning.training.initial_weights import new_network, transferred_network
 from navcore.learning.training.losses import jaccard_loss, pyramid_losses
 from navcore.learning.training.metrics import (
     count_pixels,
@@ -37,85 +37,86 @@ from navcore.perception.esanet import EsaNet
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, digest, save
 
 _STEPS_TAKEN = "encoder_rgb.bn1.num_batches_tracked"
+SELECTION_CACHE_MB = 256
+"""Memory for decoded images of the selection split, megabytes."""
 MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
 Indexes = npt.NDArray[np.int64]
 MapBatches = Callable[[Callable[[Indexes], Batch], Iterable[Indexes]], Iterator[Batch]]
-"""As `map`; the application may prepare batches ahead of time in threads, which this package does
-not start."""
+"""A function like `map`; the application may prepare batches ahead of time in threads, which this
+package does not start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
-    """What a run needs to know of the machine; nothing of it changes what is learned, but for
-    rounding."""
+class Machine:
+    """How the machine runs a training; nothing here changes the result, except for rounding."""
 
     device: torch.device
-    """Where to compute."""
+    """Device that computes."""
     bfloat16: bool
     """Whether to compute in bfloat16."""
     ranks: Ranks = field(default_factory=Ranks)
-    """The processes of the run."""
+    """This process among those of the run."""
     cache_mb: int = 4096
-    """Memory for decoded pictures, megabytes per process."""
+    """Memory for decoded images, megabytes per process."""
     map_batches: MapBatches = map
-    """How batches are prepared."""
+    """Function that maps image indexes to batches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """Where a run is; told after every step."""
+    """Progress of a run, reported after every step."""
 
     epoch: int
-    """From 1."""
+    """Number of the epoch, from 1."""
     step: int
-    """Of this epoch, from 1."""
+    """Number of the step in its epoch, from 1."""
     steps: int
-    """Of every epoch."""
+    """Number of steps per epoch."""
     loss: float
-    """Of this step: what `training_loss` says."""
+    """Loss of this step, as `training_loss` computes it."""
 
 
-Watcher = Callable[[Step | Epoch], None]
+ProgressListener = Callable[[Step | Epoch], None]
+"""Function that is called after every step and every epoch."""
 
 
 class Training:
-    """One run: a network, its optimiser, and how far they have come."""
+    """One training run: a network, its optimiser, and their progress."""
 
     def __init__(
         self,
         recipe: Recipe,
         dataset: Dataset,
         out: Path,
-        surroundings: Surroundings,
+        machine: Machine,
         *,
         start: TrainedNetwork | None = None,
     ) -> None:
-        """From `start`, else from nothing; raises `BadConfiguration` when recipe, data and start do
-        not fit together."""
-        self.recipe, self.dataset, self.out, self._at = recipe, dataset, out, surroundings
+        """Prepare a run from the weights `start` or from scratch; raises `BadConfiguration` if
+        recipe, data and weights do not fit."""
+        self.recipe, self.dataset, self.out, self._machine = recipe, dataset, out, machine
         if recipe.selection != "last" and not dataset.count(recipe.selection):
             raise BadConfiguration(
-                f"training: selection: the data set has no {recipe.selection} pictures; say another split, or last"
+                f"training: selection: the data set has no {recipe.selection} images; "
+                "choose another split, or last"
             )
         if len(dataset.card.class_names) < 2:
-            raise BadConfiguration(
-                "training: the data set has one class: nothing that it could be told from"
-            )
+            raise BadConfiguration("training: the data set has one class; expected two or more")
         self.identity = recipe.identity(
             dataset.card, digest(start.network.state_dict(), {}) if start else None
         )
-        self._pictures = Pictures(dataset, "train", cache_mb=surroundings.cache_mb)
+        self._images = CachedSplit(dataset, "train", cache_mb=machine.cache_mb)
         self._selection = (
             None if recipe.selection == "last" else _selection(dataset, recipe.selection)
         )
         self.steps = len(self._batches(0))
         card = self.card()
         network = (
-            taught_network(start, recipe, card)
+            transferred_network(start, recipe, card)
             if start
-            else fresh_network(recipe, card.num_classes)
+            else new_network(recipe, card.num_classes)
         )
-        self.network = network.to(surroundings.device)
+        self.network = network.to(machine.device)
         self.network = self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.SGD(
             self.network.parameters(),
@@ -125,7 +126,7 @@ class Training:
             weight_decay=recipe.weight_decay,
         )
         self._class_weights = (
-            torch.from_numpy(class_weights(recipe, dataset)).float().to(surroundings.device)
+            torch.from_numpy(class_weights(recipe, dataset)).float().to(machine.device)
         )
         self.state = RunState(identity=self.identity, network={}, optimiser={})
         if recipe.averaging:
@@ -134,29 +135,31 @@ class Training:
             }
 
     def resume(self) -> None:
-        """Go on where the run in this folder was interrupted; at most one epoch is lost."""
+        """Continue the interrupted run in this folder; at most one epoch is lost."""
         self.state = read_state(self.out / STATE_NAME, self.identity)
         self.network.load_state_dict(self.state.network)
         self._optimiser.load_state_dict(self.state.optimiser)
         self.state.average = {
-            key: value.to(self._at.device) for key, value in self.state.average.items()
+            key: value.to(self._machine.device) for key, value in self.state.average.items()
         }
 
-    def run(self, watch: Watcher = lambda news: None, *, until: int | None = None) -> RunState:
-        """Train to the last epoch (or epoch `until`); after each the state is on the disk, and the
-        best network too."""
+    def run(
+        self, on_progress: ProgressListener = lambda progress: None, *, until: int | None = None
+    ) -> RunState:
+        """Train to the last epoch, or to epoch `until`; write the state and the best network after
+        each epoch."""
         learner = self._learner()
         for number in range(len(self.state.history) + 1, (until or self.recipe.epochs) + 1):
-            loss, rate = self._epoch(learner, number, watch)
-            self._at.ranks.average_buffers(self.network)
+            loss, rate = self._epoch(learner, number, on_progress)
+            self._machine.ranks.average_buffers(self.network)
             miou = self._validate(number)
             epoch = Epoch(number=number, loss=loss, learning_rate=rate, miou=miou)
             self._keep(epoch)
-            watch(epoch)
+            on_progress(epoch)
         return self.state
 
     def card(self) -> WeightsCard:
-        """Of the network that this run makes."""
+        """Return the card of the network that this run trains."""
         names = self.dataset.card.class_names
         return WeightsCard(
             variant=self.recipe.variant,
@@ -168,11 +171,13 @@ class Training:
             size=self.recipe.size,
         )
 
-    def _epoch(self, learner: nn.Module, number: int, watch: Watcher) -> tuple[float, float]:
-        """Mean loss and last learning rate."""
+    def _epoch(
+        self, learner: nn.Module, number: int, on_progress: ProgressListener
+    ) -> tuple[float, float]:
+        """Train one epoch; return the mean loss and the last learning rate."""
         self.network.train()
         losses = []
-        batches = self._at.map_batches(
+        batches = self._machine.map_batches(
             lambda indexes: self._batch(indexes, number), self._batches(number)
         )
         for step, batch in enumerate(batches, start=1):
@@ -183,17 +188,17 @@ class Training:
                     f"training: the loss is {loss} in epoch {number}; lower learning_rate"
                 )
             losses.append(loss)
-            watch(Step(epoch=number, step=step, steps=self.steps, loss=loss))
-        return self._at.ranks.mean(sum(losses) / len(losses), self._at.device), rate
+            on_progress(Step(epoch=number, step=step, steps=self.steps, loss=loss))
+        return self._machine.ranks.mean(sum(losses) / len(losses), self._machine.device), rate
 
     def _step(self, learner: nn.Module, batch: Batch) -> float:
-        """One step of the optimiser; returns the loss."""
+        """Take one step of the optimiser; return the loss."""
         self._optimiser.zero_grad()
         loss = training_loss(
             learner,
             batch,
             self._class_weights,
-            bfloat16=self._at.bfloat16,
+            bfloat16=self._machine.bfloat16,
             jaccard=self.recipe.jaccard,
         )
         torch.autograd.backward(loss)
@@ -203,8 +208,8 @@ class Training:
         return loss.item()
 
     def _average(self) -> None:
-        """Move the averaged weights a little towards the present ones; at the start faster, to
-        forget the initial ones."""
+        """Move the averaged weights towards the current ones; faster at the start, to forget the
+        initial ones."""
         taken = int(self.network.state_dict()[_STEPS_TAKEN])
         share = 1 - min(self.recipe.averaging, (1 + taken) / (10 + taken))
         for key, value in self.network.state_dict().items():
@@ -215,13 +220,15 @@ class Training:
                 average.copy_(value)
 
     def _set_rate(self, number: int, step: int) -> float:
-        """Learning rate and momentum of this step."""
-        at, of = number - 1, self.recipe.epochs
+        """Set learning rate and momentum of a step; return the learning rate."""
+        step_index, steps = number - 1, self.recipe.epochs
         if self.recipe.schedule == "batch":
-            at, of = at * self.steps + step - 1, of * self.steps
-        rate = learning_rate(self.recipe, at, of)
+            step_index = step_index * self.steps + step - 1
+            steps *= self.steps
+        rate = learning_rate(self.recipe, step_index, steps)
         for parameters in self._optimiser.param_groups:
-            parameters["lr"], parameters["momentum"] = rate, momentum(self.recipe, at, of)
+            parameters["lr"] = rate
+            parameters["momentum"] = momentum(self.recipe, step_index, steps)
         return rate
 
     def _validate(self, number: int) -> float | None:
@@ -229,13 +236,15 @@ class Training:
             number % self.recipe.validate_every and number != self.recipe.epochs
         ):
             return None
-        looking = Looking(
-            size=self.recipe.size, batch=self.recipe.batch, bfloat16=self._at.bfloat16
+        inference = InferenceSettings(
+            size=self.recipe.size, batch=self.recipe.batch, bfloat16=self._machine.bfloat16
         )
-        return mean_iou(evaluate(self._candidate(), self._selection, looking, ranks=self._at.ranks))
+        return mean_iou(
+            evaluate(self._candidate(), self._selection, inference, ranks=self._machine.ranks)
+        )
 
     def _candidate(self) -> EsaNet:
-        """The network that would be kept now: the averaged one if there is one."""
+        """Return the network to validate and save: the averaged one if there is one."""
         if not self.state.average:
             return self.network
         candidate = self.card().architecture.skeleton()
@@ -243,8 +252,8 @@ class Training:
         return candidate.to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
 
     def _keep(self, epoch: Epoch) -> None:
-        """Take the epoch into the state and put it on the disk: first the network if it is the
-        best, then the state."""
+        """Record the epoch and write to disk: first the network if it is the best, then the
+        state."""
         state = self.state
         state.history.append(epoch)
         better = epoch.miou is not None and epoch.miou > state.best_miou
@@ -254,22 +263,21 @@ class Training:
                 -1.0 if epoch.miou is None else epoch.miou,
             )
         state.network, state.optimiser = self.network.state_dict(), self._optimiser.state_dict()
-        if self._at.ranks.first:
+        if self._machine.ranks.first:
             if state.best_epoch == epoch.number:
                 save(self._candidate(), self.card(), self.out / MODEL_NAME)
             write_state(self.out / STATE_NAME, state)
-        self._at.ranks.wait()
+        self._machine.ranks.wait()
 
     def _learner(self) -> nn.Module:
-        """What the batches go through: the network itself, or wrapped so that all processes'
-        gradients are averaged."""
-        if self._at.ranks.count == 1:
+        """Return the network, wrapped to average the gradients if there are several processes."""
+        if self._machine.ranks.count == 1:
             return self.network
         return DistributedDataParallel(self.network, forward_sync_buffers=False)
 
     def _batches(self, number: int) -> list[Indexes]:
-        ranks = self._at.ranks
-        count, seed = len(self._pictures), self.recipe.seed
+        ranks = self._machine.ranks
+        count, seed = len(self._images), self.recipe.seed
         return epoch_batches(
             count, self.recipe.batch, seed=seed, epoch=number, rank=ranks.rank, ranks=ranks.count
         )
@@ -277,7 +285,7 @@ class Training:
     def _batch(self, indexes: Indexes, number: int) -> Batch:
         recipe = self.recipe
         return training_batch(
-            self._pictures,
+            self._images,
             indexes,
             recipe.size,
             recipe.augmentation,
@@ -287,24 +295,25 @@ class Training:
         )
 
 
-def _selection(dataset: Dataset, split: Split) -> Pictures:
+def _selection(dataset: Dataset, split: Split) -> CachedSplit:
     if not any(dataset.read_labels(split, index).any() for index in range(dataset.count(split))):
         raise BadConfiguration(
-            f"training: selection: nothing is labelled in the {split} pictures; say another split, or last"
+            f"training: selection: nothing is labelled in the {split} images; "
+            "choose another split, or last"
         )
-    return Pictures(dataset, split, cache_mb=256)
+    return CachedSplit(dataset, split, cache_mb=SELECTION_CACHE_MB)
 
 
 def training_loss(
     learner: nn.Module, batch: Batch, weights: Tensor, *, bfloat16: bool, jaccard: float = 0.0
 ) -> Tensor:
-    """The sum of the four scales' losses, and of the finest one's Jaccard loss so many times: a
-    scalar with its gradient."""
+    """Return the sum of the losses of the four scales, plus `jaccard` times the Jaccard loss of the
+    finest one: a scalar with its gradient."""
     device = weights.device
     rgb = batch.rgb.to(device).contiguous(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16):
         outputs: Sequence[Tensor] = learner(rgb, batch.depth.to(device))
-    # Cross entropy is several times as fast on class maps that are whole planes in memory.
+    # Cross entropy is several times as fast on class maps that are contiguous planes.
     logits = [output.float().contiguous() for output in outputs]
     labels = batch.labels.to(device)
     losses = pyramid_losses(logits, labels, weights)
@@ -313,8 +322,8 @@ def training_loss(
 
 
 def class_weights(recipe: Recipe, dataset: Dataset) -> npt.NDArray[np.float64]:
-    """(C,) weights in the loss; a class that the train split never shows gets none, or by `none`
-    all get 1."""
+    """Return the class weights (C,) of the loss: 0 for a class that is not in the train split; all
+    1 for `none`."""
     num_classes = len(dataset.card.class_names)
     if recipe.class_weights == "none":
         return np.ones(num_classes)

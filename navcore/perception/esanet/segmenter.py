@@ -1,4 +1,4 @@
-"""The network as a segmenter: a frame in, labels of the beware list out."""
+"""The network as a segmenter: frames in, labels of the beware list out."""
 
 from __future__ import annotations
 
@@ -24,15 +24,14 @@ from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 
 OFFICIAL_SIZE = Size(height=480, width=640)
-"""What the public checkpoints were trained at."""
+"""Training size of the public checkpoints."""
 
 
 class NetworkSegmenter:
-    """Labels by what a network sees, whichever engine runs it; satisfies
-    `navcore.segment.Segmenter`.
+    """A `Segmenter` on a network, run by any engine.
 
-    A class of the network means the entry of the beware list that has its name, whatever the case
-    of the letters, or the name that `aliases` (network class → entry) gives it.
+    A class of the network stands for the entry of the beware list with the same name, ignoring
+    case, or with the name that `aliases` (network class → entry) gives it.
     """
 
     def __init__(
@@ -44,7 +43,7 @@ class NetworkSegmenter:
         size: Size,
         aliases: Mapping[str, str] | None = None,
     ) -> None:
-        """`size` is what frames are resized to; raises `BadConfiguration`."""
+        """Resize frames to the working size `size`; raises `BadConfiguration`."""
         check_size(size, STRIDE)
         self.class_names = class_names
         self._inference = inference
@@ -52,7 +51,7 @@ class NetworkSegmenter:
         self._depth, self._prepare = depth, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Labels of the frame's size; a pixel's confidence is the probability of its most likely
+        """Return labels of the frame's size; the confidence is the probability of the most likely
         class, listed or not."""
         rgb, depth = self._prepare(frame.rgb, frame.depth_m * np.float32(self._depth.units_per_m))
         logits = self._inference.logits(rgb, depth)
@@ -61,8 +60,8 @@ class NetworkSegmenter:
         winners, confidence = most_likely(logits[0], height=height, width=width)
         return Labels(class_ids=self._class_ids(beware)[winners], confidence=confidence)
 
-    def finds(self, entry: BewareClass) -> LabelSource:
-        """Whether the network has a class for it."""
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return whether the network has a class for an entry."""
         return (
             LabelSource.NETWORK
             if entry.name.casefold() in self._entry_names
@@ -70,14 +69,14 @@ class NetworkSegmenter:
         )
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
-        """(C,) class id of the beware list by output of the network; of two entries of one name the
-        first wins."""
+        """Return the class ids (C,) of the beware list by network output; the first of two entries
+        with one name counts."""
         ids = {entry.name.casefold(): entry.class_id for entry in reversed(beware.classes)}
         return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
 
 
 class EsaNetSegmenter(NetworkSegmenter):
-    """A trained network on torch, on the device it lies on."""
+    """A segmenter that runs a trained network on torch, on the network's device."""
 
     def __init__(
         self,
@@ -96,10 +95,11 @@ class EsaNetSegmenter(NetworkSegmenter):
 
 
 def _entry_names(class_names: tuple[str, ...], aliases: Mapping[str, str]) -> tuple[str, ...]:
-    """What the outputs are called in the beware list, letters folded."""
+    """Return the names of the outputs on the beware list, case-folded."""
     for name in aliases:
         if name not in class_names:
             raise BadConfiguration(
-                f"ESANet: alias of {name!r:.60}, which is no class of the network: {', '.join(class_names)}"
+                f"ESANet: alias of {name!r:.60}, which is no class of the network: "
+                f"{', '.join(class_names)}"
             )
     return tuple(aliases.get(name, name).casefold() for name in class_names)

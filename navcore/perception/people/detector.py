@@ -169,8 +169,7 @@ class PersonDetector:
         return np.asarray(self._memory.free_s[rows % SIDE, cols % SIDE] == self._now_s)
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
-        """Return whether the newest frame shows floor nearly everywhere in a disc of the map frame.
-        """
+        """Return whether the newest frame shows floor nearly everywhere in a disc."""
         rows, cols = self.cells_within(x_m, y_m, radius_m).T
         shown = self._memory.free_s[rows % SIDE, cols % SIDE] == now_s
         return float(shown.mean()) >= self._config.floor_share
@@ -202,8 +201,7 @@ class PersonDetector:
         return np.asarray(now_s - self._memory.occupied_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE])
 
     def _half_width_m(self, cluster: Cluster) -> float:
-        """Return half of the longer side of the box around the cells, and half a cell for its rim.
-        """
+        """Return half of the longer side of the bounding box, and half a cell for its rim."""
         return float(np.ptp(cluster.cells, axis=0).max() + 2) * self._config.cell_m / 2
 
 
@@ -284,9 +282,7 @@ def _middle_offset_m(radius_m: float, config: PersonDetectorConfig) -> float:
     ) / (largest_m - config.radius_m)
 
 
-def _radius_m(
-    cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetectorConfig
-) -> float:
+def _radius_m(cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetectorConfig) -> float:
     """Return half of the width in metres of (K, 2) cells across the line of sight, whose direction
     is given."""
     across = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y

@@ -58,8 +58,7 @@ class PeopleTracker:
         return tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
 
     def trail(self, spec: GridSpec) -> Indices:
-        """Return the (N,) cells of the map, row · cols + col, that hold points of walking people.
-        """
+        """Return the (N,) cells of the map, row · cols + col, of walking people."""
         if not self._trail:
             return np.empty(0, dtype=np.int64)
         # With their neighbours: the outline of the body is noisy, and has fewer pixels than make a
@@ -82,8 +81,7 @@ class PeopleTracker:
         return self._detector.is_free_floor(positions)
 
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
-        """Assign each cluster to the nearest track, known people first; start tracks with the rest.
-        """
+        """Assign clusters to the nearest tracks, known people first; start tracks with the rest."""
         pairs = sorted(
             (
                 not one.is_person,
@@ -113,8 +111,7 @@ class PeopleTracker:
                 self._next_id += 1
 
     def _note_cells(self, one: KalmanTrack) -> None:
-        """Keep the cells of a visible person movable, and add those of a walking one to the trail.
-        """
+        """Keep the cells of a person movable, and add those of a walking one to the trail."""
         now_s = self._now_ns / 1e9
         if one.is_person and one.seen_ns == self._now_ns:
             self._detector.keep_movable(one.cells, now_s)

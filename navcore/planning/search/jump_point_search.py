@@ -2,17 +2,16 @@
 deterministic.
 
 The search follows Harabor & Grastien (AAAI 2011, ICAPS 2014): of all paths of one length between
-two cells only the one that walks its diagonals first is looked at, and a straight walk is one scan
-over words to the next jump point. Four things are arranged in our own way:
+two cells only the one that walks its diagonals first is examined, and a straight walk is one scan
+over words to the next jump point. Four details differ:
 
 * Lengths are integers, so that equal ones compare as equal.
 * A cell reached again at equal length from another side is not dropped: the directions that this
   side adds are walked too.
-* The open list is a ring of buckets (`navcore.search.memory`); the search ends at the first one
-  behind the best path known.
-* On a diagonal the straight walks to both sides that meet an obstacle are known beforehand and not
-  taken (`FreeSpace`); cells from which there is no other are passed by many at a time
-  (`navcore.search.slopes`).
+* The open list is a ring of buckets (`search.open_list`); the search ends at the first one behind
+  the best path known.
+* On a diagonal the straight walks to both sides that are dead ends are known beforehand and not
+  taken (`FreeSpace`); cells with no other are passed many at a time (`search.diagonals`).
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from navcore.grid.free_space import (
     BACK,
     DEAD_END_AHEAD,
     FREE,
-    PATIENCE,
+    REQUESTS_BEFORE_SCAN,
     SQUARE,
     FreeSpace,
     bit_of,
-    look_along,
+    find_dead_ends,
 )
 from navcore.grid.grid import Cell
 from navcore.planning.search.diagonals import passable, settle, survey
@@ -75,38 +74,46 @@ EAST, WEST, SOUTH, NORTH, SOUTH_EAST, SOUTH_WEST, NORTH_EAST, NORTH_WEST = (
 ANYWHERE = 255
 
 FOUND, UNREACHABLE, TIMEOUT, OUTSIDE, START_BLOCKED, GOAL_BLOCKED, FULL = range(7)
-"""How a search ended; the last: its memory did not suffice."""
+"""Status of a search that has ended; FULL: its memory did not suffice."""
 
 IN_ONE_GO = 64
-"""After so many steps of a diagonal it is seen whether the path is too long by now."""
+"""Number of steps of a diagonal after which the length of the path is checked."""
 ON_FOOT, FARTHER = 2, 32
-"""Steps of a diagonal taken cell by cell: at first, since there are seldom more among many
-obstacles; where not surveyed."""
+"""Steps of a diagonal taken cell by cell: at its start, since there are seldom more among many
+obstacles; and where it is not surveyed."""
 
 
 def find(
-    space: FreeSpace, arena: SearchWorkspace, start: Cell, goal: Cell, budget: int
+    space: FreeSpace, workspace: SearchWorkspace, start: Cell, goal: Cell, budget: int
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search between two cells (row, col): how it ended, the (N, 2) cells of the path, and how many
-    steps are diagonal.
+    """Search between two cells (row, col): return the status, the (N, 2) cells of the path, and the
+    number of diagonal steps.
 
-    There are no cells if there is no path. `budget` is the number of straight walks and diagonal
-    steps after which the search is given up.
+    There are no cells without a path. `budget` is the number of straight walks and diagonal steps
+    after which the search is given up.
     """
     while True:
         outcome = search(
-            space.across, space.along, space.sloping, arena.memory, *start, *goal, budget, FAR, 0
+            space.across,
+            space.along,
+            space.diagonal_ends,
+            workspace.memory,
+            *start,
+            *goal,
+            budget,
+            FAR,
+            0,
         )
         if outcome[0] != FULL:
             return outcome
-        arena.grow()
+        workspace.grow()
 
 
 @compiled
 def search(
     across: BitPlanes,
     along: BitPlanes,
-    sloping: BitPlanes,
+    diagonal_ends: BitPlanes,
     memory: Memory,
     start_row: int,
     start_col: int,
@@ -116,10 +123,10 @@ def search(
     bound: int,
     floor: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
-    """Search for a path shorter than `bound` on memory that the caller owns; none is known to be
-    shorter than `floor`.
+    """Search for a path shorter than `bound` on memory that the caller owns; no path is shorter
+    than `floor`.
 
-    The ends come number by number, since a tuple costs a microsecond to hand on.
+    The ends are single numbers, since a tuple costs a microsecond to pass.
     """
     start, goal = (
         number_of(across, memory, start_row, start_col),
@@ -135,7 +142,7 @@ def search(
     settle(across, along)
     saved = mark_goal(across, along, goal)
     want(memory, at, ANYWHERE)
-    status = run(across, along, sloping, memory, budget)
+    status = run(across, along, diagonal_ends, memory, budget)
     unmark_goal(across, along, goal, saved)
     while memory[WAITING] > 0:
         pop(memory)
@@ -147,7 +154,7 @@ def search(
 
 @inlined
 def number_of(across: BitPlanes, memory: Memory, row: int, col: int) -> int:
-    """The number that a cell (row, col) has in a search, (row + PAD) << 16 | (col + PAD); 0 if it
+    """Return the number of a cell (row, col) in a search, (row + PAD) << 16 | (col + PAD); 0 if it
     is blocked, -1 if outside."""
     if not (0 <= row < memory[ROWS] and 0 <= col < memory[COLS]):
         return -1
@@ -158,7 +165,7 @@ def number_of(across: BitPlanes, memory: Memory, row: int, col: int) -> int:
 def mark_goal(
     across: BitPlanes, along: BitPlanes, goal: int
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Make every straight walk stop at the goal; returns what the words were."""
+    """Make every straight walk stop at the goal; return the former words."""
     row, col = goal >> 16, goal & 0xFFFF
     saved = (
         across[AHEAD, row, col >> 6],
@@ -187,9 +194,9 @@ def unmark_goal(
 
 @lean
 def run(
-    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, budget: int
+    across: BitPlanes, along: BitPlanes, diagonal_ends: BitPlanes, memory: Memory, budget: int
 ) -> int:
-    """Open bucket after bucket until none can hold a shorter path, or none is known to exist."""
+    """Open bucket after bucket until none can contain a shorter path."""
     while memory[WAITING] > 0:
         at = pop(memory)
         if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (
@@ -201,7 +208,7 @@ def run(
         if todo == 0:
             continue
         memory[at + WALKS] = walks | todo << 8
-        budget -= open_cell(across, along, sloping, memory, at, todo)
+        budget -= open_cell(across, along, diagonal_ends, memory, at, todo)
         if memory[LACKING]:
             return FULL
         if budget < 0:
@@ -211,10 +218,15 @@ def run(
 
 @inlined
 def open_cell(
-    across: BitPlanes, along: BitPlanes, sloping: BitPlanes, memory: Memory, at: int, todo: int
+    across: BitPlanes,
+    along: BitPlanes,
+    diagonal_ends: BitPlanes,
+    memory: Memory,
+    at: int,
+    todo: int,
 ) -> int:
-    """Walk from a cell in the directions asked for; returns how many straight walks and diagonal
-    steps that took."""
+    """Walk from a cell in the directions asked for; return the number of straight walks and
+    diagonal steps."""
     cell, length = memory[at + KEY] & 0xFFFFFFFF, memory[at + LENGTH]
     row, col = cell >> 16, cell & 0xFFFF
     if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
@@ -229,13 +241,15 @@ def open_cell(
             walk_col(along, memory, row, col, side, cell, length)
     for corner in range(4):
         if todo & (SOUTH_EAST << corner):
-            count += walk_diagonal(across, along, sloping, memory, row, col, corner, cell, length)
+            count += walk_diagonal(
+                across, along, diagonal_ends, memory, row, col, corner, cell, length
+            )
     return count
 
 
 @inlined
 def stop_ahead(planes: BitPlanes, line: int, at: int) -> int:
-    """The first cell behind `at` on a line where a walk towards higher cells stops."""
+    """Return the first cell behind `at` on a line where a walk towards higher cells stops."""
     word = np.uint64(at >> 6)
     bits = planes[AHEAD, np.uint64(line), word] & (
         np.uint64(0xFFFFFFFFFFFFFFFE) << np.uint64(at & 63)
@@ -248,7 +262,7 @@ def stop_ahead(planes: BitPlanes, line: int, at: int) -> int:
 
 @inlined
 def stop_back(planes: BitPlanes, line: int, at: int) -> int:
-    """The same towards lower cells."""
+    """Return the first cell before `at` on a line where a walk towards lower cells stops."""
     word = np.uint64(at >> 6)
     bits = planes[BACK, np.uint64(line), word] & ((ONE << np.uint64(at & 63)) - ONE)
     while bits == 0:
@@ -313,7 +327,7 @@ def walk_col(
 def walk_diagonal(
     across: BitPlanes,
     along: BitPlanes,
-    sloping: BitPlanes,
+    diagonal_ends: BitPlanes,
     memory: Memory,
     row: int,
     col: int,
@@ -321,10 +335,10 @@ def walk_diagonal(
     parent: int,
     length: int,
 ) -> int:
-    """Walk diagonally until a corner or obstacle is in the way, with a straight walk to both sides
-    from every cell.
+    """Walk diagonally until a corner or obstacle is met, with a straight walk to both sides from
+    every cell.
 
-    `corner`: 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of steps.
+    `corner` is 0 south-east, 1 south-west, 2 north-east, 3 north-west. Returns the number of steps.
     """
     west, north = corner & 1, corner >> 1
     step_row, step_col = 1 - 2 * north, 1 - 2 * west
@@ -337,7 +351,7 @@ def walk_diagonal(
         if on_foot:
             steps = slide(across, along, row, col, west, north, min(most, on_foot))
         else:
-            steps = passable(across, along, sloping, row, col, west, north, most)
+            steps = passable(across, along, diagonal_ends, row, col, west, north, most)
         row += steps * step_row
         col += steps * step_col
         length += steps * ROOT
@@ -347,15 +361,17 @@ def walk_diagonal(
         if row == goal_row and col == goal_col:
             claim(memory, row << 16 | col, parent, length)
             return count
-        vain_row = row != goal_row and is_vain(across, DEAD_END_AHEAD + west, row, col)
-        vain_col = col != goal_col and is_vain(along, DEAD_END_AHEAD + north, col, row)
-        if not vain_row:
+        dead_row = row != goal_row and is_dead_end(across, DEAD_END_AHEAD + west, row, col)
+        dead_col = col != goal_col and is_dead_end(along, DEAD_END_AHEAD + north, col, row)
+        if not dead_row:
             walk_row(across, memory, row, col, west, parent, length)
-        if not vain_col:
+        if not dead_col:
             walk_col(along, memory, row, col, north, parent, length)
-        if vain_row and vain_col:
+        if dead_row and dead_col:
             if not on_foot:
-                survey(across, along, sloping, row, col, west, north, goal_row << 16 | goal_col)
+                survey(
+                    across, along, diagonal_ends, row, col, west, north, goal_row << 16 | goal_col
+                )
             on_foot = 0 if on_foot else FARTHER
     return count
 
@@ -364,8 +380,8 @@ def walk_diagonal(
 def slide(
     across: BitPlanes, along: BitPlanes, row: int, col: int, west: int, north: int, most: int
 ) -> int:
-    """Steps, at most so many, to the next cell from which a straight walk may lead somewhere, or
-    where the way ends."""
+    """Return the steps, at most `most`, to the next cell from which a straight walk may lead on, or
+    at which the diagonal ends."""
     step_row, step_col = np.uint64(1 - 2 * north), np.uint64(1 - 2 * west)
     plane_row, plane_col = np.uint64(DEAD_END_AHEAD + west), np.uint64(DEAD_END_AHEAD + north)
     line, at, steps = np.uint64(row), np.uint64(col), 0
@@ -378,35 +394,36 @@ def slide(
         line += step_row
         at += step_col
         steps += 1
-        vain_row = across[plane_row, line, at >> shift] >> (at & low)
-        vain_col = along[plane_col, at, line >> shift] >> (line & low)
-        if (vain_row & vain_col & ONE) == 0:
+        dead_row = across[plane_row, line, at >> shift] >> (at & low)
+        dead_col = along[plane_col, at, line >> shift] >> (line & low)
+        if (dead_row & dead_col & ONE) == 0:
             break
     return steps
 
 
 @inlined
 def steps_until(at: int, goal: int, step: int) -> int:
-    """Steps until a walk comes to the goal's row or column; more than any grid has if it does not."""
+    """Return the steps of a walk to the goal's row or column; more than any grid has if it never
+    gets there."""
     steps = (goal - at) * step
     return steps if steps > 0 else 1 << 30
 
 
 @inlined
-def is_vain(planes: BitPlanes, plane: int, line: int, at: int) -> bool:
-    """Whether a straight walk ends at an obstacle, for lines that are perhaps not looked along yet."""
+def is_dead_end(planes: BitPlanes, plane: int, line: int, at: int) -> bool:
+    """Return whether a straight walk ends at an obstacle; the line may not be surveyed yet."""
     asked = planes[DEAD_END_AHEAD, line, 0]
-    if asked < PATIENCE:
+    if asked < REQUESTS_BEFORE_SCAN:
         planes[DEAD_END_AHEAD, line, 0] = asked + ONE
-        if asked + ONE < PATIENCE:
+        if asked + ONE < REQUESTS_BEFORE_SCAN:
             return False
-        look_along(planes, line)
+        find_dead_ends(planes, line)
     return bool(bit_of(planes, plane, line, at) != 0)
 
 
 @compiled
 def trace(across: BitPlanes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
-    """(N, 2) every cell from start to goal, with as few turns as the jump points allow."""
+    """Return (N, 2) all cells from start to goal, with as few turns as the jump points allow."""
     corners = np.empty(memory[REACHED] + 1, dtype=np.int64)
     corners[-1] = goal
     first, steps = len(corners) - 1, 0

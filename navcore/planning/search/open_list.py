@@ -1,5 +1,5 @@
-"""What a jump-point search remembers: the cells that it has reached, each with its length and
-parent, and its open list.
+"""The memory of a jump-point search: its open list, and the cells that it has reached, each with
+its length and parent.
 
 * Lengths are integers: `UNIT` a straight step and `ROOT` a diagonal one. A sum of them does not
   depend on its order, so equal lengths compare as equal, and different ones compare as they should
@@ -7,8 +7,8 @@ parent, and its open list.
   if they differ by 1e-11 of their length.
 * The open list is a ring of buckets, each a sixteenth of a cell wide. Inside a bucket the order is
   last in, first out; a cell may be opened twice.
-* All of it is one array, kept from one search to the next: what an earlier search has reached is
-  told by its stamp.
+* All of it is one array, kept from one search to the next; cells that an earlier search reached
+  are recognised by their stamp.
 """
 
 from __future__ import annotations
@@ -30,21 +30,20 @@ ROOT = 388736063997
 FAR = 1 << 62
 """Longer than any path."""
 
-# A search's memory is one array of int64, so that handing it on costs little: first some counters …
+# A search's memory is one array of int64, so that passing it costs little. First some counters:
 PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND, FLOOR = (
     range(12)
 )
-# … and what does not change …
+# The constants of a search:
 RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(12, 19)
-# … then the ring of buckets, each with 1 + its newest entry, 0 if it is empty, and a bit for each
-# that is not …
+# Then the ring of buckets, each with 1 + its newest entry, or 0, and a bit for each that has one:
 HEADS = 24
-# … then the hash table with a row of four for every cell the search has reached: (stamp, cell),
-# length from the start, the parent's cell, and bits for the walks wanted (0 to 7) and done (8 to
-# 15); then the queue: (next entry of the bucket, row).
+# Then the hash table with a row of four for every cell that was reached: (stamp, cell), length from
+# the start, the parent's cell, and bits for the walks wanted (0 to 7) and done (8 to 15). Then the
+# queue: (next entry of the bucket, row).
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
 FINE = 4
-"""Buckets to a cell of length: 2^4."""
+"""Binary logarithm of the number of buckets to a cell of length."""
 
 
 class SearchWorkspace:
@@ -58,7 +57,7 @@ class SearchWorkspace:
         self.memory = self._new()
 
     def grow(self) -> None:
-        """Four times as much room, forgetting everything."""
+        """Make the memory four times as large, and forget everything."""
         self._cells *= 4
         self.memory = self._new()
 
@@ -74,8 +73,8 @@ class SearchWorkspace:
 
 @inlined
 def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None:
-    """Set the counters for a new search: for a path shorter than `bound`, of which it is known that
-    none is below `floor`."""
+    """Set the counters for a new search for a path shorter than `bound`, none of which is shorter
+    than `floor`."""
     memory[STAMP] += 1
     memory[BEST] = memory[BOUND] = bound
     for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING):
@@ -87,8 +86,8 @@ def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None
 
 @inlined
 def octile(rows: int, cols: int) -> int:
-    """Length of the shortest path between two cells on an empty grid, by their distance in rows and
-    columns."""
+    """Return the length of the shortest path between two cells on an empty grid, by their distance
+    in rows and columns."""
     rows, cols = abs(rows), abs(cols)
     low, high = min(rows, cols), max(rows, cols)
     return (high - low) * UNIT + low * ROOT
@@ -96,9 +95,9 @@ def octile(rows: int, cols: int) -> int:
 
 @inlined
 def row_of(memory: Memory, key: int) -> int:
-    """Where the row of the table begins that holds a key, or the free one where it belongs.
+    """Return the index of the table's row that holds a key, or of the free one where it belongs.
 
-    Cells that are neighbours in their row are neighbours here too, for they are often needed
+    Cells that are neighbours in their row are neighbours here too, since they are often needed
     together.
     """
     slot = ((key >> 16) * 40503 + key) & (memory[SLOTS] - 1)
@@ -112,8 +111,8 @@ def row_of(memory: Memory, key: int) -> int:
 
 @inlined
 def claim(memory: Memory, cell: int, parent: int, length: int) -> int:
-    """A path of this length leads to a cell: where its row of the table begins, or -1 if nothing is
-    gained by that path."""
+    """Record a path of this length to a cell: return the index of its row of the table, or -1 if
+    the path gains nothing."""
     row, col = cell >> 16, cell & 0xFFFF
     if length + octile(row - memory[GOAL_ROW], col - memory[GOAL_COL]) >= memory[BEST]:
         return -1
@@ -136,7 +135,7 @@ def claim(memory: Memory, cell: int, parent: int, length: int) -> int:
 
 @lean
 def want(memory: Memory, at: int, walks: int) -> None:
-    """From a cell that was claimed the given walks are worth looking at."""
+    """Put the walks from a claimed cell on the open list."""
     if walks & ~memory[at + WALKS]:
         memory[at + WALKS] |= walks
         cell = memory[at + KEY] & 0xFFFFFFFF
@@ -146,30 +145,30 @@ def want(memory: Memory, at: int, walks: int) -> None:
 
 @inlined
 def push(memory: Memory, bucket: int, at: int) -> None:
-    """Put a row of the table into a bucket."""
+    """Put a row of the table into a bucket of the open list."""
     entry = memory[PUSHED]
     if entry >= memory[ROOM]:
         memory[LACKING] = 1
         return
     memory[PUSHED] += 1
     memory[WAITING] += 1
-    place = bucket & (memory[RING] - 1)
-    memory[memory[QUEUE] + entry] = memory[HEADS + place] << 32 | at
-    memory[HEADS + place] = entry + 1
-    memory[HEADS + memory[RING] + (place >> 6)] |= 1 << (place & 63)
+    ring_at = bucket & (memory[RING] - 1)
+    memory[memory[QUEUE] + entry] = memory[HEADS + ring_at] << 32 | at
+    memory[HEADS + ring_at] = entry + 1
+    memory[HEADS + memory[RING] + (ring_at >> 6)] |= 1 << (ring_at & 63)
 
 
 @inlined
 def pop(memory: Memory) -> int:
     """Take a row of the table out of the first bucket that has one."""
-    ring, place = HEADS + memory[RING], memory[BUCKET] & (memory[RING] - 1)
-    word = place >> 6
-    bits = np.uint64(memory[ring + word]) & (ALL << np.uint64(place & 63))
+    ring, ring_at = HEADS + memory[RING], memory[BUCKET] & (memory[RING] - 1)
+    word = ring_at >> 6
+    bits = np.uint64(memory[ring + word]) & (ALL << np.uint64(ring_at & 63))
     while bits == 0:
         word = (word + 1) & ((memory[RING] >> 6) - 1)
         bits = np.uint64(memory[ring + word])
     first = 64 * word + lowest(bits)
-    memory[BUCKET] += (first - place) & (memory[RING] - 1)
+    memory[BUCKET] += (first - ring_at) & (memory[RING] - 1)
     entry = memory[memory[QUEUE] + memory[HEADS + first] - 1]
     memory[HEADS + first] = entry >> 32
     if entry >> 32 == 0:

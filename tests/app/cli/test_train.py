@@ -1,5 +1,4 @@
-"""The commands around training: from labels drawn elsewhere to a model, its report, and pictures it
-labelled."""
+"""The commands around training: from imported labels to a model, its report and labelled images."""
 
 from __future__ import annotations
 
@@ -42,11 +41,14 @@ precision = "float32"
 
 SLOWED = """
 import sys, time
-from app import cli, training
-see = training._Watcher.see
-training._Watcher.see = lambda watcher, news: (see(watcher, news), time.sleep(0.2))
+from app.cli import main
+from app.learning import training
+update = training._ProgressDisplay.update
+training._ProgressDisplay.update = lambda display, progress: (
+    update(display, progress), time.sleep(0.2)
+)
 sys.argv = {arguments}
-cli.main()
+main.main()
 """
 
 
@@ -144,7 +146,7 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     assert all(torch.equal(states[0][key], states[1][key]) for key in states[1])
 
 
-def test_a_rendered_data_set_may_have_pictures_of_several_sizes(
+def test_a_rendered_data_set_may_have_images_of_several_sizes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.cli.dataset.WORLDS_PER_JOB", 1)
@@ -169,7 +171,7 @@ def test_a_rendered_data_set_may_have_pictures_of_several_sizes(
     assert shapes == [(48, 64)] * 8 + [(64, 96)] * 8
 
 
-def test_a_worker_that_is_killed_ends_the_rendering_in_words(
+def test_a_killed_worker_ends_the_rendering_with_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.cli.dataset._render", killed)
@@ -193,7 +195,7 @@ def killed(job: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path: Path) -> None:
+def test_a_data_set_of_other_classes_or_units_is_refused_for_a_network(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE.replace("epochs = 3", "epochs = 1"))
     run(
@@ -228,11 +230,11 @@ def test_a_data_set_of_other_classes_or_units_says_nothing_of_a_network(tmp_path
     card.write_text(as_it_was)
     run("weights", "calibrate", model, tmp_path / "c.safetensors", "--data", tmp_path / "d")
     data_set(tmp_path / "e", valid=0)
-    with pytest.raises(BadConfiguration, match="no such pictures"):
+    with pytest.raises(BadConfiguration, match="no such images"):
         run("weights", "calibrate", model, tmp_path / "c2.safetensors", "--data", tmp_path / "e")
 
 
-def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
+def test_ranges_for_eight_bits_go_into_the_card_unless_they_cost_too_much(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data_set(tmp_path / "d")
@@ -279,7 +281,7 @@ def test_ranges_for_eight_bits_go_onto_the_card_unless_they_cost_too_much(
     assert not (tmp_path / "q2.safetensors").exists()
 
 
-def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
+def test_imported_labels_become_a_data_set(tmp_path: Path) -> None:
     folder = labelme(tmp_path / "l")
     run("dataset", "import", "labelme", folder, tmp_path / "a", "--classes", "background,book,cup")
     assert load_dataset(tmp_path / "a").card.class_names == ("background", "book", "cup")
@@ -300,7 +302,7 @@ def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
         "--depth-dir",
         tmp_path / "depth",
     )
-    assert "0 pictures to train, 1 to validate" in told
+    assert "0 images to train, 1 to validate" in told
     np.testing.assert_array_equal(load_dataset(tmp_path / "b").read("valid", 0).depth, DEPTH)
 
 
@@ -318,12 +320,12 @@ def test_labels_drawn_elsewhere_become_a_data_set(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_commands_that_cannot_be_are_refused_by_name(words: tuple[str, ...], text: str) -> None:
+def test_impossible_commands_are_refused_by_name(words: tuple[str, ...], text: str) -> None:
     with pytest.raises(BadConfiguration, match=text):
         run(*words)
 
 
-def test_things_are_prepared_in_order_and_errors_arrive() -> None:
+def test_items_are_prefetched_in_order_and_errors_arrive() -> None:
     assert list(prefetching(3)(lambda number: number * number, range(50))) == [
         number * number for number in range(50)
     ]

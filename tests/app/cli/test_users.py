@@ -1,4 +1,4 @@
-"""`bewarenav users`: made, listed, changed and removed, beside a console that may be running."""
+"""`bewarenav users`: users are added, listed, changed and removed while a console may run."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typer.testing import CliRunner
 from app.cli.users import users_cli
 from app.storage import Store
 from navcore.errors import BadConfiguration, BewareNavError, NotKnown, Refused
-from web.access.users import hash_token, is_password
+from web.auth.users import hash_token, is_password
 
 PASSWORD = "long enough"
 
 
 def users(data: Path, *arguments: str, said: str = f"{PASSWORD}\n") -> str:
-    """What the command prints; raises what it refuses."""
+    """Run a command; return its output or raise its refusal."""
     result = CliRunner().invoke(users_cli, [*arguments, "--data", str(data)], input=said)
     if isinstance(result.exception, BewareNavError):
         raise result.exception
@@ -24,7 +24,7 @@ def users(data: Path, *arguments: str, said: str = f"{PASSWORD}\n") -> str:
     return result.stdout
 
 
-def test_users_are_kept_while_a_console_runs_and_nothing_of_a_password_but_its_hash(
+def test_users_are_stored_while_a_console_runs_with_only_the_hash_of_the_password(
     tmp_path: Path,
 ) -> None:
     console = Store(tmp_path)
@@ -47,7 +47,7 @@ def test_users_are_kept_while_a_console_runs_and_nothing_of_a_password_but_its_h
     console.close()
 
 
-def test_what_will_not_do_is_refused_in_words(tmp_path: Path) -> None:
+def test_invalid_changes_are_refused_with_a_message(tmp_path: Path) -> None:
     users(tmp_path, "add", "anna", "--role", "admin")
     with pytest.raises(Refused, match="already"):
         users(tmp_path, "add", "anna")

@@ -8,34 +8,30 @@ from pathlib import Path
 import pytest
 
 from app.console.beware_editor import BewareEditor
+from app.runtime.operator_state import OperatorState
 from app.storage import Store
 from navcore.errors import Refused, StorageFailed
 from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.mission.mission import Mission
 from navcore.perception.colour_segmenter import ColourSegmenter
+from tests.app.console.state import PlainHolder
 
 
-class Desk(BewareEditor):
-    """A desk over a store, as the console starts it."""
-
-    def __init__(self, store: Store) -> None:
-        self.in_force = store.beware() or default_beware_list()
-        super().__init__(
-            present=lambda: self.in_force,
-            save=store.save_beware,
-            put=lambda beware: setattr(self, "in_force", beware),
-            finds=ColourSegmenter().finds,
-            earlier=reversed(store.beware_versions()[1:]),
-        )
+def editor_of(store: Store) -> BewareEditor:
+    """An editor as the console starts it."""
+    beware = store.beware() or default_beware_list()
+    holder = PlainHolder(OperatorState(mission=Mission(), beware=beware))
+    return BewareEditor(holder, store=store, segmenter=ColourSegmenter())
 
 
 def test_an_edit_of_an_earlier_start_can_be_undone(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    first = Desk(store)
+    first = editor_of(store)
     first.edit("cup", {"margin_m": 0.3})
     first.edit("cup", {"margin_m": 0.4})
-    again = Desk(store)
+    again = editor_of(store)
     assert again.can_undo and again.undo().named("cup").margin_m == 0.3
-    assert again.in_force == store.beware() and again.in_force.version == 3
+    assert again.list == store.beware() and again.list.version == 3
     with pytest.raises(Refused, match="no edit"):
         again.undo()
     store.close()
@@ -43,8 +39,8 @@ def test_an_edit_of_an_earlier_start_can_be_undone(tmp_path: Path) -> None:
 
 def test_a_list_that_was_not_stored_is_neither_in_force_nor_undone(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    desk = Desk(store)
+    editor = editor_of(store)
     store.close()
     with pytest.raises(StorageFailed):
-        desk.replace(BewareList(classes=()))
-    assert desk.in_force == default_beware_list() and not desk.can_undo
+        editor.replace(BewareList(classes=()))
+    assert editor.list == default_beware_list() and not editor.can_undo

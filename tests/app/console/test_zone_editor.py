@@ -1,5 +1,4 @@
-"""The operator's zones: what can be taken back, what is kept, what ends by itself, and how a draft
-is tried."""
+"""The operator's zones: undo and redo, named sets, expiry, and the preview of a draft."""
 
 from __future__ import annotations
 
@@ -11,17 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.console.path_preview import compared
+from app.console.path_preview import compare
 from app.console.zone_editor import ZoneEditor
+from app.runtime.operator_state import OperatorState
 from app.storage import Store
 from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.grid.grid import GridSpec, OccupancyGrid, inflate_layers
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_shapes import Circle
-from navcore.planning.path import NoPath
-from navcore.planning.path import Path as FoundPath
+from navcore.planning import path
 from navcore.planning.planner import plan
-from web.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
+from tests.app.console.state import PlainHolder
+from web.interface.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
 
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -32,19 +34,22 @@ SLOW = ZoneDraft(
 ROUND = ZoneDraft(name="round", polygon=CIRCLE.outline(), drawn=CIRCLE, margin_m=0.2)
 
 
-class Desk:
-    """A book on a store in a folder, with a clock that is set by hand."""
+class Desk(PlainHolder):
+    """An editor on a store in a folder, with a clock that is set by hand."""
 
     def __init__(self, folder: Path) -> None:
         self.now_s = 1e9
         self.store = Store(folder)
-        self.bound: tuple[Zone, ...] = self.store.zones()
-        self.book = ZoneEditor(
-            self.bound, spec=SPEC, shelf=self.store, bind=self.bind, calendar_s=lambda: self.now_s
+        zones = self.store.zones()
+        super().__init__(
+            OperatorState(mission=Mission(), beware=default_beware_list(), zones=zones)
         )
+        self.editor = ZoneEditor(self, store=self.store, spec=SPEC, calendar_s=lambda: self.now_s)
 
-    def bind(self, zones: tuple[Zone, ...]) -> None:
-        self.bound = zones
+    @property
+    def bound(self) -> tuple[Zone, ...]:
+        """The zones in force."""
+        return self.intent.zones
 
 
 @pytest.fixture
@@ -55,7 +60,7 @@ def desk(tmp_path: Path) -> Iterator[Desk]:
 
 
 def test_every_field_of_a_zone_survives_a_restart(desk: Desk, tmp_path: Path) -> None:
-    slow, ring = desk.book.add_all([SLOW, ROUND])
+    slow, ring = desk.editor.add_all([SLOW, ROUND])
     assert (slow.kind, slow.max_speed_mps, slow.colour, ring.drawn) == (
         ZoneKind.SPEED_LIMIT,
         0.3,
@@ -68,61 +73,61 @@ def test_every_field_of_a_zone_survives_a_restart(desk: Desk, tmp_path: Path) ->
     again.store.close()
 
 
-def test_edits_are_taken_back_and_done_again_one_by_one_in_the_store_too(desk: Desk) -> None:
-    (zone,) = desk.book.add_all([ROUND])
-    desk.book.replace(zone.id, SLOW, expected_version=1)
-    desk.book.delete(zone.id, expected_version=2)
+def test_edits_are_undone_and_redone_one_by_one_in_the_store_too(desk: Desk) -> None:
+    (zone,) = desk.editor.add_all([ROUND])
+    desk.editor.replace(zone.id, SLOW, expected_version=1)
+    desk.editor.delete(zone.id, expected_version=2)
     seen = []
-    for way in (
-        desk.book.undo,
-        desk.book.undo,
-        desk.book.undo,
-        desk.book.redo,
-        desk.book.redo,
-        desk.book.redo,
+    for step in (
+        desk.editor.undo,
+        desk.editor.undo,
+        desk.editor.undo,
+        desk.editor.redo,
+        desk.editor.redo,
+        desk.editor.redo,
     ):
-        way()
-        assert desk.bound == desk.book.stored == desk.store.zones()
+        step()
+        assert desk.bound == desk.editor.stored == desk.store.zones()
         seen.append([one.name for one in desk.bound])
     assert seen == [["slow"], ["round"], [], ["round"], ["slow"], []]
     with pytest.raises(Refused, match="redo"):
-        desk.book.redo()
+        desk.editor.redo()
 
 
-def test_a_new_edit_forgets_what_could_be_done_again_and_versions_only_grow(desk: Desk) -> None:
-    (zone,) = desk.book.add_all([ROUND])
-    changed = desk.book.replace(zone.id, SLOW, expected_version=1)
-    desk.book.undo()
-    assert desk.book.history == ZoneHistory(undo="import of 1 zone", redo="change of 'slow'")
+def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:
+    (zone,) = desk.editor.add_all([ROUND])
+    changed = desk.editor.replace(zone.id, SLOW, expected_version=1)
+    desk.editor.undo()
+    assert desk.editor.history == ZoneHistory(undo="import of 1 zone", redo="change of 'slow'")
     assert desk.bound[0].version > changed.version
-    desk.book.add_all([SLOW])
-    assert desk.book.history == ZoneHistory(undo="import of 1 zone", redo=None)
+    desk.editor.add_all([SLOW])
+    assert desk.editor.history == ZoneHistory(undo="import of 1 zone", redo=None)
 
 
 def test_many_zones_are_stored_together_or_not_at_all(desk: Desk) -> None:
     crossed = ZoneDraft(name="bad", polygon=((0, 0), (1, 1), (1, 0), (0, 1)))
     with pytest.raises(BadGeometry, match="not simple"):
-        desk.book.add_all([SLOW, crossed])
+        desk.editor.add_all([SLOW, crossed])
     assert desk.bound == desk.store.zones() == ()
     desk.store.close()
     with pytest.raises(StorageFailed):
-        desk.book.add_all([SLOW])
-    assert desk.bound == () and desk.book.history.undo is None
+        desk.editor.add_all([SLOW])
+    assert desk.bound == () and desk.editor.history.undo is None
 
 
 def test_a_set_is_kept_by_name_used_as_one_edit_and_forgotten(desk: Desk) -> None:
-    desk.book.add_all([SLOW, ROUND])
+    desk.editor.add_all([SLOW, ROUND])
     before = desk.bound
-    desk.book.save_set("night")
-    desk.book.delete(before[0].id, expected_version=None)
-    desk.book.add_all([SLOW])
-    desk.book.use_set("night")
+    desk.editor.save_set("night")
+    desk.editor.delete(before[0].id, expected_version=None)
+    desk.editor.add_all([SLOW])
+    desk.editor.use_set("night")
     assert {one.id for one in desk.bound} == {one.id for one in before}
     assert {one.id for one in desk.store.zones()} == {one.id for one in before}
-    desk.book.undo()
+    desk.editor.undo()
     assert [one.name for one in desk.bound] == ["round", "slow"]
-    desk.book.delete_set("night")
-    for gone in (desk.book.use_set, desk.book.delete_set):
+    desk.editor.delete_set("night")
+    for gone in (desk.editor.use_set, desk.editor.delete_set):
         with pytest.raises(NotKnown, match="night"):
             gone("night")
 
@@ -130,13 +135,13 @@ def test_a_set_is_kept_by_name_used_as_one_edit_and_forgotten(desk: Desk) -> Non
 def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(
     desk: Desk, caplog: pytest.LogCaptureFixture
 ) -> None:
-    desk.book.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0), ROUND])
+    desk.editor.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0), ROUND])
     desk.now_s += 59.0
-    desk.book.expire()
+    desk.editor.expire()
     assert all(one.enabled for one in desk.bound)
     desk.now_s += 2.0
     with caplog.at_level(logging.WARNING):
-        desk.book.expire()
+        desk.editor.expire()
     assert [(one.name, one.enabled, one.expires_at_s) for one in desk.store.zones()] == [
         ("wet", False, None),
         ("round", True, None),
@@ -144,18 +149,18 @@ def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(
     assert "'wet' has expired" in caplog.text
     past = ZoneDraft(name="past", polygon=SQUARE, expires_at_s=desk.now_s - 1)
     with pytest.raises(BadGeometry, match="'past': its expiry"):
-        desk.book.add(past)
-    (taken,) = desk.book.add_all(
+        desk.editor.add(past)
+    (taken,) = desk.editor.add_all(
         [past]
     )  # an export holds what is over by now, and can be imported all the same
     assert not taken.enabled and taken.expires_at_s is None
 
 
 def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) -> None:
-    desk.book.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=1.0)])
+    desk.editor.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=1.0)])
     desk.store.close()
     desk.now_s += 5.0
-    desk.book.expire()
+    desk.editor.expire()
     assert desk.bound[0].enabled
 
 
@@ -173,7 +178,7 @@ def test_rules_that_make_no_sense_are_refused(
     desk: Desk, changes: dict[str, object], word: str
 ) -> None:
     with pytest.raises(BadGeometry, match=word):
-        desk.book.add_all([ZoneDraft(name="n", polygon=SQUARE, **changes)])  # type: ignore[arg-type]
+        desk.editor.add_all([ZoneDraft(name="n", polygon=SQUARE, **changes)])  # type: ignore[arg-type]
 
 
 # Previews, on an open floor from (-4, 0) to (4, 0)
@@ -184,7 +189,7 @@ def zone(name: str, x: float, low: float, high: float, **more: object) -> Zone:
     return Zone(id=name, name=name, polygon=corners, **more)  # type: ignore[arg-type]
 
 
-def tried(
+def preview(
     zones: tuple[Zone, ...], draft: Zone | None = None, replaces: str | None = None
 ) -> Preview:
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -193,72 +198,72 @@ def tried(
     def planned(under: OccupancyGrid, _: tuple[Zone, ...]) -> PathPreview:
         blocked = inflate_layers(under, vehicle_width_m=0.6, safety_margin_m=0.1)
         outcome = plan(blocked, SPEC.cell(-4.0, 0.0), SPEC.cell(4.0, 0.0))
-        if isinstance(outcome, FoundPath):
+        if isinstance(outcome, path.Path):
             points = SPEC.centres(outcome.cells)
             return PathPreview(
                 outcome=outcome, points=points, length_m=outcome.length * 0.1, time_s=outcome.length
             )
         return PathPreview(outcome=outcome, points=np.empty((0, 2)), length_m=None, time_s=None)
 
-    return compared(grid, zones, planned, draft=draft, replaces=replaces)
+    return compare(grid, zones, planned, draft=draft, replaces=replaces)
 
 
-def length(way: PathPreview | None) -> float:
-    assert way is not None and way.length_m is not None
-    return way.length_m
+def length(preview: PathPreview | None) -> float:
+    assert preview is not None and preview.length_m is not None
+    return preview.length_m
 
 
 def test_a_preview_of_an_edited_zone_does_not_count_its_stored_outline() -> None:
     stored, moved = zone("wet", 0.0, -2.9, 1.0), zone("wet", 0.0, 2.0, 2.9)
-    edited = tried((stored,), moved, replaces="wet")
+    edited = preview((stored,), moved, replaces="wet")
     assert length(edited.path) == pytest.approx(8.0, abs=0.2)
     assert length(edited.present) > 9.0
-    # The control: as a second zone beside the stored one the same draft would shut the way.
-    assert isinstance(tried((stored,), moved).path.outcome, NoPath)
+    # The control: as a second zone beside the stored one the same draft would close the path.
+    assert isinstance(preview((stored,), moved).path.outcome, path.NoPath)
 
 
 def test_what_cuts_the_goal_off_is_named_and_what_does_not_is_not() -> None:
-    across, aside = zone("across", 0.0, -2.9, 2.9), zone("aside", -2.0, -2.9, 1.0)
-    cut = tried((aside,), across)
-    assert isinstance(cut.path.outcome, NoPath) and cut.cut_by == ("across",)
+    across, beside = zone("across", 0.0, -2.9, 2.9), zone("beside", -2.0, -2.9, 1.0)
+    cut = preview((beside,), across)
+    assert isinstance(cut.path.outcome, path.NoPath) and cut.cut_by == ("across",)
     assert length(cut.present) > 8.0
-    assert tried((aside, across), zone("harmless", 2.0, -2.9, -2.5)).cut_by == ("across",)
-    assert tried((aside, across)).cut_by == ("across",)
-    halves = (zone("north", 0.0, -0.2, 2.9), zone("south", 0.0, -2.9, 0.2), aside)
-    assert set(tried(halves).cut_by) == {"north", "south"}
+    assert preview((beside, across), zone("harmless", 2.0, -2.9, -2.5)).cut_by == ("across",)
+    assert preview((beside, across)).cut_by == ("across",)
+    halves = (zone("north", 0.0, -0.2, 2.9), zone("south", 0.0, -2.9, 0.2), beside)
+    assert set(preview(halves).cut_by) == {"north", "south"}
     assert (
-        tried(
-            (aside,), zone("slow", 0.0, -2.9, 2.9, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)
+        preview(
+            (beside,), zone("slow", 0.0, -2.9, 2.9, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.2)
         ).cut_by
         == ()
     )
 
 
-def test_who_holds_an_older_edit_of_a_zone_that_went_and_came_back_is_not_believed(
+def test_an_edit_of_an_outdated_version_is_refused_though_the_zone_was_deleted_and_restored(
     desk: Desk,
 ) -> None:
-    zone = desk.book.add(ROUND)
-    held = desk.book.replace(zone.id, dataclasses.replace(ROUND, name="held")).version
-    desk.book.save_set("day")
+    zone = desk.editor.add(ROUND)
+    held = desk.editor.replace(zone.id, dataclasses.replace(ROUND, name="held")).version
+    desk.editor.save_set("day")
     for _ in range(2):
-        desk.book.undo()
-    desk.book.redo()
-    desk.book.replace(zone.id, dataclasses.replace(ROUND, name="by somebody else"))
+        desk.editor.undo()
+    desk.editor.redo()
+    desk.editor.replace(zone.id, dataclasses.replace(ROUND, name="by another operator"))
     with pytest.raises(Outdated):
-        desk.book.replace(zone.id, ROUND, expected_version=held)
-    desk.book.delete(zone.id)
-    desk.book.use_set("day")
-    desk.book.replace(zone.id, dataclasses.replace(ROUND, name="by somebody else"))
+        desk.editor.replace(zone.id, ROUND, expected_version=held)
+    desk.editor.delete(zone.id)
+    desk.editor.use_set("day")
+    desk.editor.replace(zone.id, dataclasses.replace(ROUND, name="by another operator"))
     with pytest.raises(Outdated):
-        desk.book.replace(zone.id, ROUND, expected_version=held)
+        desk.editor.replace(zone.id, ROUND, expected_version=held)
 
 
-def test_a_set_says_how_long_its_zones_hold_and_not_until_when(desk: Desk) -> None:
-    desk.book.add(dataclasses.replace(ROUND, expires_in_s=3600.0))
+def test_a_set_stores_the_remaining_time_of_its_zones_and_not_their_date(desk: Desk) -> None:
+    desk.editor.add(dataclasses.replace(ROUND, expires_in_s=3600.0))
     desk.now_s += 600.0
-    desk.book.save_set("night")
+    desk.editor.save_set("night")
     desk.now_s += 24 * 3600.0
-    desk.book.use_set("night")
-    desk.book.expire()
+    desk.editor.use_set("night")
+    desk.editor.expire()
     (zone,) = desk.bound
     assert zone.enabled and zone.expires_at_s == pytest.approx(desk.now_s + 3000.0)

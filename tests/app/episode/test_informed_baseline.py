@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_way_m
+from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_path_m
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
 
@@ -25,67 +25,66 @@ def cells(*boxes: tuple[float, float, float, float]) -> BoolGrid:
 
 
 POCKET = cells((2.0, -5.0, 2.2, 5.0), (-2.0, 5.0, 2.2, 5.2), (-2.0, -5.2, 2.2, -5.0))
-"""A dead end between start and goal that is open towards the start; its bottom is farther away than
-the camera sees."""
+"""A dead end between start and goal, open towards the start and longer than the camera's range."""
 
 
-def way_m(
+def path_m(
     *,
-    tall: BoolGrid | None = None,
+    high: BoolGrid | None = None,
     low: BoolGrid | None = None,
-    known: BoolGrid | None = None,
-    eyes: SensorModel = CAMERA,
+    zones: BoolGrid | None = None,
+    sensor: SensorModel = CAMERA,
 ) -> float | None:
     nothing = cells()
     grids = TrueGrids(
-        tall=nothing if tall is None else tall,
+        high=nothing if high is None else high,
         low=nothing if low is None else low,
-        known=nothing if known is None else known,
+        zones=nothing if zones is None else zones,
     )
-    return ideal_way_m(grids, SPEC, EAST, [GOAL], eyes=eyes, inflation_m=INFLATION_M)
+    return ideal_path_m(grids, SPEC, EAST, [GOAL], sensor=sensor, inflation_m=INFLATION_M)
 
 
-def test_where_nothing_stands_he_drives_straight() -> None:
-    assert way_m() == pytest.approx(12.0, abs=0.01)
+def test_without_obstacles_the_driver_drives_straight() -> None:
+    assert path_m() == pytest.approx(12.0, abs=0.01)
 
 
-def test_he_turns_on_the_spot_towards_a_goal_behind_him() -> None:
-    back = ideal_way_m(
-        TrueGrids(tall=cells(), low=cells(), known=cells()),
+def test_the_driver_turns_in_place_towards_a_goal_behind() -> None:
+    back = ideal_path_m(
+        TrueGrids(high=cells(), low=cells(), zones=cells()),
         SPEC,
         EAST,
         [GOAL, (-6.0, 0.0)],
-        eyes=CAMERA,
+        sensor=CAMERA,
         inflation_m=INFLATION_M,
     )
     assert back == pytest.approx(24.0, abs=0.05)
 
 
-def test_a_dead_end_costs_who_sees_it_late_and_not_who_sees_it_from_the_start() -> None:
-    late, early = way_m(tall=POCKET), way_m(tall=POCKET, eyes=ALL_ROUND)
+def test_a_dead_end_costs_only_a_driver_that_sees_it_late() -> None:
+    late, early = path_m(high=POCKET), path_m(high=POCKET, sensor=ALL_ROUND)
     assert late is not None and early is not None
     shortest = 2 * math.hypot(4.0, 5.6) + 4.4 + 0.2  # about: round the outside of the pocket
     assert early == pytest.approx(shortest, abs=1.5)
     assert late > early + 3.0
 
 
-def test_what_he_is_told_of_he_need_not_see() -> None:
-    assert way_m(known=POCKET) == pytest.approx(way_m(tall=POCKET, eyes=ALL_ROUND), abs=0.3)
+def test_a_known_zone_need_not_be_seen() -> None:
+    assert path_m(zones=POCKET) == pytest.approx(path_m(high=POCKET, sensor=ALL_ROUND), abs=0.3)
 
 
-def test_he_sees_over_what_lies_on_the_floor() -> None:
+def test_the_driver_sees_over_low_objects() -> None:
     bar, wall = cells((-4.6, -0.4, -4.4, 2.0)), cells((-3.0, -7.9, -2.8, 3.0))
-    over, hidden = way_m(tall=wall, low=bar), way_m(tall=wall | bar)
+    over, hidden = path_m(high=wall, low=bar), path_m(high=wall | bar)
     assert over is not None and hidden is not None
     assert over < hidden - 0.2  # the wall's end is known before the bar is passed
 
 
-def test_a_goal_that_is_walled_in_has_no_way() -> None:
+def test_a_goal_that_is_walled_in_has_no_path() -> None:
     ring = cells(
         (4.5, -1.5, 7.5, -1.3), (4.5, 1.3, 7.5, 1.5), (4.5, -1.5, 4.7, 1.5), (7.3, -1.5, 7.5, 1.5)
     )
-    assert way_m(tall=ring) is None
+    assert path_m(high=ring) is None
 
 
 def test_a_start_too_near_to_a_wall_is_left() -> None:
-    assert way_m(tall=cells((-6.4, -1.0, -6.25, 1.0))) == pytest.approx(12.0, abs=0.3)
+    assert path_m(high=cells((-6.4, -1.0, -6.25, 1.0))) == pytest.approx(12.0, abs=0.3)

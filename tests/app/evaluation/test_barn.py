@@ -1,4 +1,4 @@
-"""The outside measure as a command: driven, judged by the challenge's rule, kept and resumed."""
+"""BARN evaluation: driven, judged by the challenge's rules, recorded and resumed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from sim.simulator import Simulator
 from tests.sim.scenario.test_barn import MOVING, STATIC, a_file
 
 WALLED = {**STATIC, "id": 2, "walls": [[-2.25, 4.2]]}
-"""Something stands right ahead of the start."""
+"""A world with a wall right ahead of the start."""
 NEAR = [-2.25, 7.0]
-"""A goal only 4 m away."""
+"""A goal 4 m from the start."""
 
 
 def test_a_world_is_driven_scored_and_not_driven_twice(
@@ -50,11 +50,11 @@ def test_a_world_is_driven_scored_and_not_driven_twice(
         evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, workers=1, out=out)
 
 
-def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_campaign(
+def test_a_configuration_of_its_own_drives_a_world_and_another_one_is_another_campaign(
     tmp_path: Path,
 ) -> None:
     usual = config_for(load_profile("jackal"))
-    falco = replace(usual, local=replace(usual.local, primitives="falco"))
+    own = replace(usual, local=replace(usual.local, lookahead_m=0.7))
     options: dict[str, Any] = {
         "robot": "jackal",
         "count": 1,
@@ -62,7 +62,7 @@ def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_cam
         "workers": 1,
         "out": tmp_path / "out",
     }
-    summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=falco, **options)
+    summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=own, **options)
     assert (summary["success_rate"], summary["score"]) == (1.0, 0.5)
     assert summary["min_clearance_m"] > 0.03
     with pytest.raises(BadConfiguration, match="another --out"):
@@ -72,9 +72,9 @@ def test_falcos_paths_drive_a_world_too_and_another_configuration_is_another_cam
 def judged(
     tmp_path: Path, world: dict[str, Any], v_mps: float, seconds: float, **meta: object
 ) -> dict[str, Any]:
-    """Drive straight on, blindly, from the start."""
+    """Drive straight ahead from the start without sensors; return the verdict."""
     (barn,) = load_worlds(a_file(tmp_path, world, **meta), scale=1.0)
-    judge, robot = ChallengeRules(barn), load_profile("jackal")
+    rules, robot = ChallengeRules(barn), load_profile("jackal")
     with Simulator(
         barn.scenario,
         seed=0,
@@ -87,8 +87,8 @@ def judged(
         while not ended and simulator.now_ns() < seconds * 1e9:
             simulator.send(Twist(v_mps=v_mps, w_radps=0.0))
             simulator.step()
-            ended = judge.ended(simulator)
-        return {"ended": ended, **verdict(barn, judge)}
+            ended = rules.ended(simulator)
+        return {"ended": ended, **verdict(barn, rules)}
 
 
 def test_the_clock_starts_with_the_first_decimetre_and_ends_within_a_metre_of_the_goal(
@@ -126,14 +126,14 @@ def test_a_robot_that_never_moves_times_out(tmp_path: Path) -> None:
     )
 
 
-def test_somebody_who_runs_into_the_standing_robot_fails_it_too(tmp_path: Path) -> None:
+def test_an_obstacle_that_runs_into_the_standing_robot_fails_the_run_too(tmp_path: Path) -> None:
     keys = [[0.0, -2.25, 6.0], [2.0, -2.25, 3.5], [4.0, -2.25, 3.5]]
     ram = {**MOVING, "obstacles": [{"name": "a", "radius": 0.5, "period": 9.0, "keys": keys}]}
     report = judged(tmp_path, ram, 0.0, 20.0)
     assert (report["ended"], report["collision"]) == (True, True)
 
 
-def test_what_is_asked_for_wrongly_is_refused(tmp_path: Path) -> None:
+def test_a_wrong_suite_robot_or_file_is_refused(tmp_path: Path) -> None:
     static = a_file(tmp_path, STATIC)
     options: dict[str, Any] = {"count": None, "seed": 0, "workers": 1, "out": tmp_path}
     with pytest.raises(BadConfiguration, match="needs --worlds"):

@@ -1,5 +1,5 @@
-"""A campaign survives what happens to it: what is driven is kept, and a killed one leaves nobody
-behind."""
+"""A campaign survives interruptions: driven episodes are recorded, and a killed campaign leaves no
+worker behind."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def drive(key: int) -> dict[str, Any]:
     return {"key": key, "success": key != 1}
 
 
-def dawdle(key: int) -> dict[str, Any]:
+def slow_drive(key: int) -> dict[str, Any]:
     Path(os.environ["CAMPAIGN_PIDS"], str(os.getpid())).touch()
     time.sleep(120 if key else 0)
     return drive(key)
@@ -39,7 +39,7 @@ def campaign(rules: object = "rules", run: Any = drive) -> Campaign:
     return Campaign(key="key", rules=rules, holds="another campaign", drive=run, drive_alone=run)
 
 
-def test_what_is_kept_is_not_driven_again_and_other_rules_are_refused(tmp_path: Path) -> None:
+def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_path: Path) -> None:
     driven: list[int] = []
 
     def note(key: int) -> dict[str, Any]:
@@ -55,12 +55,15 @@ def test_what_is_kept_is_not_driven_again_and_other_rules_are_refused(tmp_path: 
         campaign(rules="others").run([0], workers=1, out=tmp_path)
 
 
-def test_a_killed_campaign_has_kept_what_was_driven_and_its_workers_end(tmp_path: Path) -> None:
+def test_a_killed_campaign_has_recorded_what_was_driven_and_its_workers_end(tmp_path: Path) -> None:
     pids = tmp_path / "pids"
     pids.mkdir()
-    text = f"from tests.app.test_campaign import *; campaign(run=dawdle).run([0, 1, 2], workers=2, out=Path({str(tmp_path)!r}))"
-    main = f"if __name__ == '__main__':\n    {text}\n"
-    (tmp_path / "run.py").write_text(main)
+    (tmp_path / "run.py").write_text(
+        "from tests.app.evaluation.test_campaign import *\n"
+        "if __name__ == '__main__':\n"
+        f"    out = Path({str(tmp_path)!r})\n"
+        "    campaign(run=slow_drive).run([0, 1, 2], workers=2, out=out)\n"
+    )
     environment = {
         **os.environ,
         "CAMPAIGN_PIDS": str(pids),
@@ -88,7 +91,7 @@ def within_s(patience_s: float, holds: Any) -> bool:
 
 
 def alive(pid: int) -> bool:
-    """A zombie, which nobody has waited for, is dead."""
+    """Return whether a process lives; a zombie, which was not waited for, does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:

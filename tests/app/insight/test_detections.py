@@ -71,25 +71,25 @@ def labels(
 
 
 def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() -> None:
-    sighted, new = DetectionGallery(), []
+    gallery, new = DetectionGallery(), []
     for step, (x_m, yaw) in enumerate([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1), (0.4, 0.0)]):
         frame = picture(x_m, yaw)
-        new += sighted.look(float(step), frame, labels(frame, 1.5, 0.2), BEWARE)
+        new += gallery.update(float(step), frame, labels(frame, 1.5, 0.2), BEWARE)
     assert [(one.class_name, one.looks) for one in new] == [("cup", 1)]
-    only = sighted.all()[0]
+    only = gallery.all()[0]
     assert only.looks == 4 and math.dist(only.place, (1.5, 0.2)) < 0.05 and only.last_s == 3.0
     frame = picture()
-    assert len(sighted.look(9.0, frame, labels(frame, 1.2, -0.5), BEWARE)) == 1
-    assert [one.id for one in sighted.all()] == [2, 1]
-    assert sighted.crop(1).startswith(b"\xff\xd8")
+    assert len(gallery.update(9.0, frame, labels(frame, 1.2, -0.5), BEWARE)) == 1
+    assert [one.id for one in gallery.all()] == [2, 1]
+    assert gallery.crop(1).startswith(b"\xff\xd8")
     with pytest.raises(NotKnown):
-        sighted.crop(99)
+        gallery.crop(99)
 
 
 def test_people_and_what_is_not_sure_enough_are_no_sightings() -> None:
-    sighted, frame = DetectionGallery(), picture()
-    assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
-    assert sighted.look(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
+    gallery, frame = DetectionGallery(), picture()
+    assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
+    assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
 
 
 def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_restart(

@@ -1,5 +1,4 @@
-"""The log of decisions: what it keeps, and what is said of the differences between one look and the
-next."""
+"""The event log: its bounds, and the entries for the differences from one tick to the next."""
 
 from __future__ import annotations
 
@@ -11,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.insight.event_detector import EventDetector
-from app.insight.event_log import Journal
-from app.runtime.robot_controller import OperatorState
+from app.insight.event_log import EventLog
+from app.runtime.operator_state import OperatorState
 from navcore.control.motion import IDLE
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
@@ -28,7 +27,7 @@ from navcore.planning.planner import plan
 from navcore.planning.route import Route
 from navcore.robot.frame import Frame
 from navcore.safety.gate import Cause, StopReason
-from web.insight import Kind
+from web.interface.insight import Kind
 
 SPEC = GridSpec.centred(size_m=(8.0, 6.0), resolution_m=0.1)
 BEWARE = BewareList(classes=(BewareClass(name="cup", class_id=3),))
@@ -90,9 +89,9 @@ def decision(
 EMPTY = box(-4.0, -3.95, -3.0, -2.95)
 
 
-def written(journal: Journal) -> list[tuple[str, str]]:
+def written(event_log: EventLog) -> list[tuple[str, str]]:
     return [
-        (entry.kind, entry.text) for entry in journal.page(kinds=(), since=0, limit=1000).entries
+        (entry.kind, entry.text) for entry in event_log.page(kinds=(), since=0, limit=1000).entries
     ]
 
 
@@ -108,31 +107,33 @@ def written(journal: Journal) -> list[tuple[str, str]]:
 def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(
     after: TickResult, said: str
 ) -> None:
-    journal, will = Journal(), intent()
-    chronicle = EventDetector(journal, will)
-    chronicle.look(0.0, will, decision(EMPTY), HERE)
-    chronicle.look(5.0, will, after, HERE)
-    assert [kind for kind, _ in written(journal)] == ["replanned", "replanned"]
-    assert "Planned a path of 6.0 m" in written(journal)[0][1] and said in written(journal)[1][1]
-    place = journal.page(kinds=(), since=1, limit=9).entries[0].place
+    event_log, will = EventLog(), intent()
+    detector = EventDetector(event_log, will)
+    detector.on_tick(0.0, will, decision(EMPTY), HERE)
+    detector.on_tick(5.0, will, after, HERE)
+    assert [kind for kind, _ in written(event_log)] == ["replanned", "replanned"]
+    assert (
+        "Planned a path of 6.0 m" in written(event_log)[0][1] and said in written(event_log)[1][1]
+    )
+    place = event_log.page(kinds=(), since=1, limit=9).entries[0].place
     assert place is not None and -3.1 < place[0] < 1.0
 
 
 def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
-    journal, will = Journal(), intent()
-    chronicle = EventDetector(journal, will)
+    event_log, will = EventLog(), intent()
+    detector = EventDetector(event_log, will)
     wall = box(-0.5, 0.5, -1.0, 1.0)
     for second in range(4):
-        chronicle.look(2.0 * second, will, decision(wall), HERE)
-    assert len(written(journal)) == 1
-    chronicle.look(20.0, will, decision(EMPTY), HERE)
-    assert "A shorter way has opened" in written(journal)[-1][1]
+        detector.on_tick(2.0 * second, will, decision(wall), HERE)
+    assert len(written(event_log)) == 1
+    detector.on_tick(20.0, will, decision(EMPTY), HERE)
+    assert "A shorter path has opened" in written(event_log)[-1][1]
 
 
 def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
-    journal = Journal()
+    event_log = EventLog()
     before = intent(driving=False)
-    chronicle = EventDetector(journal, before)
+    detector = EventDetector(event_log, before)
     edits: list[OperatorState] = [dataclasses.replace(before, zones=(ZONE,))]
     edits.append(dataclasses.replace(edits[-1], zones=(dataclasses.replace(ZONE, enabled=False),)))
     edits.append(dataclasses.replace(edits[-1], zones=()))
@@ -140,8 +141,8 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
     edits.append(dataclasses.replace(edits[-1], mission=before.mission.start()))
     edits.append(dataclasses.replace(edits[-1], mission=before.mission.start().arrive()))
     for second, edit in enumerate(edits):
-        chronicle.look(float(second), edit, None, HERE)
-    assert [kind for kind, _ in written(journal)] == [
+        detector.on_tick(float(second), edit, None, HERE)
+    assert [kind for kind, _ in written(event_log)] == [
         "zone",
         "zone",
         "zone",
@@ -150,7 +151,7 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
         "goal",
         "mission",
     ]
-    said = [text for _, text in written(journal)]
+    said = [text for _, text in written(event_log)]
     assert (
         said[0].endswith("was drawn.")
         and said[1].endswith("was switched off.")
@@ -160,14 +161,14 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
 
 
 def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
-    journal = Journal()
-    chronicle = EventDetector(journal, intent())
-    yielding = (StopReason(cause=Cause.YIELDING, text="Somebody is in the way."),)
+    event_log = EventLog()
+    detector = EventDetector(event_log, intent())
+    yielding = (StopReason(cause=Cause.YIELDING, text="A person is in the way."),)
     for tenth in range(10):
-        chronicle.on_gate(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
-    chronicle.look(3.0, intent(), None, HERE)
-    assert [kind for kind, _ in written(journal)] == ["stopped", "released"]
-    assert "yielding lasted 0.9 s" in written(journal)[1][1]
+        detector.on_gate(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
+    detector.on_tick(3.0, intent(), None, HERE)
+    assert [kind for kind, _ in written(event_log)] == ["stopped", "released"]
+    assert "yielding lasted 0.9 s" in written(event_log)[1][1]
 
 
 @given(
@@ -178,12 +179,12 @@ def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
 def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(
     kinds: list[Kind], since: int, limit: int
 ) -> None:
-    journal = Journal(most=25)
+    event_log = EventLog(max_entries=25)
     for number, kind in enumerate(kinds):
-        journal.note(float(number), kind, f"{number}")
+        event_log.note(float(number), kind, f"{number}")
     kept = [(number + 1, kind) for number, kind in enumerate(kinds)][-25:]
     asked: tuple[Kind, ...] = ("zone",)
-    page = journal.page(kinds=asked, since=since, limit=limit)
+    page = event_log.page(kinds=asked, since=since, limit=limit)
     wanted = [number for number, kind in kept if kind == "zone" and number > since][-limit:]
     assert [entry.id for entry in page.entries] == wanted
     assert page.newest == len(kinds) and page.oldest == (kept[0][0] if kept else 0)

@@ -1,4 +1,4 @@
-"""The log of decisions outlives the console, and no disk holds up whoever writes into it."""
+"""The event log outlives the console, and no disk blocks its writers."""
 
 from __future__ import annotations
 
@@ -12,46 +12,48 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.insight.event_log import Journal
+from app.insight.event_log import EventLog
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
 from app.storage import Store
 from app.storage.database import Database
-from app.storage.events import DecisionTable
+from app.storage.events import EventTable
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import StorageFailed
 from navcore.geometry.transform import STANDSTILL
 from navcore.safety.gate import Cause, GateDecision, StopReason
 from tests.navcore.scene import picture
-from tests.reliability.drills import standing_pilot
-from web.insight import Entry, Kind
+from tests.reliability.fault_runs import standing_controller
+from web.interface.insight import Entry, Kind
 
 
-def filled(journal: Journal, *kinds: Kind) -> Journal:
+def filled(event_log: EventLog, *kinds: Kind) -> EventLog:
     for number, kind in enumerate(kinds):
-        journal.note(float(number), kind, f"{kind} {number}", (0.5, -1.25) if number % 2 else None)
-    return journal
+        event_log.note(
+            float(number), kind, f"{kind} {number}", (0.5, -1.25) if number % 2 else None
+        )
+    return event_log
 
 
 def ids(
-    journal: Journal, *kinds: Kind, since: int = 0, before: int | None = None, limit: int = 100
+    event_log: EventLog, *kinds: Kind, since: int = 0, before: int | None = None, limit: int = 100
 ) -> list[int]:
     return [
         entry.id
-        for entry in journal.page(kinds=kinds, since=since, before=before, limit=limit).entries
+        for entry in event_log.page(kinds=kinds, since=since, before=before, limit=limit).entries
     ]
 
 
 def test_a_restart_goes_on_counting_and_tells_what_is_from_earlier(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    first = filled(Journal(store.decisions), "mission", "seen")
+    first = filled(EventLog(store.events), "mission", "seen")
     first.write()
     said = first.page(kinds=(), since=0, limit=9).entries
     store.close()
     store = Store(tmp_path)
-    second = Journal(store.decisions)
+    second = EventLog(store.events)
     assert second.page(kinds=(), since=0, limit=9).entries == said
     filled(second, "goal").write()
     page = second.page(kinds=(), since=0, limit=9)
@@ -60,16 +62,24 @@ def test_a_restart_goes_on_counting_and_tells_what_is_from_earlier(tmp_path: Pat
     store.close()
 
 
-def insight_of(store: Store, folder: Path, pilot: RobotController | None = None) -> LiveInsight:
-    pilot = pilot or standing_pilot()
+class StoppedClock:
+    """A clock that always shows zero."""
+
+    def now_ns(self) -> int:
+        return 0
+
+
+def insight_of(
+    store: Store, folder: Path, controller: RobotController | None = None
+) -> LiveInsight:
+    controller = controller or standing_controller()
     return LiveInsight(
-        pilot=pilot,
-        recorder=Recorder(pilot=pilot, store=store, referee=None, scenario="bench"),
+        controller=controller,
+        recorder=Recorder(controller=controller, store=store, referee=None, scenario="bench"),
         labelling=LabellingFolder(folder),
         config=NavigatorConfig(),
-        now_s=lambda: 0.0,
-        tick_ms=lambda: 0.0,
-        log_shelf=store.decisions,
+        clock=StoppedClock(),
+        store=store.events,
     )
 
 
@@ -80,13 +90,13 @@ def test_what_the_console_has_said_by_its_end_is_said_by_the_next(tmp_path: Path
     insight.note_verdict(
         GateDecision(twist=STANDSTILL, reasons=(StopReason(cause=Cause.PAUSED, text="Paused."),))
     )
-    while not insight.journal(kinds=(), since=0, limit=1).entries:
+    while not insight.event_log.page(kinds=(), since=0, limit=1).entries:
         time.sleep(0.01)
     insight.stop()
     store.close()
     store = Store(tmp_path / "data")
     asked: tuple[Kind, ...] = ("stopped",)
-    page = insight_of(store, tmp_path).journal(kinds=asked, since=0, limit=9)
+    page = insight_of(store, tmp_path).event_log.page(kinds=asked, since=0, limit=9)
     assert [(entry.text, entry.start) for entry in page.entries] == [
         ("Paused.", 1)
     ] and page.start == 2
@@ -104,15 +114,15 @@ def test_paging_back_gives_every_entry_once_wherever_it_lies(
     tmp_path_factory: pytest.TempPathFactory, kinds: list[Kind], writes: int, most: int, limit: int
 ) -> None:
     database = Database(tmp_path_factory.mktemp("paging"))
-    journal = Journal(DecisionTable(database), most=most)
+    event_log = EventLog(EventTable(database), max_entries=most)
     for number, kind in enumerate(kinds):
-        journal.note(float(number), kind, "")
+        event_log.note(float(number), kind, "")
         if number % writes == 0:
-            journal.write()
+            event_log.write()
     wanted = [number + 1 for number, kind in enumerate(kinds) if kind != "goal"]
     found: list[int] = []
     before: int | None = None
-    while part := ids(journal, "zone", "seen", before=before, limit=limit):
+    while part := ids(event_log, "zone", "seen", before=before, limit=limit):
         assert len(part) <= limit
         found = part + found
         before = part[0]
@@ -122,16 +132,16 @@ def test_paging_back_gives_every_entry_once_wherever_it_lies(
 
 def test_the_oldest_on_disk_give_way(tmp_path: Path) -> None:
     database = Database(tmp_path)
-    journal = Journal(DecisionTable(database, most=10), most=5)
+    event_log = EventLog(EventTable(database, max_entries=10), max_entries=5)
     for _ in range(8):
-        filled(journal, "seen", "zone", "goal").write()
-    assert ids(journal) == list(range(15, 25))
-    assert journal.page(kinds=(), since=0, limit=1).oldest == 15
+        filled(event_log, "seen", "zone", "goal").write()
+    assert ids(event_log) == list(range(15, 25))
+    assert event_log.page(kinds=(), since=0, limit=1).oldest == 15
     database.close()
 
 
 class Disk:
-    """A shelf that refuses while it is full, and hangs while it is `stuck`."""
+    """A store that refuses while it is full, and hangs while it is `stuck`."""
 
     def __init__(self) -> None:
         self.full, self.stuck = False, threading.Event()
@@ -160,63 +170,63 @@ def test_a_disk_that_refuses_loses_nothing_and_says_so_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     disk = Disk()
-    journal = filled(Journal(disk), "seen", "zone")
+    event_log = filled(EventLog(disk), "seen", "zone")
     disk.full = True
     for _ in range(5):
-        journal.write()
+        event_log.write()
     assert disk.entries == [] and len(caplog.records) == 1 and "no space left" in caplog.text
-    filled(journal, "goal")
+    filled(event_log, "goal")
     disk.full = False
-    journal.write()
-    journal.write()
+    event_log.write()
+    event_log.write()
     assert [entry.id for entry in disk.entries] == [8, 9, 10]
 
 
 def test_what_is_in_memory_is_shown_though_the_disk_cannot_be_read() -> None:
-    journal = filled(Journal(Disk()), "seen", "zone")
-    assert ids(journal) == [8, 9]
+    event_log = filled(EventLog(Disk()), "seen", "zone")
+    assert ids(event_log) == [8, 9]
     with pytest.raises(StorageFailed):
-        ids(journal, before=8)
+        ids(event_log, before=8)
 
 
-def test_a_disk_that_hangs_holds_up_nobody_who_notes_or_reads() -> None:
+def test_a_disk_that_hangs_blocks_neither_notes_nor_pages() -> None:
     disk = Disk()
-    journal = filled(Journal(disk), "seen")
+    event_log = filled(EventLog(disk), "seen")
     disk.stuck.clear()
-    writer = threading.Thread(target=journal.write, daemon=True)
+    writer = threading.Thread(target=event_log.write, daemon=True)
     writer.start()
-    noting = threading.Thread(target=lambda: filled(journal, "zone", "goal"), daemon=True)
+    noting = threading.Thread(target=lambda: filled(event_log, "zone", "goal"), daemon=True)
     noting.start()
     noting.join(5.0)
     assert not noting.is_alive() and writer.is_alive()
-    assert ids(journal, since=7) == [8, 9, 10]
+    assert ids(event_log, since=7) == [8, 9, 10]
     disk.stuck.set()
     writer.join(5.0)
-    journal.write()
+    event_log.write()
     assert [entry.id for entry in disk.entries] == [8, 9, 10]
 
 
-def driven(pilot: RobotController, recorder: Recorder, *, from_s: float, to_s: float) -> None:
+def driven(controller: RobotController, recorder: Recorder, *, from_s: float, to_s: float) -> None:
     """Ticks of a standing robot, one a second, as the recorder hears of them."""
     for second in range(int(from_s), int(to_s)):
         frame = picture(stamp_ns=(second + 1) * 1_000_000_000)
-        decision = pilot.thought.decision or pilot.think(frame, clock=lambda: 0)
+        decision = controller.tick_state.decision or controller.think(frame, clock=lambda: 0)
         assert decision is not None
         recorder.note_decision(dataclasses.replace(decision, frame=frame))
 
 
-def test_a_run_that_goes_round_and_round_is_bounded_and_kept_when_the_console_ends(
+def test_the_report_of_an_endless_run_is_bounded_and_kept_when_the_console_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.runtime.recorder.MAX_SERIES", 16)
-    store, pilot = Store(tmp_path), standing_pilot()
-    pilot.change_mission(
-        lambda mission: mission.cancel().add(3.0, 0.0, pilot.navigator.map.spec).start()
+    monkeypatch.setattr("app.runtime.run_report.MAX_ROWS", 16)
+    store, controller = Store(tmp_path), standing_controller()
+    controller.change_mission(
+        lambda mission: mission.cancel().add(3.0, 0.0, controller.navigator.map.spec).start()
     )
-    recorder = Recorder(pilot=pilot, store=store, referee=None, scenario="bench")
-    driven(pilot, recorder, from_s=0, to_s=100)
-    pilot.change_mission(lambda mission: mission.add(2.0, 1.0, pilot.navigator.map.spec))
-    driven(pilot, recorder, from_s=100, to_s=200)
+    recorder = Recorder(controller=controller, store=store, referee=None, scenario="bench")
+    driven(controller, recorder, from_s=0, to_s=100)
+    controller.change_mission(lambda mission: mission.add(2.0, 1.0, controller.navigator.map.spec))
+    driven(controller, recorder, from_s=100, to_s=200)
     assert not store.runs()
     recorder.close()
     recorder.close()

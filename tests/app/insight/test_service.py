@@ -9,23 +9,25 @@ from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.supervisor import Behaviour
 from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.app.insight.test_event_log import insight_of
-from tests.reliability.drills import first_picture, standing_pilot
+from tests.reliability.fault_runs import first_frame, standing_controller
 
 
 def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(
     tmp_path: Path,
 ) -> None:
-    pilot, store = standing_pilot(), Store(tmp_path)
-    insight = insight_of(store, tmp_path, pilot)
-    frame = first_picture()
+    controller, store = standing_controller(), Store(tmp_path)
+    insight = insight_of(store, tmp_path, controller)
+    frame = first_frame()
     x, y = frame.pose.x_m, frame.pose.y_m
-    pilot.change_mission(lambda mission: mission.add(x + 5.0, y, pilot.navigator.map.spec).start())
+    controller.change_mission(
+        lambda mission: mission.add(x + 5.0, y, controller.navigator.map.spec).start()
+    )
     across = ((x + 2.0, y - 0.5), (x + 2.4, y - 0.5), (x + 2.4, y + 0.5), (x + 2.0, y + 0.5))
     lane = Zone(
-        id="lane 0", name="where somebody walks to and fro", polygon=across, colour=OWN_COLOUR
+        id="lane 0", name="where a person walks to and fro", polygon=across, colour=OWN_COLOUR
     )
-    pilot.navigator.behaviour = Behaviour(lanes=LaneKeepOut(zones=(lane,)))
-    decision = pilot.think(frame, clock=lambda: frame.stamp_ns)
+    controller.navigator.behaviour = Behaviour(lanes=LaneKeepOut(zones=(lane,)))
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
     assert decision is not None and decision.closed == (lane,)
     insight.note_decision(decision)
     [rule] = [rule for rule in insight.explain().rules if rule.name == lane.name]

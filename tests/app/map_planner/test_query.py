@@ -16,7 +16,7 @@ from app.cli.main import cli
 from app.map_planner.query import ask
 from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
-from navcore.formats.nav2_map import State, drawn, load, save
+from navcore.formats.nav2_map import State, load, map_from_cells, save
 from navcore.grid.grid import GridSpec
 from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import Path as GridPath
@@ -44,7 +44,7 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Path:
     known = np.ones_like(occupied)
     known[:10, :40] = False
     path = tmp_path_factory.mktemp("hall") / "hall.yaml"
-    save(drawn(occupied=occupied, known=known, spec=SPEC), path)
+    save(map_from_cells(occupied=occupied, known=known, spec=SPEC), path)
     return path
 
 
@@ -119,12 +119,13 @@ def test_unknown_cells_are_free_unless_they_are_to_be_blocked(hall: Path) -> Non
 @pytest.mark.parametrize(
     ("start", "goal", "words"),
     [
-        ("-2,1", "3,0.5", "no path: every way from (-2, 1) to (3, 0.5) is closed"),
+        ("-2,1", "3,0.5", "no path: every path from (-2, 1) to (3, 0.5) is blocked"),
         ("0.05,1", "2,2", "no path: the start (0.05, 1) lies in an obstacle"),
         (
             "-2,1",
             "0.3,1",
-            "no path: the goal (0.3, 1) is too close to an obstacle for width 0.4 m and margin 0.1 m",
+            "no path: the goal (0.3, 1) is too close to an obstacle "
+            "for width 0.4 m and margin 0.1 m",
         ),
         ("-2,1", "9,1", "no path: the goal (9, 1) is outside the map, x -4 to 4 m, y -1 to 5 m"),
         ("0,1", "1e6,-1e6", "the goal (1e+06, -1e+06) is outside the map"),
@@ -167,7 +168,7 @@ def test_the_nearest_reachable_place_is_planned_to_when_asked_for_and_said_to_be
     )
     assert result.exit_code == 0
     assert "no path: " in result.stdout
-    assert re.search(r"nearest reachable place: \(.*\), \d+\.\d\d m from the goal", result.stdout)
+    assert re.search(r"nearest reachable cell: \(.*\), \d+\.\d\d m from the goal", result.stdout)
     plan_map = open_map(hall, width=0.4, margin=0.1, unknown_blocked=False)
     answer = ask(plan_map, (-2.0, 1.0), goal, nearest=True)
     cell = nearest_reachable(plan_map.blocked, SPEC.cell(-2.0, 1.0), SPEC.cell(*goal))

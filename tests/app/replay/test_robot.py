@@ -21,7 +21,7 @@ from app.replay.reference import (
     Reference,
     agreement,
     load_reference,
-    standing,
+    occupied_cells,
 )
 from app.replay.robot import ReplayRobot, frames_of
 from app.replay.run import compare, replay
@@ -170,11 +170,11 @@ def test_a_reference_in_a_tilted_world_is_judged_on_the_floor_between_two_height
         [[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     )  # world x is the map's y
     spec = GridSpec(resolution_m=0.1, rows=10, cols=10, origin_x_m=-1.0, origin_y_m=0.0)
-    occupied, known = standing(reference, quarter, spec, heights_m=(0.1, 1.0))
+    occupied, known = occupied_cells(reference, quarter, spec, heights_m=(0.1, 1.0))
     assert np.argwhere(occupied).tolist() == [[5, 4]]
     assert not known[0].any()
     assert known[1:].all()
-    above, _ = standing(reference, quarter, spec, heights_m=(0.4, 1.0))
+    above, _ = occupied_cells(reference, quarter, spec, heights_m=(0.4, 1.0))
     assert not above.any()
     np.testing.assert_allclose(quarter @ invert(quarter), np.eye(4))
 
@@ -187,7 +187,7 @@ def test_a_reference_in_a_tilted_world_is_judged_on_the_floor_between_two_height
         ("poses.txt", "0 " + "nan " * 16, "poses.txt: line 1: expected 17 numbers"),
         ("poses.txt", "# none\n", "has 0 poses"),
         ("poses.txt", "5 " + "2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "no rotation"),
-        ("poses.txt", "\n".join(["5 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"] * 2), "rising"),
+        ("poses.txt", "\n".join(["5 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"] * 2), "increasing"),
         ("poses.txt", "7 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "frame-000007.depth.png: no such file"),
         ("camera-intrinsics.txt", "-1 0 0\n0 1 0\n0 0 1\n", "positive focal lengths"),
         ("frame-000000.depth.png", "no picture", "neither PNG nor JPEG"),

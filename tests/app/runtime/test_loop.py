@@ -8,14 +8,17 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from app.runtime.loop import ControlLoop
-from app.runtime.robot_controller import OperatorState, RobotController
+from app.runtime.operator_state import OperatorState
+from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
@@ -25,8 +28,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety import gate as safety
-from navcore.safety.gate import COMMAND_LIFE_NS, Cause, GateDecision
+from navcore.safety.gate import Cause, GateDecision, gate
 from navcore.warmup import warm_up
 from tests.navcore.scene import Box, picture
 
@@ -100,7 +102,7 @@ class Bench:
 @dataclass
 class Rig:
     robot: Bench
-    pilot: RobotController
+    controller: RobotController
     segmenter: HangingSegmenter
     verdicts: list[GateDecision]
 
@@ -115,14 +117,16 @@ def rig() -> Iterator[Rig]:
     segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[GateDecision]()
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     mission = Mission().add(2.5, 0.0, SPEC).start()
-    pilot = RobotController(
+    controller = RobotController(
         navigator=navigator,
         profile=HUSKY,
         intent=OperatorState(mission=mission, beware=default_beware_list()),
     )
-    loop = ControlLoop(robot, pilot, on_decision=lambda decision: None, on_verdict=verdicts.append)
+    loop = ControlLoop(
+        robot, controller, on_decision=lambda decision: None, on_verdict=verdicts.append
+    )
     loop.start()
-    yield Rig(robot=robot, pilot=pilot, segmenter=segmenter, verdicts=verdicts)
+    yield Rig(robot=robot, controller=controller, segmenter=segmenter, verdicts=verdicts)
     segmenter.go_on.set()
     loop.stop()
     assert robot.sent[-1][1] == STANDSTILL
@@ -146,11 +150,11 @@ def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_o
     rig.segmenter.go_on.clear()
     until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
     assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
-    command = rig.pilot.thought.command
+    command = rig.controller.tick_state.command
     assert command is not None and command.twist.v_mps > 0
     # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause
     # between the two.
-    expired_ns = command.stamp_ns + COMMAND_LIFE_NS + 20_000_000
+    expired_ns = command.stamp_ns + DEFAULT_SAFETY.gate.command_life_ns + 20_000_000
 
     def late() -> list[Twist]:
         return [twist for stamp_ns, twist in rig.robot.sent if stamp_ns > expired_ns]
@@ -165,8 +169,8 @@ def test_without_its_expiry_the_old_command_would_be_sent_for_ever(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Control of the test above: it is the gate's expiry that stops the robot."""
-    monkeypatch.setattr(safety, "COMMAND_LIFE_NS", 10**15)
-    monkeypatch.setattr(safety, "FRAME_LIFE_NS", 10**15)
+    endless = SafetyConfig(gate=GateConfig(command_life_s=1e6, frame_life_s=1e6))
+    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate, config=endless))
     until(lambda: moving(rig))
     rig.segmenter.go_on.clear()
     count = len(rig.robot.sent)
@@ -177,11 +181,11 @@ def test_without_its_expiry_the_old_command_would_be_sent_for_ever(
 def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:
     for _ in range(20):
         until(lambda: moving(rig))
-        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+        rig.controller.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
         count = len(rig.robot.sent)
         until(lambda since=count: len(rig.robot.sent) > since + 2)
         assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
-        rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+        rig.controller.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
 
 
 def test_a_tick_that_breaks_is_told_and_tried_again(rig: Rig) -> None:
@@ -205,7 +209,7 @@ def test_a_camera_that_falls_silent_stops_the_robot_and_is_named(rig: Rig) -> No
 
 def test_the_stop_outlives_everything_but_its_reset(rig: Rig) -> None:
     until(lambda: moving(rig))
-    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
+    rig.controller.change(lambda intent: dataclasses.replace(intent, stopped_by="a test"))
     until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
     rig.segmenter.go_on.clear()
     count = len(rig.robot.sent)
@@ -213,7 +217,7 @@ def test_the_stop_outlives_everything_but_its_reset(rig: Rig) -> None:
     assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
     assert rig.verdicts[-1].reasons[0].cause is Cause.EMERGENCY_STOP
     rig.segmenter.go_on.set()
-    rig.pilot.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+    rig.controller.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
     until(lambda: moving(rig))
 
 
@@ -222,12 +226,12 @@ def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig:
     good = rig.robot.wall
     rig.robot.wall = dataclasses.replace(good, depth_m=good.depth_m * float("nan"))
     until(lambda: Cause.BAD_FRAME in rig.reasons())
-    version = rig.pilot.navigator.map.version
+    version = rig.controller.navigator.map.version
     count = len(rig.robot.sent)
     until(lambda: len(rig.robot.sent) > count + 10)
     assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
     assert rig.verdicts[-1].reasons[0].cause is Cause.BAD_FRAME
-    assert rig.pilot.navigator.map.version == version
+    assert rig.controller.navigator.map.version == version
     rig.robot.wall = good
     until(lambda: moving(rig))
 
@@ -251,9 +255,9 @@ def test_wheels_that_do_not_turn_are_not_pushed_on_until_the_operator_says_so(ri
     count = len(rig.robot.sent)
     until(lambda: len(rig.robot.sent) > count + 10)
     assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
-    rig.pilot.change_mission(Mission.pause)
+    rig.controller.change_mission(Mission.pause)
     until(lambda: Cause.WHEELS_BLOCKED not in rig.reasons())
-    rig.pilot.change_mission(Mission.resume)
+    rig.controller.change_mission(Mission.resume)
     until(lambda: moving(rig))
 
 
@@ -263,14 +267,14 @@ def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_i
     until(lambda: moving(rig))
     rig.robot.jumped_m = 1.0
     until(lambda: Cause.POSE_JUMP in rig.reasons())
-    version = rig.pilot.navigator.map.version
+    version = rig.controller.navigator.map.version
     count = len(rig.robot.sent)
     until(lambda: len(rig.robot.sent) > count + 30)
     assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
-    assert rig.pilot.navigator.map.version == version
+    assert rig.controller.navigator.map.version == version
     rig.robot.jumped_m = 0.0
     until(lambda: moving(rig))
     rig.robot.jumped_m = 0.5
     until(lambda: Cause.POSE_JUMP in rig.reasons())
-    rig.pilot.trust_pose()
+    rig.controller.trust_pose()
     until(lambda: moving(rig))

@@ -12,7 +12,7 @@ from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.formats import nav2_map
-from navcore.formats.nav2_map import drawn
+from navcore.formats.nav2_map import map_from_cells
 from navcore.mapping.map_file import load
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
@@ -55,7 +55,8 @@ def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(
     before[row, col] = True  # where the camera looks, and sees bare floor
     before[row, 3] = True  # behind it
     nav2_map.save(
-        drawn(occupied=before, known=np.ones_like(before), spec=SPEC), tmp_path / "prior.yaml"
+        map_from_cells(occupied=before, known=np.ones_like(before), spec=SPEC),
+        tmp_path / "prior.yaml",
     )
     for session in range(2):
         cloud = PointMap(SPEC, MappingConfig())

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
-from app.runtime.robot_controller import OperatorState, RobotController
+from app.runtime.operator_state import OperatorState
+from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, BadFrame, Refused
@@ -26,7 +29,7 @@ from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import COMMAND_LIFE_NS, Cause, GateDecision
+from navcore.safety.gate import Cause, GateDecision, gate
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 
 SECOND = 1_000_000_000
@@ -41,7 +44,7 @@ def navigator() -> Navigator:
     )
 
 
-def pilot(*goals: tuple[float, float]) -> RobotController:
+def controller(*goals: tuple[float, float]) -> RobotController:
     mission = Mission()
     for x, y in goals:
         mission = mission.add(x, y, SPEC)
@@ -55,7 +58,7 @@ def think(driver: RobotController, frame: Frame = OPEN) -> None:
 
 
 def command(driver: RobotController, after_s: float = 0.0) -> GateDecision:
-    newest = driver.thought.decision.frame if driver.thought.decision else None
+    newest = driver.tick_state.decision.frame if driver.tick_state.decision else None
     return driver.command(lambda: SECOND + round(after_s * SECOND), 0.05, newest=newest)
 
 
@@ -65,7 +68,7 @@ def causes(verdict: GateDecision) -> list[Cause]:
 
 def test_a_driving_mission_moves_the_robot_towards_its_goal() -> None:
     """Control of every standstill below."""
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     verdict = command(driver)
     assert verdict.twist.v_mps > 0
@@ -74,13 +77,13 @@ def test_a_driving_mission_moves_the_robot_towards_its_goal() -> None:
 
 
 def test_before_the_first_picture_nothing_is_sent_and_the_reason_is_named() -> None:
-    verdict = command(pilot((3.0, 0.0)))
+    verdict = command(controller((3.0, 0.0)))
     assert verdict.twist == STANDSTILL
     assert causes(verdict) == [Cause.STALE_FRAME]
 
 
 def test_cancel_means_zero_at_the_next_command() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver).twist != STANDSTILL
     driver.change_mission(Mission.cancel)
@@ -90,7 +93,7 @@ def test_cancel_means_zero_at_the_next_command() -> None:
 
 
 def test_a_cancel_during_the_tick_means_zero_although_the_tick_ends_later() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
 
     def cancel_then_date() -> int:
         driver.change_mission(Mission.cancel)
@@ -101,14 +104,14 @@ def test_a_cancel_during_the_tick_means_zero_although_the_tick_ends_later() -> N
 
 
 def test_a_velocity_decided_for_a_cancelled_goal_is_not_sent_under_the_next() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     driver.change_mission(lambda mission: mission.cancel().add(-3.0, 0.0, SPEC).start())
     assert command(driver, 0.1).twist == STANDSTILL
 
 
 def test_a_velocity_decided_before_a_zone_was_drawn_is_not_sent_after() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     here = dataclasses.replace(ACROSS, polygon=((0.55, -1.0), (1.5, -1.0), (1.5, 1.0), (0.55, 1.0)))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(here,)))
@@ -116,7 +119,7 @@ def test_a_velocity_decided_before_a_zone_was_drawn_is_not_sent_after() -> None:
 
 
 def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     driver.change_mission(Mission.pause)
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.PAUSED])
@@ -128,7 +131,7 @@ def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> No
 
 
 def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver, 0.25).twist != STANDSTILL
     assert (command(driver, 0.26).twist, causes(command(driver, 0.26))) == (
@@ -141,7 +144,7 @@ def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
 def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> (
     None
 ):
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver, -0.05).reasons == ()
     driver.command(lambda: 2 * SECOND, 0.05, newest=OPEN)
@@ -149,7 +152,7 @@ def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from
 
 
 def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -> None:
-    driver = pilot((0.05, 0.0), (3.0, 0.0))
+    driver = controller((0.05, 0.0), (3.0, 0.0))
     think(driver)
     assert [goal.id for goal in driver.intent.mission.reached] == [1]
     assert driver.intent.mission.goal is not None
@@ -164,7 +167,7 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
 def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
     monkeypatch.setattr(
         driver.navigator,
@@ -179,7 +182,7 @@ def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(
 
 
 def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
-    driver = pilot((0.05, 0.0))
+    driver = controller((0.05, 0.0))
     think(driver, dataclasses.replace(OPEN, twist=Twist(v_mps=0.5, w_radps=0.0)))
     assert driver.intent.mission.reached == ()
     assert driver.intent.mission.phase is Phase.DRIVING
@@ -188,7 +191,7 @@ def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
 def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> (
     None
 ):
-    driver = pilot()
+    driver = controller()
     wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
     think(driver, wall)
     before = driver.navigator.map.points
@@ -210,7 +213,7 @@ def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_un
 
 
 def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:
-    driver = pilot((0.05, 0.0), (3.0, 0.0))
+    driver = controller((0.05, 0.0), (3.0, 0.0))
 
     def remove_then_date() -> int:
         driver.change_mission(lambda mission: mission.remove(1))
@@ -222,7 +225,7 @@ def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() 
 
 
 def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_reason() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
     before, version, seen = (
@@ -246,7 +249,7 @@ def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_rea
 
 
 def test_an_edit_that_is_refused_changes_nothing() -> None:
-    driver = pilot()
+    driver = controller()
     before = driver.intent
     with pytest.raises(Refused):
         driver.change_mission(Mission.start)
@@ -254,7 +257,7 @@ def test_an_edit_that_is_refused_changes_nothing() -> None:
 
 
 def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
-    driver = pilot((5.0, 0.0))
+    driver = controller((5.0, 0.0))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
     think(driver)
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.NO_PATH])
@@ -268,7 +271,7 @@ def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
 
 
 def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     around = dataclasses.replace(
         ACROSS, polygon=((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
     )
@@ -367,7 +370,7 @@ def pushed(driver: RobotController, twist: Twist = BY_HAND) -> RobotController:
 
 
 def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None:
-    driver = pilot()
+    driver = controller()
     think(driver)
     assert command(pushed(driver)).twist.v_mps == pytest.approx(HUSKY.max_accel_mps2 * 0.05)
     assert command(driver, after_s=0.2).twist.v_mps == BY_HAND.v_mps
@@ -380,21 +383,22 @@ def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(
 ) -> None:
     """The control of the test above."""
     monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", 10**15)
-    monkeypatch.setattr("navcore.safety.gate.COMMAND_LIFE_NS", 10**15)
-    driver = pilot()
+    endless = SafetyConfig(gate=GateConfig(command_life_s=1e6))
+    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate, config=endless))
+    driver = controller()
     think(driver)
     assert command(pushed(driver), after_s=0.4).twist.v_mps > 0
 
 
 def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
-    stopped = pushed(pilot())
+    stopped = pushed(controller())
     think(stopped)
     stopped.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
     assert causes(command(stopped)) == [Cause.EMERGENCY_STOP] and stopped.sent == STANDSTILL
-    wall = pilot()
+    wall = controller()
     think(wall, picture(Box(x=(0.53, 1.0), y=(-2, 2), z=(0, 1)), stamp_ns=SECOND))
     assert causes(command(pushed(wall))) == [Cause.CONTACT_IMMINENT] and wall.sent == STANDSTILL
-    driving = pilot((3.0, 0.0))
+    driving = controller((3.0, 0.0))
     think(driving)
     command(pushed(driving, Twist(v_mps=-0.3, w_radps=0.0)))
     assert driving.sent.v_mps > 0
@@ -411,7 +415,7 @@ def spoilt(frame: Frame, what: str) -> Frame:
 @pytest.mark.parametrize("what", ["covered", "unmounted", "cut"])
 def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(what: str) -> None:
     corner = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))
-    driver = pushed(pilot())
+    driver = pushed(controller())
     assert (
         driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps
         > 0
@@ -432,7 +436,7 @@ def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(
 
 def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
     near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
-    driver = pilot()
+    driver = controller()
     driver.change(lambda intent: dataclasses.replace(intent, zones=(near,)))
     think(driver)
     assert causes(command(pushed(driver))) == [Cause.BEWARE_AHEAD] and driver.sent == STANDSTILL
@@ -440,18 +444,17 @@ def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
 
 
 def test_a_command_that_expires_while_the_gate_looks_is_not_sent() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver, 0.1).twist != STANDSTILL
-    times = iter(
-        [SECOND + COMMAND_LIFE_NS - 1, SECOND + COMMAND_LIFE_NS + 1]
-    )  # on entering, and after a slow look
+    life_ns = DEFAULT_SAFETY.gate.command_life_ns
+    times = iter([SECOND + life_ns - 1, SECOND + life_ns + 1])  # on entering, and after a slow look
     verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
     assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
 
 
 def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_jumped() -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
     driver.command(lambda: SECOND, 0.05, newest=wall)
     before = len(driver._near.points)
@@ -474,7 +477,7 @@ NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), 
 def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(
     thought_before: bool,
 ) -> None:
-    driver = pilot()
+    driver = controller()
     if thought_before:
         think(driver)
     driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
@@ -489,7 +492,7 @@ def test_a_speed_limit_holds_for_a_hand_too() -> None:
     limit = dataclasses.replace(NEAR, polygon=((-2.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-2.0, 2.0)))
     limit = dataclasses.replace(limit, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.1)
     for zones, fastest in (((limit,), 0.1), ((), 0.5)):
-        driver = pushed(pilot(), Twist(v_mps=0.5, w_radps=0.2))
+        driver = pushed(controller(), Twist(v_mps=0.5, w_radps=0.2))
         driver.change(lambda intent, zones=zones: dataclasses.replace(intent, zones=zones))  # type: ignore[misc]
         think(driver)
         for _ in range(10):
@@ -501,7 +504,7 @@ def test_a_speed_limit_holds_for_a_hand_too() -> None:
 def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(
     accepted: bool,
 ) -> None:
-    driver = pilot((3.0, 0.0))
+    driver = controller((3.0, 0.0))
     driver.think(OPEN, clock=lambda: SECOND)
     there = Pose2(x_m=-5.0, y_m=-5.0, yaw_rad=0.0)
     for late_ns in (100_000_000, 200_000_000):

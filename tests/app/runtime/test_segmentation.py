@@ -85,7 +85,7 @@ def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_al
     assert perception.warning is None
     assert "torch f32" in perception.title
     beware = default_beware_list()
-    found = {entry.name: perception.segmenter.finds(entry) for entry in beware.classes}
+    found = {entry.name: perception.segmenter.source_of(entry) for entry in beware.classes}
     assert (found["red floor"], found["book"], found["cup"]) == (
         LabelSource.BOTH,
         LabelSource.NETWORK,
@@ -114,7 +114,7 @@ def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_tha
     assert trials[-1].name == "torch f32"
     assert all(0 < trial.p50_ms <= trial.p99_ms for trial in trials if trial.failure is None)
     monkeypatch.setattr("app.runtime.segmentation.SHIPPED", tmp_path / "none.safetensors")
-    monkeypatch.setattr("app.runtime.segmentation.tried", lambda file, **how: iter(()))
+    monkeypatch.setattr("app.runtime.segmentation.benchmark_engines", lambda file, **how: iter(()))
     assert "RANDOM" in measure_segmenter()[0]
     with pytest.raises(BadConfiguration):
         measure_segmenter(tmp_path / "none.safetensors")

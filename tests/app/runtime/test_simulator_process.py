@@ -1,4 +1,4 @@
-"""The link to the simulator process: who talks to it never waits, and nothing of it stays behind."""
+"""The link to the simulator process: sending never blocks, and the process always ends."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_robot_moves_while_commands_come_and_stands_by_itself_when_they_end(
     assert abs(speed(robot)) < 0.02
 
 
-def test_a_simulator_that_hangs_holds_up_nobody(robot: SimulatorProcess) -> None:
+def test_a_simulator_that_hangs_blocks_no_sender(robot: SimulatorProcess) -> None:
     process = robot._process.pid
     assert process is not None
     driven(robot, 0.5)
@@ -64,5 +64,5 @@ def test_a_simulator_that_hangs_holds_up_nobody(robot: SimulatorProcess) -> None
 
 
 def test_a_world_that_does_not_come_up_is_told_and_leaves_nothing_behind() -> None:
-    with pytest.raises(SimulatorFailed, match="no picture"):
+    with pytest.raises(SimulatorFailed, match="no frame"):
         SimulatorProcess("nowhere", seed=0, profile=HUSKY)

@@ -30,7 +30,7 @@ def test_zones_come_back_exactly_and_in_order(tmp_path: Path) -> None:
     assert store.zones() == stored
     store.save_zone(zone(2, name="renamed", version=2))
     assert [one.name for one in store.zones()] == ["renamed", "zone 1"]
-    store.delete_zone("z2")
+    store.change_zones([], ["z2"])
     assert store.zones() == stored[1:]
     store.close()
 

@@ -1,5 +1,4 @@
-"""Whoever keeps the robot waiting where he walks to and fro gets his lane, if there is a way beside
-it."""
+"""A person who keeps the robot waiting by walking to and fro gets their lane if a detour is short."""
 
 from __future__ import annotations
 
@@ -12,13 +11,8 @@ from shapely.geometry import box
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
-from navcore.behaviours.lane_keep_out import (
-    LONGER_M,
-    OPEN_S,
-    REMEMBERED_M,
-    REMEMBERED_S,
-    LaneKeepOut,
-)
+from navcore.behaviours.lane_keep_out import LaneKeepOut
+from navcore.config.behaviours import LaneConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -26,9 +20,10 @@ from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
 
 ROBOT = Pose2(x_m=0.0, y_m=0.2, yaw_rad=0.0)
-YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
+YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
 TICK_S = 0.1
+RULES = LaneConfig()
 
 
 def walker(t_s: float) -> Track:
@@ -37,7 +32,7 @@ def walker(t_s: float) -> Track:
     forth = along < 3.0
     return Track(
         id=1, x_m=1.0 + (along if forth else 6.0 - along), y_m=0.0, vx_mps=0.9 if forth else -0.9, vy_mps=0.0, radius_m=0.3,
-        age_s=5.0, last_seen_ns=0, pace_mps=0.9,
+        age_s=5.0, last_seen_ns=0, walking_speed_mps=0.9,
     )  # fmt: skip
 
 
@@ -46,7 +41,7 @@ def waited(
     seconds: float,
     *,
     motion: Motion = YIELDS,
-    way_m: float | None = 20.0,
+    route_m: float | None = 20.0,
     pose: Pose2 = ROBOT,
     unseen_s: float = 0.0,
 ) -> LaneKeepOut:
@@ -59,7 +54,7 @@ def waited(
             (someone,),
             pose,
             stamp_ns,
-            way_m=way_m,
+            route_m=route_m,
             profile=HUSKY,
             people_config=PEOPLE_CONFIG,
         )
@@ -99,31 +94,31 @@ def test_what_people_have_walked_all_round_the_robot_is_not_closed() -> None:
             (someone,),
             here,
             stamp_ns,
-            way_m=20.0,
+            route_m=20.0,
             profile=HUSKY,
             people_config=PEOPLE_CONFIG,
         )
         assert not closed(lanes).contains(Point(0.0, 0.0))
 
 
-@pytest.mark.parametrize("way_m", [None, 20.0 + LONGER_M + 0.1])
+@pytest.mark.parametrize("route_m", [None, 20.0 + RULES.max_detour_m + 0.1])
 def test_where_there_is_no_way_beside_it_the_lane_is_opened_at_once_and_stays_open(
-    way_m: float | None,
+    route_m: float | None,
 ) -> None:
     lanes = waited(LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2)
-    opened = waited(lanes, TICK_S, way_m=way_m)
+    opened = waited(lanes, TICK_S, route_m=route_m)
     assert not opened.zones
-    assert not waited(opened, OPEN_S - 1.0).zones
-    assert waited(opened, OPEN_S + PEOPLE_CONFIG.lane_s + 1.0).zones
+    assert not waited(opened, RULES.reopened_s - 1.0).zones
+    assert waited(opened, RULES.reopened_s + PEOPLE_CONFIG.lane_s + 1.0).zones
 
 
 def test_a_lane_stays_closed_until_the_robot_has_passed_or_nobody_walks_there() -> None:
     lanes = waited(LaneKeepOut(), PEOPLE_CONFIG.lane_s + 0.2)
     assert waited(lanes, 60.0, motion=DRIVES).zones
     assert not waited(
-        lanes, 1.0, motion=DRIVES, pose=Pose2(x_m=REMEMBERED_M + 0.5, y_m=-1.0, yaw_rad=0.0)
+        lanes, 1.0, motion=DRIVES, pose=Pose2(x_m=RULES.remembered_m + 0.5, y_m=-1.0, yaw_rad=0.0)
     ).zones
-    assert not waited(lanes, REMEMBERED_S + 1.0, motion=DRIVES, unseen_s=1.0).zones
+    assert not waited(lanes, RULES.remembered_s + 1.0, motion=DRIVES, unseen_s=1.0).zones
 
 
 def test_who_does_not_wait_or_comes_on_closes_nothing() -> None:

@@ -15,7 +15,7 @@ from navcore.config.behaviours import RecoveryConfig
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.controller import Controller, ControlTask
-from navcore.control.local_planner import plan_motion
+from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -33,7 +33,7 @@ from tests.navcore.scene import picture
 RULES = RecoveryConfig()
 NONE: Points = np.empty((0, 2))
 PERIOD_S = 0.1
-STUCK = Motion(twist=STANDSTILL, outcome=ControllerState.BOXED_IN)
+STUCK = Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
 
 
 def wall(x: tuple[float, float], y: tuple[float, float]) -> Points:
@@ -59,27 +59,29 @@ class Drive:
     def run(self, until_s: float) -> None:
         """Ten ticks a second, as the navigator does them."""
         while (t_s := len(self.seen) * PERIOD_S) < until_s:
-            means = self.recovery.means
+            action = self.recovery.action
             offset = self.world(t_s) - np.array([self.pose.x_m, self.pose.y_m])
             cos, sin = math.cos(self.pose.yaw_rad), math.sin(self.pose.yaw_rad)
-            self.motion = motion = plan_motion(
-                geometric=offset @ np.array([[cos, -sin], [sin, cos]]),
-                ruled=NONE,
-                unseen=NONE,
-                path_map=self.path,
-                pose=self.pose,
-                previous=self.motion,
-                profile=HUSKY,
-                rules=LocalPlannerConfig(),
-                cell_m=0.05,
-                retreat_map=self.trail if means is RecoveryAction.BACK else None,
-                look_round=means is RecoveryAction.LOOK,
+            self.motion = motion = compute_velocity(
+                LocalPlannerInput(
+                    geometric=offset @ np.array([[cos, -sin], [sin, cos]]),
+                    forbidden=NONE,
+                    unseen=NONE,
+                    cell_m=0.05,
+                    path=self.path,
+                    pose=self.pose,
+                    previous=self.motion,
+                    profile=HUSKY,
+                    local=LocalPlannerConfig(),
+                    retreat=self.trail if action is RecoveryAction.BACK_UP else None,
+                    spin=action is RecoveryAction.SPIN,
+                )
             )
             self.trail = trail_with(self.trail, self.pose)
             self.recovery = self.recovery.after(motion, self.pose, round(t_s * 1e9), RULES)
-            if self.recovery.means in (RecoveryAction.WAIT, RecoveryAction.GIVE_UP):
+            if self.recovery.action in (RecoveryAction.WAIT, RecoveryAction.GIVE_UP):
                 motion = STUCK
-            self.seen.append((t_s, self.recovery.means, motion, self.pose))
+            self.seen.append((t_s, self.recovery.action, motion, self.pose))
             half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * PERIOD_S / 2)
             self.pose = (
                 self.pose
@@ -88,13 +90,13 @@ class Drive:
                 @ half
             )
 
-    def means(self) -> list[RecoveryAction]:
+    def action(self) -> list[RecoveryAction]:
         """Those that were tried, in their order."""
-        found = [means for _, means, _, _ in self.seen]
+        found = [action for _, action, _, _ in self.seen]
         return [
-            means
-            for before, means in zip([None, *found], found, strict=False)
-            if means != before and means != RecoveryAction.NONE
+            action
+            for before, action in zip([None, *found], found, strict=False)
+            if action != before and action != RecoveryAction.NONE
         ]
 
 
@@ -116,9 +118,9 @@ def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_
     drive = Drive(HERE, AHEAD, lambda t_s: SHUT if t_s < 1.45 else NONE)
     drive.run(1.45)
     assert drive.pose == HERE
-    assert drive.means() == [RecoveryAction.WAIT]
+    assert drive.action() == [RecoveryAction.WAIT]
     drive.run(4.0)
-    assert drive.means() == [RecoveryAction.WAIT]
+    assert drive.action() == [RecoveryAction.WAIT]
     assert drive.pose.x_m > 0.5
 
 
@@ -129,9 +131,9 @@ def test_the_robot_backs_off_along_the_path_it_came_by() -> None:
         lambda t_s: pocket(0.8),
     )
     drive.run(40.0)
-    assert RecoveryAction.BACK in drive.means()
+    assert RecoveryAction.BACK_UP in drive.action()
     backing = [
-        (motion, pose) for _, means, motion, pose in drive.seen if means is RecoveryAction.BACK
+        (motion, pose) for _, action, motion, pose in drive.seen if action is RecoveryAction.BACK_UP
     ]
     assert all(motion.twist.v_mps <= 0 for motion, _ in backing)
     assert backing[0][1].x_m - backing[-1][1].x_m > 0.8
@@ -147,19 +149,19 @@ def test_where_there_is_no_way_back_the_robot_turns_once_round_and_looks() -> No
     )
     drive = Drive(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), AHEAD, lambda t_s: wide)
     drive.run(60.0)
-    tried = drive.means()
-    assert [means for means in tried if means is not RecoveryAction.WAIT] == [
-        RecoveryAction.BACK,
-        RecoveryAction.LOOK,
+    tried = drive.action()
+    assert [action for action in tried if action is not RecoveryAction.WAIT] == [
+        RecoveryAction.BACK_UP,
+        RecoveryAction.SPIN,
         RecoveryAction.CLOSE,
         RecoveryAction.GIVE_UP,
     ]
     yaws = np.array(
-        [pose.yaw_rad for _, means, _, pose in drive.seen if means is RecoveryAction.LOOK]
+        [pose.yaw_rad for _, action, _, pose in drive.seen if action is RecoveryAction.SPIN]
     )
     assert np.abs(np.diff(np.unwrap(yaws))).sum() > 1.9 * math.pi
-    _, means, motion, _ = drive.seen[-1]
-    assert (means, motion.twist) == (RecoveryAction.GIVE_UP, STANDSTILL)
+    _, action, motion, _ = drive.seen[-1]
+    assert (action, motion.twist) == (RecoveryAction.GIVE_UP, STANDSTILL)
 
 
 def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
@@ -298,7 +300,7 @@ def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_be
     assert supervised(gave_up, TURNS, frame, route, ORDER)[1] == TURNS
     other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
     behaviour, motion = supervised(gave_up, STUCK, frame, route, other)
-    assert motion.outcome is ControllerState.BOXED_IN  # it waits, as at first
+    assert motion.outcome is ControllerState.BLOCKED  # it waits, as at first
     assert behaviour.recovery.tried is RecoveryAction.NONE
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from navcore.behaviours.waiting import HERE_M, STEP_S, WaitingTimer
+from navcore.behaviours.waiting import WaitingTimer
+from navcore.config.behaviours import WaitingConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 
-YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.YIELD)
+YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
 TICK_S = 0.1
+
+RULES = WaitingConfig()
 
 
 def after(
@@ -30,20 +33,20 @@ def after(
 def test_it_is_over_after_so_long_in_all_at_one_place() -> None:
     assert not after(WaitingTimer(), PEOPLE_CONFIG.patience_s - 0.5).is_over(PEOPLE_CONFIG)
     waited = after(
-        after(WaitingTimer(), PEOPLE_CONFIG.patience_s / 2), 5.0, DRIVES, x_m=0.3 * HERE_M
+        after(WaitingTimer(), PEOPLE_CONFIG.patience_s / 2), 5.0, DRIVES, x_m=0.3 * RULES.position_m
     )
     assert not waited.is_over(PEOPLE_CONFIG)
-    assert after(waited, PEOPLE_CONFIG.patience_s / 2 + 0.5, x_m=0.5 * HERE_M).is_over(
+    assert after(waited, PEOPLE_CONFIG.patience_s / 2 + 0.5, x_m=0.5 * RULES.position_m).is_over(
         PEOPLE_CONFIG
     )
 
 
 def test_it_stays_over_until_the_robot_has_come_away() -> None:
     over = after(WaitingTimer(), PEOPLE_CONFIG.patience_s + 1.0)
-    assert after(over, 5.0, DRIVES, x_m=0.9 * HERE_M).is_over(PEOPLE_CONFIG)
-    gone = after(over, 1.0, DRIVES, x_m=1.1 * HERE_M)
+    assert after(over, 5.0, DRIVES, x_m=0.9 * RULES.position_m).is_over(PEOPLE_CONFIG)
+    gone = after(over, 1.0, DRIVES, x_m=1.1 * RULES.position_m)
     assert not gone.is_over(PEOPLE_CONFIG) and gone.waited_s == 0.0
 
 
 def test_time_without_pictures_is_no_waiting() -> None:
-    assert after(WaitingTimer(), 60.0, tick_s=5.0).waited_s <= 12 * STEP_S
+    assert after(WaitingTimer(), 60.0, tick_s=5.0).waited_s <= 12 * RULES.max_gap_s

@@ -1,4 +1,4 @@
-"""Among those who look out for nobody the robot gets out of the way, and onto nothing else."""
+"""Beside people who do not give way the robot moves aside, and onto no obstacle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.local_planner import plan_motion
+from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState
 from navcore.control.social import PeopleState
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -18,13 +18,13 @@ from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 
 JACKAL = load_profile("jackal")
-HEEDLESS = PeopleConfig(non_cooperative=True)
+NON_COOPERATIVE = PeopleConfig(non_cooperative=True)
 NONE: npt.NDArray[np.float64] = np.empty((0, 2))
 RADIUS_M, STEP_S = 0.5, 0.1
 
 
 def gap_m(pose: Pose2, x_m: float, y_m: float, profile: RobotProfile) -> float:
-    """From the robot's outline to a point."""
+    """Distance in metres from the robot's outline to a point."""
     at = pose.from_parent(np.array([x_m, y_m]))
     return math.hypot(
         max(abs(at[0]) - profile.length_m / 2, 0.0), max(abs(at[1]) - profile.width_m / 2, 0.0)
@@ -32,7 +32,7 @@ def gap_m(pose: Pose2, x_m: float, y_m: float, profile: RobotProfile) -> float:
 
 
 def limited(asked: Twist, now: Twist, profile: RobotProfile) -> Twist:
-    """As the platform follows it within one step."""
+    """The velocity that the platform reaches within one step."""
     dv, dw = profile.max_accel_mps2 * STEP_S, profile.max_yaw_accel_radps2 * STEP_S
     return Twist(
         v_mps=now.v_mps + float(np.clip(asked.v_mps - now.v_mps, -dv, dv)),
@@ -61,15 +61,34 @@ def meeting(
     x, y, vx, vy = walker
     for step in range(80):
         person = Track(
-            id=1, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, radius_m=RADIUS_M, age_s=2.0, last_seen_ns=0,
-            pace_mps=math.hypot(vx, vy), course_rad=math.atan2(vy, vx),
-        )  # fmt: skip
+            id=1,
+            x_m=x,
+            y_m=y,
+            vx_mps=vx,
+            vy_mps=vy,
+            radius_m=RADIUS_M,
+            age_s=2.0,
+            last_seen_ns=0,
+            walking_speed_mps=math.hypot(vx, vy),
+            course_rad=math.atan2(vy, vx),
+        )
         if drives:
-            motion = plan_motion(
-                geometric=pose.from_parent(walls), ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=motion,
-                profile=profile, rules=LocalPlannerConfig(), cell_m=0.05, people=PeopleState.of((person,), pose, HEEDLESS),
-                people_config=HEEDLESS, now=twist,
-            )  # fmt: skip
+            motion = compute_velocity(
+                LocalPlannerInput(
+                    geometric=pose.from_parent(walls),
+                    forbidden=NONE,
+                    unseen=NONE,
+                    cell_m=0.05,
+                    path=path,
+                    pose=pose,
+                    twist=twist,
+                    previous=motion,
+                    profile=profile,
+                    local=LocalPlannerConfig(),
+                    people=PeopleState.of((person,), pose, NON_COOPERATIVE),
+                    people_config=NON_COOPERATIVE,
+                )
+            )
             twist = limited(motion.twist, twist, profile)
             pose = driven_on(pose, twist)
         x, y = x + STEP_S * vx, y + STEP_S * vy
@@ -80,13 +99,13 @@ def meeting(
                 *(gap_m(pose, wall_x, wall_y, profile) for wall_x, wall_y in walls.tolist()),
             ]
         )
-        assert step < 79 or motion.outcome is not ControllerState.BOXED_IN
+        assert step < 79 or motion.outcome is not ControllerState.BLOCKED
     return near_walker, near_wall, pose
 
 
 def encounters(count: int) -> list[tuple[float, float, float, float]]:
-    """Who would walk over a robot that stands, or over one that drives straight on: from anywhere,
-    at 0.6 to 1.5 m/s."""
+    """People who would walk over a robot that stands, or over one that drives straight on: from
+    any direction, at 0.6 to 1.5 m/s."""
     rng, found = np.random.default_rng(0), []
     for index in range(count):
         bearing, pace = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 1.5)
@@ -98,7 +117,7 @@ def encounters(count: int) -> list[tuple[float, float, float, float]]:
 
 
 @pytest.mark.parametrize("walker", encounters(30))
-def test_nobody_who_is_seen_in_time_meets_the_robot_and_it_gets_on(
+def test_no_person_seen_in_time_meets_the_robot_and_it_drives_on(
     walker: tuple[float, float, float, float],
 ) -> None:
     near_walker, _, pose = meeting(walker)
@@ -112,18 +131,18 @@ def test_half_of_them_would_have_walked_over_a_robot_that_stands() -> None:
 
 
 @pytest.mark.parametrize("pace", [0.6, 0.9])
-def test_the_husky_gets_out_of_the_way_of_somebody_who_walks_towards_it(pace: float) -> None:
+def test_the_husky_moves_aside_for_a_person_who_walks_towards_it(pace: float) -> None:
     assert meeting((3.0, 0.0, -pace, 0.0), profile=HUSKY)[0] > 0.05
 
 
-def test_it_drives_onto_no_wall_to_get_out_of_the_way() -> None:
+def test_it_drives_onto_no_wall_to_move_aside() -> None:
     x = np.arange(-4.0, 14.0, 0.05)
     corridor = np.vstack([np.column_stack([x, np.full_like(x, side)]) for side in (-0.6, 0.6)])
     _, near_wall, _ = meeting((5.0, 0.0, -0.6, 0.0), walls=corridor)
     assert near_wall > 0.0
 
 
-def test_who_yields_as_ever_stands_before_the_same_walker() -> None:
+def test_a_robot_that_yields_stands_before_the_same_walker() -> None:
     pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     person = Track(
         id=1,
@@ -134,14 +153,25 @@ def test_who_yields_as_ever_stands_before_the_same_walker() -> None:
         radius_m=0.3,
         age_s=2.0,
         last_seen_ns=0,
-        pace_mps=1.0,
+        walking_speed_mps=1.0,
     )
     path = np.column_stack([np.linspace(0.0, 5.0, 51), np.zeros(51)])
     outcomes = {}
-    for people_config in (PeopleConfig(), HEEDLESS):
-        motion = plan_motion(
-            geometric=NONE, ruled=NONE, unseen=NONE, path_map=path, pose=pose, previous=IDLE, profile=JACKAL,
-            rules=LocalPlannerConfig(), cell_m=0.05, people=PeopleState.of((person,), pose, people_config), people_config=people_config,
-        )  # fmt: skip
+    for people_config in (PeopleConfig(), NON_COOPERATIVE):
+        motion = compute_velocity(
+            LocalPlannerInput(
+                geometric=NONE,
+                forbidden=NONE,
+                unseen=NONE,
+                cell_m=0.05,
+                path=path,
+                pose=pose,
+                previous=IDLE,
+                profile=JACKAL,
+                local=LocalPlannerConfig(),
+                people=PeopleState.of((person,), pose, people_config),
+                people_config=people_config,
+            )
+        )
         outcomes[people_config.non_cooperative] = (motion.outcome, motion.twist == STANDSTILL)
-    assert outcomes == {False: (ControllerState.YIELD, True), True: (ControllerState.DODGE, False)}
+    assert outcomes == {False: (ControllerState.WAIT_FOR_PEOPLE, True), True: (ControllerState.AVOID, False)}

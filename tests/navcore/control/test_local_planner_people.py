@@ -1,5 +1,5 @@
-"""Beside people: the robot keeps its distance, waits, does not wait for ever, and stands before
-anybody could reach it."""
+"""Beside people: the robot keeps its distance, waits, does not wait for ever, and stops before
+any person could reach it."""
 
 from __future__ import annotations
 
@@ -13,33 +13,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.behaviours.waiting import WaitingTimer
-from navcore.config.control import LocalPlannerConfig
 from navcore.control.motion import IDLE, ControllerState
-from navcore.control.social import NOBODY, PEOPLE_CONFIG, PeopleState, speed_limit_near_people
+from navcore.control.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState, speed_limit_near_people
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
-from tests.navcore.control.test_local_planner import BOTH, ORIGIN, RULES, decide, footprints, stands
+from tests.navcore.control.test_local_planner import ORIGIN, decide, footprints, stands
 from tests.navcore.laws import law
 
 
 def driven(pose: Pose2, twist: Twist, period_s: float) -> Pose2:
-    """Where the robot is after so long."""
+    """The pose of the robot after a period."""
     turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=twist.w_radps * period_s / 2)
     return pose @ turn @ Pose2(x_m=twist.v_mps * period_s, y_m=0.0, yaw_rad=0.0) @ turn
 
 
 def crossing(x: float, y: float, vx: float, vy: float) -> PeopleState:
-    """Somebody who walks, in the base frame."""
+    """A person who walks, in the base frame."""
     return PeopleState(walking=np.array([[x, y, vx, vy, 0.3]]), standing=np.empty((0, 5)))
 
 
-def closest(
-    people: PeopleState, *, care: bool, rules: LocalPlannerConfig = RULES
-) -> tuple[float, float, float, set[ControllerState]]:
-    """A drive past somebody: least room to him while the robot moves, its x and his y at that
-    moment, and what was decided."""
+def closest(people: PeopleState, *, care: bool) -> tuple[float, float, float, set[ControllerState]]:
+    """A drive past a person: the least gap while the robot moves, the robot's x and the person's y
+    at that moment, and all controller states."""
     pose, motion, period_s = ORIGIN, IDLE, 0.1
     path = np.column_stack([np.linspace(0, 9, 91), np.zeros(91)])
     x, y, vx, vy, radius = people.walking[0].tolist()
@@ -52,14 +49,13 @@ def closest(
             path=path,
             pose=pose,
             previous=motion,
-            rules=rules,
             people=PeopleState.of((track,) if care else (), pose),
         )
         outcomes.add(motion.outcome)
         pose = driven(pose, motion.twist, period_s)
         x, y = x + period_s * vx, y + period_s * vy
-        room = float(shapely.distance(footprints([pose])[0], shapely.Point(x, y))) - radius
-        least = min(least, (room, pose.x_m, y)) if motion.twist != STANDSTILL else least
+        gap_m = float(shapely.distance(footprints([pose])[0], shapely.Point(x, y))) - radius
+        least = min(least, (gap_m, pose.x_m, y)) if motion.twist != STANDSTILL else least
     return *least, outcomes
 
 
@@ -72,23 +68,22 @@ CROSSINGS = [
 ]
 
 
-@BOTH
 @pytest.mark.parametrize("person", CROSSINGS)
-def test_the_robot_keeps_its_distance_from_somebody_who_crosses_its_way(
-    person: tuple[float, float, float, float], rules: LocalPlannerConfig
+def test_the_robot_keeps_its_distance_from_a_person_who_crosses_its_path(
+    person: tuple[float, float, float, float],
 ) -> None:
-    assert closest(crossing(*person), care=True, rules=rules)[0] > 0.2
+    assert closest(crossing(*person), care=True)[0] > 0.2
     assert closest(crossing(*person), care=False)[0] <= 0.05  # the control
 
 
-def test_the_robot_waits_and_passes_behind_somebody_and_not_before_him() -> None:
+def test_the_robot_waits_and_passes_behind_a_person_and_not_in_front() -> None:
     _, _, y, outcomes = closest(crossing(3.0, -2.2, 0.0, 0.8), care=True)
-    assert y > -0.65  # he was past the robot's near side when they were nearest
-    assert outcomes <= {ControllerState.FOLLOW, ControllerState.YIELD}
+    assert y > -0.65  # the person had passed the near side when they were nearest
+    assert outcomes <= {ControllerState.FOLLOW, ControllerState.WAIT_FOR_PEOPLE}
 
 
-def test_a_robot_in_whose_face_somebody_walks_stands_until_he_is_gone() -> None:
-    assert stands(decide(people=crossing(1.1, 0.0, -1.0, 0.0)), ControllerState.YIELD)
+def test_a_robot_stands_while_a_person_walks_towards_its_front() -> None:
+    assert stands(decide(people=crossing(1.1, 0.0, -1.0, 0.0)), ControllerState.WAIT_FOR_PEOPLE)
     assert decide(people=crossing(4.0, 3.0, 0.0, 1.0)).twist.v_mps > 0.7
 
 
@@ -99,26 +94,26 @@ def test_beside_people_the_robot_is_slow_and_away_from_them_it_is_not() -> None:
     assert decide(people=afar).twist.v_mps > 0.7
 
 
-def test_somebody_who_stands_is_an_obstacle_like_any_other() -> None:
+def test_a_person_who_stands_is_an_obstacle_like_any_other() -> None:
     around = np.array(
         [[x, y, 0.0, 0.0, 0.3] for x, y in ((0.84, 0.0), (-0.84, 0.0), (0.0, 0.7), (0.0, -0.7))]
     )
     assert stands(
-        decide(people=dataclasses.replace(NOBODY, standing=around)), ControllerState.BOXED_IN
+        decide(people=dataclasses.replace(NO_PEOPLE, standing=around)), ControllerState.BLOCKED
     )
     assert (
-        decide(people=dataclasses.replace(NOBODY, standing=2.5 * around)).outcome
+        decide(people=dataclasses.replace(NO_PEOPLE, standing=2.5 * around)).outcome
         is ControllerState.FOLLOW
     )
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_stands(
+def test_a_lost_person_who_turned_back_does_not_reach_the_robot_before_it_stands(
     seed: int, ignore_predictions: bool
 ) -> None:
-    """He was last seen at a place, and has since come towards the robot at his pace, whatever is
-    thought of him."""
+    """The person has walked towards the robot since they were last seen, whatever the prediction
+    says."""
     rng = np.random.default_rng(seed)
     (x, y), speed, heading, unseen_s = (
         rng.uniform(-3, 3, 2),
@@ -149,7 +144,7 @@ def test_who_turned_back_when_he_was_lost_does_not_reach_the_robot_before_it_sta
 
 
 def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> PeopleState:
-    """Somebody who walked and then stopped, in the base frame."""
+    """A person who walked and then stopped, in the base frame."""
     track = Track(
         id=1,
         x_m=x,
@@ -159,33 +154,31 @@ def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> PeopleS
         radius_m=0.3,
         age_s=9.0,
         last_seen_ns=0,
-        pace_mps=pace,
+        walking_speed_mps=pace,
         stood_s=stood_s,
     )
     return PeopleState.of((track,), ORIGIN)
 
 
-def test_who_has_only_stopped_on_his_way_is_waited_for_and_who_has_settled_is_driven_round() -> (
-    None
-):
+def test_a_person_who_has_only_stopped_is_waited_for_and_a_settled_one_is_driven_round() -> None:
     walls = np.array([[x, y] for x in np.arange(-1.0, 3.0, 0.1) for y in (-1.3, 1.3)])
     assert stands(
-        decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.YIELD
+        decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.WAIT_FOR_PEOPLE
     )
     settled = decide(geometric=walls, people=stopped(1.5, 0.4, stood_s=20.0))
     assert settled.outcome is ControllerState.FOLLOW
     assert settled.twist.w_radps < 0
     assert (
         decide(people=stopped(1.5, 2.4, stood_s=2.0)).twist.v_mps > 0.3
-    )  # out of the way: nobody waits
+    )  # off the path: the robot does not wait
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands(
+def test_a_person_who_sets_out_again_does_not_reach_the_robot_before_it_stands(
     seed: int, ignore_predictions: bool
 ) -> None:
-    """Whichever way he goes, at the pace at which he came."""
+    """In any direction, at the former walking speed."""
     rng = np.random.default_rng(seed)
     (x, y), pace = rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.6)
     twist = decide(
@@ -199,30 +192,30 @@ def test_who_sets_out_again_towards_the_robot_does_not_reach_it_before_it_stands
     )
 
 
-def just_past(*, ways: slice = slice(None)) -> PeopleState:
-    """Somebody who has walked across the robot's way and is a step beyond it, and so many of the
-    ways that he may go."""
+def just_past(*, motions: slice = slice(None)) -> PeopleState:
+    """A person who has crossed the robot's path and is a step beyond it, with some of the motions
+    that they may make."""
     track = Track(
         id=1, x_m=1.2, y_m=0.9, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0
     )
     people = PeopleState.of((track,), ORIGIN)
-    return dataclasses.replace(people, walking=people.walking[ways])
+    return dataclasses.replace(people, walking=people.walking[motions])
 
 
-def test_behind_somebody_the_robot_waits_until_it_would_be_past_before_he_is_back() -> None:
+def test_behind_a_person_the_robot_waits_until_it_would_pass_before_they_return() -> None:
     waiting = decide(people=just_past())
-    assert waiting.outcome is ControllerState.YIELD and waiting.twist.v_mps == 0.0
-    assert waiting.twist.w_radps > 0  # after him, so that he stays in the picture
+    assert waiting.outcome is ControllerState.WAIT_FOR_PEOPLE and waiting.twist.v_mps == 0.0
+    assert waiting.twist.w_radps > 0  # towards the person, to keep them in view
     assert (
-        decide(people=just_past(ways=slice(1))).twist.v_mps > 0.1
-    )  # the control: as though nobody ever turned back
+        decide(people=just_past(motions=slice(1))).twist.v_mps > 0.1
+    )  # the control: as though no person ever turned back
 
 
 def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bool]:
-    """Somebody crosses the robot's way, turns, after a rest, and comes back; whether they touch,
+    """A person crosses the robot's path, turns after a rest, and comes back: whether they touch,
     and while the robot moves.
 
-    The camera sees 43° to either side; out of sight he is thought to walk on.
+    The camera sees 43° to either side; out of sight the person is predicted to walk on.
     """
     pose, motion, period_s, v_mps = ORIGIN, IDLE, 0.1, 0.0
     path, y, seen, unseen_s, stood_s = (
@@ -236,8 +229,8 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
         t = k * period_s
         speed = 0.8 if t < turns_s else -0.8 if t > turns_s + stands_s and y > -2.2 else 0.0
         y += speed * period_s
-        x, aside = (path_from(np.array([[3.0, y]]), pose) @ np.eye(2))[0].tolist()
-        if abs(math.atan2(aside, x - 0.35)) < math.radians(43.0):
+        x, lateral = (path_from(np.array([[3.0, y]]), pose) @ np.eye(2))[0].tolist()
+        if abs(math.atan2(lateral, x - 0.35)) < math.radians(43.0):
             seen, unseen_s, stood_s = (
                 (3.0, y, speed),
                 0.0,
@@ -255,7 +248,7 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
             age_s=9.0,
             last_seen_ns=0,
             unseen_s=unseen_s,
-            pace_mps=0.8,
+            walking_speed_mps=0.8,
             stood_s=stood_s,
             course_rad=math.copysign(math.pi / 2, seen[2]),
         )
@@ -273,7 +266,7 @@ def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bo
 
 
 @pytest.mark.parametrize(("turns_s", "stands_s"), [(2.6, 0.0), (3.4, 0.0), (3.4, 4.0), (4.2, 3.0)])
-def test_the_robot_does_not_drive_into_somebody_who_comes_back_out_of_sight_or_in_it(
+def test_the_robot_does_not_drive_into_a_person_who_comes_back_in_sight_or_out_of_it(
     turns_s: float, stands_s: float
 ) -> None:
     assert comes_back(turns_s, stands_s, care=True) == (False, False)
@@ -284,9 +277,7 @@ def test_without_care_it_does() -> None:
     assert any(comes_back(turns_s, 0.0, care=False)[1] for turns_s in (2.6, 3.0, 3.4))
 
 
-def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_later_has_not() -> (
-    None
-):
+def test_a_person_lost_a_moment_ago_may_have_turned_back_and_one_lost_long_ago_has_not() -> None:
     lost = Track(
         id=1,
         x_m=0.8,
@@ -299,18 +290,18 @@ def test_who_was_lost_from_sight_a_moment_ago_may_have_turned_back_and_a_while_l
         unseen_s=1.0,
     )
     here = ORIGIN
-    assert stands(decide(people=PeopleState.of((lost,), here)), ControllerState.YIELD)
+    assert stands(decide(people=PeopleState.of((lost,), here)), ControllerState.WAIT_FOR_PEOPLE)
     later = dataclasses.replace(lost, y_m=7.3, unseen_s=8.1)
     assert decide(people=PeopleState.of((later,), here)).twist.v_mps > 0.5
 
 
 @law(100)
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(
+def test_no_person_who_turns_towards_the_robot_reaches_it_before_it_stands(
     seed: int, ignore_predictions: bool
 ) -> None:
-    """Whatever he does within the speed he walks at, for the time that it takes to notice him and
-    to brake."""
+    """Whatever the person does at walking speed, in the time that it takes to notice them and to
+    brake."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-3, 3, 2)
     speed, heading = rng.uniform(0.5, 1.6), rng.uniform(-math.pi, math.pi)
@@ -325,13 +316,10 @@ def test_nobody_who_turns_towards_the_robot_reaches_it_before_it_stands(
     )
 
 
-def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> tuple[float, bool]:
-    """Somebody walks up and down the strip in which the robot stands and from which its path leads,
-    waits before it, and turns.
-
-    After how many seconds it has left the strip (infinite if not `for_s`), and whether they ever
-    touched.
-    """
+def leaves_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> tuple[float, bool]:
+    """A person walks up and down the strip in which the robot stands and out of which its path
+    leads, waits in front of the robot, and turns: the time in seconds after which the robot has
+    left the strip (infinite beyond `for_s`), and whether they ever touched."""
     pose, motion, period_s, touched = ORIGIN, IDLE, 0.1, False
     path = np.vstack(
         [
@@ -344,17 +332,26 @@ def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> t
     for k in range(round(for_s / period_s)):
         gap_m = float(shapely.distance(footprints([pose])[0], shapely.Point(x, 0.0))) - 0.3
         touched |= gap_m <= 0.0
-        before_him = sense < 0 and pose.x_m < x and gap_m < 0.7 and abs(pose.y_m) < 0.9
-        waited_s = waited_s + period_s if before_him else 0.0
+        in_front = sense < 0 and pose.x_m < x and gap_m < 0.7 and abs(pose.y_m) < 0.9
+        waited_s = waited_s + period_s if in_front else 0.0
         if waited_s > 3.0 or x > 3.5:
             sense, waited_s = 1 if x <= 3.5 else -1, 0.0
-        walks = 0.0 if before_him and waited_s > 0.0 else 0.8
+        walks = 0.0 if in_front and waited_s > 0.0 else 0.8
         x += sense * walks * period_s
         course = (0.0 if sense > 0 else math.pi) if walks else course
         track = Track(
-            id=1, x_m=x, y_m=0.0, vx_mps=sense * walks, vy_mps=0.0, radius_m=0.3, age_s=9.0, last_seen_ns=0, pace_mps=0.8,
-            stood_s=waited_s, course_rad=course,
-        )  # fmt: skip
+            id=1,
+            x_m=x,
+            y_m=0.0,
+            vx_mps=sense * walks,
+            vy_mps=0.0,
+            radius_m=0.3,
+            age_s=9.0,
+            last_seen_ns=0,
+            walking_speed_mps=0.8,
+            stood_s=waited_s,
+            course_rad=course,
+        )
         motion = decide(
             geometric=beside,
             path=path,
@@ -370,18 +367,18 @@ def leaves_his_lane_after_s(patience: WaitingTimer | None, *, for_s: float) -> t
     return math.inf, touched
 
 
-def test_who_walks_up_and_down_where_the_robot_stands_does_not_keep_it_there_for_ever() -> None:
-    assert leaves_his_lane_after_s(None, for_s=90.0) == (
+def test_a_person_who_walks_up_and_down_does_not_keep_the_robot_there_for_ever() -> None:
+    assert leaves_lane_after_s(None, for_s=90.0) == (
         math.inf,
         False,
     )  # the control: neither gives way
-    leaves_s, touched = leaves_his_lane_after_s(WaitingTimer(), for_s=90.0)
+    leaves_s, touched = leaves_lane_after_s(WaitingTimer(), for_s=90.0)
     assert PEOPLE_CONFIG.patience_s < leaves_s < 90.0 and not touched
 
 
 @law(150)
 @given(st.integers(0, 2**32 - 1))
-def test_nobody_beside_a_robot_that_turns_is_reached_by_its_rim_before_it_stands(seed: int) -> None:
+def test_no_person_beside_a_turning_robot_is_reached_by_its_rim_before_it_stands(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x, y, speed, twist_w = (
         rng.uniform(-1.5, 1.5),

@@ -10,19 +10,17 @@ import numpy as np
 import pytest
 import shapely
 
-from navcore.config.control import LocalPlannerConfig
-from navcore.control.local_planner import plan_motion
+from navcore.config.control import LocalPlannerConfig, ManoeuvreConfig, StateLatticeConfig
+from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.manoeuvre import (
-    LOST_M,
     Manoeuvre,
     ManoeuvreProblem,
     manoeuvre_along,
     manoeuvre_to_see,
     steer,
 )
-from navcore.control.motion import BOXED_IN, IDLE, ControllerState, Motion
-from navcore.control.social import NOBODY, PeopleState
-from navcore.control.state_lattice import REACH_M
+from navcore.control.motion import BLOCKED, IDLE, ControllerState, Motion
+from navcore.control.social import NO_PEOPLE, PeopleState
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.people.track import Track
@@ -30,9 +28,10 @@ from navcore.robot.profile import HUSKY
 
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 NONE: Points = np.empty((0, 2))
-ROOM_M, CELL_M = 0.04, 0.05
-REACH = CELL_M * math.sqrt(0.5)
+CLEARANCE_M, CELL_M = 0.04, 0.05
+CELL_RADIUS_M = CELL_M * math.sqrt(0.5)
 TICK_S = 0.1
+MANOEUVRE, LATTICE = ManoeuvreConfig(), StateLatticeConfig()
 
 
 def line(*corners: tuple[float, float]) -> Points:
@@ -47,11 +46,11 @@ def line(*corners: tuple[float, float]) -> Points:
 def tight(obstacles: Points, unseen: Points = NONE) -> ManoeuvreProblem:
     return ManoeuvreProblem(
         obstacles=obstacles,
-        reach_m=REACH,
+        cell_radius_m=CELL_RADIUS_M,
         unseen=unseen,
-        unseen_clearance_m=REACH,
+        unseen_clearance_m=CELL_RADIUS_M,
         profile=HUSKY,
-        room_m=ROOM_M,
+        clearance_m=CLEARANCE_M,
     )
 
 
@@ -111,7 +110,7 @@ def test_the_true_footprint_is_free_at_every_pose_and_each_pose_follows_from_the
     clear_of = shapely.multipoints(points)
     for body in bodies(base):
         assert (
-            body.distance(clear_of) > ROOM_M + REACH - 0.004
+            body.distance(clear_of) > CLEARANCE_M + CELL_RADIUS_M - 0.004
         )  # between two steps a corner bulges by millimetres
         assert (
             len(unseen) == 0
@@ -119,33 +118,33 @@ def test_the_true_footprint_is_free_at_every_pose_and_each_pose_follows_from_the
             or body.buffer(-0.004).disjoint(shapely.multipoints(unseen))
         )
     before = np.zeros(3)
-    for after, way in zip(base, manoeuvre.ways.tolist(), strict=True):
+    for after, gear in zip(base, manoeuvre.gears.tolist(), strict=True):
         moved, turned = after[:2] - before[:2], after[2] - before[2]
         middle = before[2] + turned / 2
         along = moved @ [math.cos(middle), math.sin(middle)]
         assert abs(moved @ [-math.sin(middle), math.cos(middle)]) < 1e-9  # nothing slips sideways
-        if abs(way) == 2:
-            assert np.abs(moved).max() < 1e-9 and turned * way > 0
+        if abs(gear) == 2:
+            assert np.abs(moved).max() < 1e-9 and turned * gear > 0
         else:
-            assert along * way > 0 and abs(turned) < 3.0 * abs(along)
+            assert along * gear > 0 and abs(turned) < 3.0 * abs(along)
         before = after
     assert np.hypot(*(path - base[-1, :2]).T).min() < 0.35
-    assert np.abs(base[:, :2]).max() <= REACH_M
+    assert np.abs(base[:, :2]).max() <= LATTICE.half_side_m
 
 
-def test_nothing_is_found_in_a_closed_place_or_before_a_wall_and_what_is_unseen_is_closed() -> None:
+def test_nothing_is_found_in_a_box_or_before_a_wall_and_unseen_cells_are_closed() -> None:
     assert find(AHEAD, BOX) is None
     assert find(AHEAD, line((0.62, -3), (0.62, 3))) is None
     assert find(AHEAD, unseen=line((0.62, -3), (0.62, 3))) is None
     assert (
         find(AHEAD, line((0.62, -3), (0.62, 0.4))) is not None
-    )  # control: a wall that leaves a way round
+    )  # control: a wall that leaves a detour
 
 
 def test_a_path_that_leads_back_out_of_a_dead_end_is_come_to_in_reverse() -> None:
     narrow = DEAD_END * [1.0, 0.6]
     found = find(-AHEAD, narrow)
-    assert found is not None and found.ways[0] == -1
+    assert found is not None and found.gears[0] == -1
 
 
 def decide(
@@ -154,20 +153,22 @@ def decide(
     previous: Motion,
     *,
     pose: Pose2 = HERE,
-    people: PeopleState = NOBODY,
+    people: PeopleState = NO_PEOPLE,
 ) -> Motion:
     """A decision among cells of the base frame."""
-    return plan_motion(
-        geometric=near,
-        ruled=NONE,
-        unseen=NONE,
-        path_map=path,
-        pose=pose,
-        previous=previous,
-        profile=HUSKY,
-        rules=LocalPlannerConfig(),
-        cell_m=CELL_M,
-        people=people,
+    return compute_velocity(
+        LocalPlannerInput(
+            geometric=near,
+            forbidden=NONE,
+            unseen=NONE,
+            cell_m=CELL_M,
+            path=path,
+            pose=pose,
+            previous=previous,
+            profile=HUSKY,
+            local=LocalPlannerConfig(),
+            people=people,
+        )
     )
 
 
@@ -214,7 +215,7 @@ def test_the_robot_comes_through_tight_places_without_touching_anything(
     motions, pose = drive(path, obstacles, seconds=60.0, slip=slip)
     assert motions[-1].outcome is ControllerState.ARRIVED
     assert pose.distance_to(*path[-1].tolist()) < 0.15
-    assert ControllerState.BOXED_IN not in {motion.outcome for motion in motions}
+    assert ControllerState.BLOCKED not in {motion.outcome for motion in motions}
 
 
 def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it() -> None:
@@ -230,17 +231,22 @@ def test_a_manoeuvre_is_steered_to_its_end_and_dropped_when_the_robot_is_off_it(
         )
     x, y, yaw = found.poses[-1].tolist()
     assert pose.distance_to(x, y) < 0.05 and abs(wrap_angle(pose.yaw_rad - yaw)) < 0.1
-    assert steer(found, Pose2(x_m=0.0, y_m=LOST_M + 0.02, yaw_rad=0.0), braking_mps2=0.8) is None
+    assert (
+        steer(
+            found, Pose2(x_m=0.0, y_m=MANOEUVRE.max_error_m + 0.02, yaw_rad=0.0), braking_mps2=0.8
+        )
+        is None
+    )
 
 
-def test_a_manoeuvre_is_given_up_when_something_comes_in_its_way_or_the_path_is_another() -> None:
+def test_a_manoeuvre_is_given_up_when_it_is_blocked_or_the_path_is_another() -> None:
     narrow = DEAD_END * [1.0, 0.6]
     first = decide(-AHEAD, narrow, IDLE)
     assert first.outcome is ControllerState.MANOEUVRE and first.twist.v_mps < 0
     assert decide(-AHEAD, narrow, first).manoeuvre is not None
     assert decide(AHEAD, NONE, first).outcome is ControllerState.FOLLOW
     shut = np.vstack([narrow, line((-0.62, -0.5), (-0.62, 0.5))])
-    assert decide(-AHEAD, shut, first) is BOXED_IN
+    assert decide(-AHEAD, shut, first) is BLOCKED
 
 
 def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_it() -> None:
@@ -251,7 +257,7 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
     assert found is not None
     x, y, yaw = found.poses[-1].tolist()
     corner = unseen[np.hypot(*unseen.T).argmin()]
-    assert np.hypot(*(path - found.serves).T).min() < 1e-9
+    assert np.hypot(*(path - found.target).T).min() < 1e-9
     assert math.hypot(corner[0] - x, corner[1] - y) > 1.1  # not where the robot's own body hides it
     assert abs(wrap_angle(math.atan2(corner[1] - y, corner[0] - x) - yaw)) < math.radians(30)
     assert shapely.LineString([(x, y), corner]).distance(shapely.multipoints(wall_left)) > 0.02
@@ -261,7 +267,7 @@ def test_round_a_corner_that_hides_the_path_the_robot_goes_on_and_turns_to_see_i
     )  # nothing hides that path
 
 
-def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_him() -> None:
+def test_a_manoeuvre_waits_for_a_person_who_crosses_it_and_goes_on_afterwards() -> None:
     first = decide(-AHEAD, NARROW, IDLE)
     assert first.manoeuvre is not None
     walker = Track(
@@ -273,11 +279,11 @@ def test_a_manoeuvre_waits_for_somebody_who_walks_across_it_and_goes_on_after_hi
         radius_m=0.3,
         age_s=9.0,
         last_seen_ns=0,
-        pace_mps=0.7,
+        walking_speed_mps=0.7,
     )
     waiting = decide(-AHEAD, NARROW, first, people=PeopleState.of((walker,), HERE))
     assert (
-        waiting.outcome is ControllerState.YIELD
+        waiting.outcome is ControllerState.WAIT_FOR_PEOPLE
         and waiting.twist.v_mps == 0.0
         and waiting.manoeuvre is not None
     )

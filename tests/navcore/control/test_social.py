@@ -1,4 +1,4 @@
-"""Where the robot may wait for people, and that it does not stay in their way for ever."""
+"""Where the robot may wait for people, and that it does not obstruct them for ever."""
 
 from __future__ import annotations
 
@@ -21,9 +21,17 @@ def walker(x_m: float, y_m: float, vx_mps: float, vy_mps: float) -> PeopleState:
     pace = math.hypot(vx_mps, vy_mps)
     course = math.atan2(vy_mps, vx_mps)
     one = Track(
-        id=1, x_m=x_m, y_m=y_m, vx_mps=vx_mps, vy_mps=vy_mps, radius_m=0.3, age_s=3.0, last_seen_ns=0, pace_mps=pace,
+        id=1,
+        x_m=x_m,
+        y_m=y_m,
+        vx_mps=vx_mps,
+        vy_mps=vy_mps,
+        radius_m=0.3,
+        age_s=3.0,
+        last_seen_ns=0,
+        walking_speed_mps=pace,
         course_rad=course,
-    )  # fmt: skip
+    )
     return PeopleState.of((one,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
 
@@ -41,28 +49,28 @@ def along(bearing_rad: float, metres: float) -> tuple[Poses, npt.NDArray[np.floa
     return poses, away / SPEED_MPS
 
 
-def waits_at(bodies: PeopleState, bearing_rad: float, metres: float = 1.0) -> float:
+def waits_at(people: PeopleState, bearing_rad: float, metres: float = 1.0) -> float:
     """How far along a line the robot would wait, m; -1 if nowhere."""
     poses, times_s = along(bearing_rad, metres)
-    index = waiting_index(bodies, poses, times_s, HUSKY, PEOPLE_CONFIG)
+    index = waiting_index(people, poses, times_s, HUSKY, PEOPLE_CONFIG)
     return -1.0 if index < 0 else float(np.hypot(*poses[index, :2]))
 
 
-def test_the_robot_waits_as_near_as_leaves_somebody_his_line_and_no_nearer() -> None:
+def test_the_robot_waits_just_outside_the_line_of_a_person() -> None:
     crossing = walker(2.0, -1.5, 0.0, 0.9)
     waits_m = waits_at(crossing, 0.0, 1.0)
     gap_m = 2.0 - 0.3 - HUSKY.length_m / 2 - waits_m
     assert PEOPLE_CONFIG.personal_m + 0.2 < gap_m < PEOPLE_CONFIG.personal_m + 0.35
 
 
-def test_from_beside_his_line_nowhere_on_it_is_a_place_to_wait() -> None:
+def test_a_robot_beside_the_line_of_a_person_does_not_wait_on_it() -> None:
     passing = walker(-2.5, 1.2, 0.9, 0.0)
     assert waits_at(passing, 0.0, 0.6) > -1.0
     assert waits_at(passing, math.pi / 2, 0.6) == -1.0
 
 
-def test_who_stands_in_somebodys_way_goes_on_where_it_is_no_more_so() -> None:
+def test_a_robot_in_the_path_of_a_person_drives_on_to_where_it_obstructs_no_more() -> None:
     towards = walker(
         3.0, 0.0, 0.9, 0.0
-    )  # he goes, and may come back this moment: the robot stands on his line
+    )  # leaves, and may come back at any moment: the robot stands on the line of this person
     assert waits_at(towards, -math.pi / 3) > 0.9

@@ -1,5 +1,5 @@
 """Speed limits: kept while any part of the robot is in the zone, reached before it is, and counted
-in the time of a way."""
+in travel times."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import math
 import numpy as np
 import pytest
 
-from navcore.config.control import LocalPlannerConfig
+from navcore.config.control import LocalPlannerConfig, SpeedLimitConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.speed_limits import LAG_S, allowed_speed_mps, slowed, travel_time_s
+from navcore.control.speed_limits import allowed_speed_mps, slowed, travel_time_s
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
-from navcore.mission.zone import Zone, ZoneKind, cells_of
+from navcore.mission.zone import Zone, ZoneKind, zone_masks
 from navcore.robot.profile import HUSKY
 
-RULES = LocalPlannerConfig()
+LOCAL, LATENCY_S = LocalPlannerConfig(), SpeedLimitConfig().latency_s
 SLOW = Zone(
     id="s",
     name="s",
@@ -39,22 +39,22 @@ def test_the_limit_holds_while_any_part_of_the_footprint_touches_the_zone() -> N
         at(4.0 + HUSKY.length_m / 2 - 0.01),
         at(3.0, 2.0 + HUSKY.width_m / 2 - 0.01),
     ):
-        assert allowed_speed_mps([SLOW], pose, 0.25, HUSKY, RULES) == 0.25
-    assert allowed_speed_mps([SLOW], at(nose - 0.5), 0.25, HUSKY, RULES) > 0.25
+        assert allowed_speed_mps([SLOW], pose, 0.25, HUSKY, LOCAL) == 0.25
+    assert allowed_speed_mps([SLOW], at(nose - 0.5), 0.25, HUSKY, LOCAL) > 0.25
     for free in (
         dataclasses.replace(SLOW, enabled=False),
         dataclasses.replace(SLOW, kind=ZoneKind.KEEP_OUT, max_speed_mps=None),
     ):
-        assert allowed_speed_mps([free], at(3.0), 0.25, HUSKY, RULES) == math.inf
+        assert allowed_speed_mps([free], at(3.0), 0.25, HUSKY, LOCAL) == math.inf
 
 
 def test_a_robot_that_obeys_is_slow_enough_when_it_comes_to_the_zone() -> None:
-    """Simulated with the lag and the deceleration that speeds are planned with; without looking
-    ahead it would be too fast."""
-    x_m, speed, obeyed = 0.0, 1.0, [1.0] * round(LAG_S / 0.01)
+    """Simulated with the latency and the deceleration that speeds are planned with; without
+    anticipation it would be too fast."""
+    x_m, speed, obeyed = 0.0, 1.0, [1.0] * round(LATENCY_S / 0.01)
     while x_m + HUSKY.length_m / 2 < 2.0:
-        obeyed.append(min(1.0, allowed_speed_mps([SLOW], at(x_m), speed, HUSKY, RULES)))
-        speed = max(obeyed[-1 - round(LAG_S / 0.01)], speed - RULES.braking_mps2 * 0.01)
+        obeyed.append(min(1.0, allowed_speed_mps([SLOW], at(x_m), speed, HUSKY, LOCAL)))
+        speed = max(obeyed[-1 - round(LATENCY_S / 0.01)], speed - LOCAL.braking_mps2 * 0.01)
         x_m += speed * 0.01
     assert speed <= 0.25 + 0.02
 
@@ -74,13 +74,13 @@ def test_a_slowed_motion_keeps_its_arc_and_a_turn_in_place_its_rate() -> None:
     assert slowed(turn, 0.25) is turn
 
 
-def test_a_limit_closes_no_cell_and_makes_the_way_through_it_longer_in_time() -> None:
+def test_a_limit_closes_no_cell_and_lengthens_the_travel_time_through_it() -> None:
     spec = GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.1)
-    assert not cells_of([SLOW], spec)[0].any()
-    way = np.column_stack([np.linspace(-5.0, 5.0, 101), np.zeros(101)])
-    free, limited = (travel_time_s(way, zones, HUSKY, RULES) for zones in ([], [SLOW]))
+    assert not zone_masks([SLOW], spec)[0].any()
+    route = np.column_stack([np.linspace(-5.0, 5.0, 101), np.zeros(101)])
+    free, limited = (travel_time_s(route, zones, HUSKY, LOCAL) for zones in ([], [SLOW]))
     inside_m = 2.0 + 2 * HUSKY.circumscribed_radius_m
     assert free == pytest.approx(10.0 / HUSKY.max_speed_mps, rel=0.01)
     assert limited - free == pytest.approx(inside_m * (1 / 0.25 - 1 / HUSKY.max_speed_mps), rel=0.1)
-    about = travel_time_s(way, [], HUSKY, RULES, start_yaw_rad=math.pi)
-    assert about - free == pytest.approx(math.pi / RULES.turn_rate_radps)
+    about = travel_time_s(route, [], HUSKY, LOCAL, start_yaw_rad=math.pi)
+    assert about - free == pytest.approx(math.pi / LOCAL.turn_rate_radps)

@@ -1,4 +1,4 @@
-"""What the planners see follows the map, the beware list and the zones bit for bit."""
+"""The costmap follows the map, the beware list and the zones bit for bit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def random_list(rng: np.random.Generator) -> BewareList:
 
 @law(40)
 @given(st.integers(0, 2**32 - 1))
-def test_following_any_sequence_of_frames_and_edits_equals_making_everything_from_scratch(
+def test_following_any_sequence_of_frames_and_edits_equals_a_rebuild_from_scratch(
     seed: int,
 ) -> None:
     rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())

@@ -1,4 +1,4 @@
-"""Keep-out masks: what comes in goes out again, cell by cell."""
+"""Keep-out masks: zones made of a mask give the same mask, cell by cell."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_mask_of_boxes_and_holes_becomes_zones_that_close_exactly_its_cells(se
 
 
 def test_the_floor_within_a_fence_stays_free() -> None:
-    """Control of the law: outer outlines alone would close it."""
+    """Control: outer outlines alone would close the floor within."""
     fence = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     fence[5:35, 5:50] = True
     fence[8:32, 8:47] = False
@@ -55,7 +55,7 @@ def test_the_mask_holds_margins_and_neither_limits_nor_what_is_off() -> None:
     assert not closed_cells([slow, off], SPEC).any()
 
 
-def test_a_picture_of_specks_is_refused() -> None:
+def test_a_mask_of_specks_is_refused() -> None:
     specks = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     specks[::2, ::2] = True
     with pytest.raises(BadGeometry, match="instead of a keep-out mask"):
@@ -63,7 +63,7 @@ def test_a_picture_of_specks_is_refused() -> None:
 
 
 @pytest.mark.parametrize("across", [False, True])
-def test_a_comb_becomes_zones_however_it_lies_and_a_finer_one_is_refused(across: bool) -> None:
+def test_a_comb_becomes_zones_in_both_directions_and_a_finer_one_is_refused(across: bool) -> None:
     def comb(side: int, pitch: int) -> tuple[BoolGrid, GridSpec]:
         mask = np.zeros((side, side), dtype=np.bool_)
         mask[:, :3] = True

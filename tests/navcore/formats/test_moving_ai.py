@@ -1,4 +1,4 @@
-"""MovingAI maps and queries: the terrain of every letter, and what is wrong named by line."""
+"""MovingAI maps and queries: the terrain of every letter, and errors named by line."""
 
 from __future__ import annotations
 

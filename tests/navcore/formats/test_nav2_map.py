@@ -1,5 +1,4 @@
-"""Nav2 maps: what pixels mean, that nothing is lost on the way in and out, and that what is wrong
-is named."""
+"""Nav2 maps: the meaning of pixels, nothing lost in reading and writing, and errors by name."""
 
 from __future__ import annotations
 
@@ -18,7 +17,16 @@ from scipy.ndimage import distance_transform_edt
 
 from navcore.errors import BadConfiguration
 from navcore.formats.map_image import MapImage, decode, encode
-from navcore.formats.nav2_map import Description, Mode, Nav2Map, State, drawn, load, save, yaml_text
+from navcore.formats.nav2_map import (
+    Description,
+    Mode,
+    Nav2Map,
+    State,
+    load,
+    map_from_cells,
+    save,
+    yaml_text,
+)
 from navcore.grid.grid import GridSpec
 from tests.navcore.laws import law
 from tests.navcore.planning.test_planner import map_data
@@ -38,7 +46,7 @@ PIXELS = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 254, 254, 0])
 def written(
     folder: Path, changes: Mapping[str, str | None] | None = None, *, pixels: bytes = PIXELS
 ) -> Path:
-    """A map's two files; a key that is changed to None is left out."""
+    """Write the two files of a map; a key that is changed to None is left out."""
     values = {key: value for key, value in {**GOOD, **(changes or {})}.items() if value is not None}
     (folder / "hall.pgm").write_bytes(pixels)
     path = folder / "hall.yaml"
@@ -46,7 +54,7 @@ def written(
     return path
 
 
-def test_the_top_row_of_the_picture_is_the_largest_y(tmp_path: Path) -> None:
+def test_the_top_row_of_the_image_is_the_largest_y(tmp_path: Path) -> None:
     nav2_map = load(written(tmp_path))
     assert nav2_map.spec == GridSpec(
         resolution_m=0.05, rows=2, cols=3, origin_x_m=-1.5, origin_y_m=2.0
@@ -168,7 +176,7 @@ def test_what_is_written_is_numbers_to_other_readers_of_yaml_too(about: Descript
 
 @law(60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 9), st.integers(1, 9))
-def test_a_drawn_map_says_of_every_cell_what_it_was_drawn_for(
+def test_a_drawn_map_gives_every_cell_the_state_it_was_drawn_with(
     seed: int, rows: int, cols: int
 ) -> None:
     rng, spec = (
@@ -176,14 +184,14 @@ def test_a_drawn_map_says_of_every_cell_what_it_was_drawn_for(
         GridSpec(resolution_m=0.1, rows=rows, cols=cols, origin_x_m=-3, origin_y_m=1.5),
     )
     occupied, known = rng.random((2, rows, cols)) < 0.5
-    made = drawn(occupied=occupied, known=known, spec=spec)
+    made = map_from_cells(occupied=occupied, known=known, spec=spec)
     assert made.spec == spec
     np.testing.assert_array_equal(made.cells(State.OCCUPIED), occupied)
     np.testing.assert_array_equal(made.cells(State.FREE), known & ~occupied)
     np.testing.assert_array_equal(made.cells(State.UNKNOWN), ~known & ~occupied)
 
 
-def test_a_plain_pgm_with_remarks_is_the_same_picture_as_a_binary_one() -> None:
+def test_a_plain_pgm_with_comments_is_the_same_image_as_a_binary_one() -> None:
     plain = b"P2 # made by hand\n#\n3\t2\n# white:\n255\n0 205 254 # first row\n254 254\n0\n"
     np.testing.assert_array_equal(decode(plain, "plain").pixels, decode(PIXELS, "binary").pixels)
 
@@ -198,7 +206,7 @@ def test_a_plain_pgm_with_remarks_is_the_same_picture_as_a_binary_one() -> None:
         ({"image": "/etc/passwd"}, "outside the map's folder"),
         ({"image": "../hall.pgm"}, "outside the map's folder"),
         ({"image": "sub/../../hall.pgm"}, "outside the map's folder"),
-        ({"image": "."}, "not a plain file"),
+        ({"image": "."}, "not a regular file"),
         ({"image": "''"}, "hall.yaml.image: expected the name"),
         ({"image": "[a]"}, "hall.yaml.image: expected one value"),
         ({"image": "hall.yaml"}, "neither PGM (P2 or P5) nor PNG"),
@@ -235,7 +243,7 @@ def test_a_field_that_is_wrong_is_refused_by_name(
     assert len(str(refusal.value)) < 500
 
 
-def test_a_picture_below_the_folder_or_named_in_full_is_taken(tmp_path: Path) -> None:
+def test_an_image_below_the_folder_or_with_an_absolute_path_is_read(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "deep.pgm").write_bytes(PIXELS)
     for name in ("sub/deep.pgm", "./sub/../sub/deep.pgm", str(tmp_path / "sub" / "deep.pgm")):
@@ -252,7 +260,7 @@ def test_a_file_that_is_no_yaml_of_a_map_is_refused(tmp_path: Path, text: bytes)
 
 
 def png(rows: int, cols: int) -> bytes:
-    """A whole PNG that promises so many pixels and holds none."""
+    """Return a valid PNG that declares a size and has no pixels."""
     head, parts = struct.pack(">IIBBBBB", cols, rows, 8, 0, 0, 0, 0), []
     for kind, body in ((b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")):
         parts.append(
@@ -271,20 +279,20 @@ def png(rows: int, cols: int) -> bytes:
         (b"P5\n3 2\n100\nzzzzzz", "a pixel has the value 122, white is 100"),
         (b"P5\n0 2\n255\n", "0 × 2 pixels"),
         (b"P5\n60000 60000\n255\n", "60000 × 60000 pixels"),
-        (b"P5\n3 -2\n255\n123456", "the PGM header is broken"),
-        (b"P5", "the PGM header is broken"),
+        (b"P5\n3 -2\n255\n123456", "the PGM header is invalid"),
+        (b"P5", "the PGM header is invalid"),
         (b"P2\n2 1\n255\n1 2 3", "expected 2 pixels, got 3"),
         (b"P2\n2 1\n255\n1 x", "numbers only"),
         (b"P2\n2 1\n255\n1 99999999999999999999999", "white is 255"),
         (b"P6\n1 1\n255\n123", "neither PGM"),
         (png(40_000, 40_000), "40000 × 40000 pixels"),
         (png(40, 40), "the PNG cannot be read"),
-        (png(2, 2)[:-1], "the PNG is torn"),
-        (png(2, 2)[:20], "the PNG is torn"),
+        (png(2, 2)[:-1], "the PNG is truncated"),
+        (png(2, 2)[:20], "the PNG is truncated"),
         (png(2, 2).replace(b"IDAT", b"IDAX"), "the PNG is damaged"),
     ],
 )
-def test_a_picture_that_is_torn_damaged_or_huge_is_refused(data: bytes, words: str) -> None:
+def test_a_truncated_damaged_or_huge_image_is_refused(data: bytes, words: str) -> None:
     with pytest.raises(BadConfiguration) as refusal:
         decode(data, "hall.pgm")
     assert words in str(refusal.value)
@@ -297,7 +305,7 @@ def test_a_picture_that_is_torn_damaged_or_huge_is_refused(data: bytes, words: s
     ),
     st.data(),
 )
-def test_no_damage_to_a_picture_ends_in_anything_but_a_picture_or_a_refusal(
+def test_a_damaged_image_is_decoded_or_refused_and_nothing_else(
     whole: bytes, data: st.DataObject
 ) -> None:
     bent = bytearray(whole)
@@ -309,7 +317,7 @@ def test_no_damage_to_a_picture_ends_in_anything_but_a_picture_or_a_refusal(
         return
 
 
-def test_grey_pictures_of_few_bits_and_16_bits_are_read_as_opencv_writes_them() -> None:
+def test_grey_images_of_few_bits_and_16_bits_are_read_as_opencv_writes_them() -> None:
     deep = np.array([[0, 65535], [40000, 1]], dtype=np.uint16)
     assert decode(cv2.imencode(".png", deep)[1].tobytes(), "deep").pixels.tolist() == deep.tolist()
     one_bit = cv2.imencode(
@@ -319,11 +327,11 @@ def test_grey_pictures_of_few_bits_and_16_bits_are_read_as_opencv_writes_them() 
 
 
 @pytest.mark.parametrize(("name", "inflated_by_m"), [("tb3_sandbox", 0.15), ("warehouse", 0.25)])
-def test_the_cells_of_published_robot_maps_lie_where_their_queries_say(
+def test_the_cells_of_published_robot_maps_are_where_their_queries_say(
     name: str, inflated_by_m: float
 ) -> None:
-    """The queries' grids are our cells, unknown ones included, grown by a distance, but for 23
-    cells of the warehouse."""
+    """The grids of the queries are our cells, unknown ones included, inflated by a distance, except
+    for 23 cells of the warehouse."""
     nav2_map = load(map_data("ros", f"{name}.yaml"))
     with np.load(map_data("ros", f"{name}_queries.npz")) as stored:
         rows, cols = (int(side) for side in stored["shape"])

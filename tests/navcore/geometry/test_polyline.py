@@ -1,12 +1,13 @@
-"""Points along a line, against numpy's interpolation."""
+"""Polylines: points along them against numpy's interpolation."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.geometry.polyline import metres_along, points_at, resample
+from navcore.geometry.polyline import length_m, metres_along, points_at, resample
 from tests.navcore.laws import law
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -37,3 +38,9 @@ def test_even_points_keep_the_ends_and_are_no_farther_apart_than_asked_for() -> 
 
 def test_a_line_of_one_point_is_that_point_twice() -> None:
     np.testing.assert_array_equal(resample(np.array([[2.0, 3.0]]), 0.1), [[2.0, 3.0]] * 2)
+
+
+def test_the_length_is_the_arc_length_at_the_last_point() -> None:
+    line = np.random.default_rng(3).normal(size=(50, 2))
+    assert length_m(line) == pytest.approx(metres_along(line)[-1])
+    assert length_m(line[:1]) == 0.0

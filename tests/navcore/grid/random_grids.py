@@ -16,7 +16,7 @@ SIDES = st.one_of(st.integers(1, 24), st.integers(60, 70), st.integers(120, 200)
 
 @st.composite
 def grids(draw: st.DrawFn, sides: st.SearchStrategy[int] = SIDES) -> BoolGrid:
-    """Random grids of all sizes up to a few words: single cells and rectangles."""
+    """Return random grids of all sizes up to a few words, with single cells and rectangles."""
     rows, cols = draw(sides), draw(sides)
     generator = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     blocked: BoolGrid = generator.random((rows, cols)) < draw(SHARES)
@@ -30,13 +30,13 @@ def grids(draw: st.DrawFn, sides: st.SearchStrategy[int] = SIDES) -> BoolGrid:
 def some_cells(
     generator: np.random.Generator, shape: tuple[int, int], most: int
 ) -> npt.NDArray[np.int64]:
-    """(N, 2) up to `most` cells anywhere on the grid."""
+    """Return (N, 2), up to `most`, random cells of the grid."""
     count = int(generator.integers(0, most + 1))
     return np.column_stack([generator.integers(0, side, count) for side in shape])
 
 
 def free_cell(generator: np.random.Generator, blocked: BoolGrid) -> Cell | None:
-    """Any free cell; None if there is none."""
+    """Return a random free cell; None if there is none."""
     free = np.argwhere(~blocked)
     if len(free) == 0:
         return None

@@ -1,4 +1,4 @@
-"""Packed planes say the same as the grids they were packed from."""
+"""Packed planes equal the grids they were packed from."""
 
 from __future__ import annotations
 

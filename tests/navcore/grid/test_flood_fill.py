@@ -1,5 +1,4 @@
-"""Floods on packed bits reach what OpenCV says is connected, and the cells beside are those one
-straight step away."""
+"""Flood fill on packed bits reaches what OpenCV calls connected, and `beside` one step more."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ def test_a_flood_reaches_what_is_connected_with_where_it_begins(free: BoolGrid, 
     np.testing.assert_array_equal(unpack(reached, *free.shape), wanted | begin | more)
 
 
-def test_a_long_way_to_and_fro_is_gone_to_its_end() -> None:
+def test_a_long_winding_corridor_is_flooded_to_its_end() -> None:
     free = np.ones((65, 200), dtype=np.bool_)
     free[1::4, :-1] = free[3::4, 1:] = False
     reached = np.zeros_like(packed(free))

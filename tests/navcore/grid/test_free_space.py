@@ -1,4 +1,4 @@
-"""A space kept up to date equals one made anew, bit for bit, and its marks say where walks end."""
+"""An updated free space equals a rebuilt one, bit for bit, and its marks are the ends of walks."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from navcore.grid.bitplane import PAD
 from navcore.grid.free_space import (
     AHEAD,
     DEAD_END_AHEAD,
+    DEAD_END_BACK,
     FREE,
     SQUARE,
-    VAIN_BACK,
     FreeSpace,
-    look_along,
+    find_dead_ends,
 )
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids, some_cells
@@ -25,7 +25,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def assert_same_space(space: FreeSpace, other: FreeSpace) -> None:
-    """Equal wherever a search looks."""
+    """Assert equality of everything that a search reads."""
     rows, cols = slice(PAD, PAD + space.rows), slice(PAD, PAD + space.cols)
     np.testing.assert_array_equal(
         space.across[:DEAD_END_AHEAD, rows], other.across[:DEAD_END_AHEAD, rows]
@@ -38,9 +38,7 @@ def assert_same_space(space: FreeSpace, other: FreeSpace) -> None:
 
 @law(60)
 @given(grids(), SEEDS)
-def test_a_space_that_follows_changed_cells_equals_one_made_anew(
-    blocked: BoolGrid, seed: int
-) -> None:
+def test_a_space_updated_by_cells_equals_a_rebuilt_one(blocked: BoolGrid, seed: int) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     for _ in range(4):
         cells, block = some_cells(generator, blocked.shape, 30), bool(generator.random() < 0.5)
@@ -52,9 +50,7 @@ def test_a_space_that_follows_changed_cells_equals_one_made_anew(
 
 @law(60)
 @given(grids(), SEEDS)
-def test_a_space_that_follows_a_changed_grid_equals_one_made_anew(
-    blocked: BoolGrid, seed: int
-) -> None:
+def test_a_space_updated_by_grids_equals_a_rebuilt_one(blocked: BoolGrid, seed: int) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     for share in (0.5, 0.001, 0.01):
         blocked ^= generator.random(blocked.shape) < share
@@ -65,7 +61,7 @@ def test_a_space_that_follows_a_changed_grid_equals_one_made_anew(
 
 @law(60)
 @given(grids(), SEEDS)
-def test_the_notes_name_every_freed_cell(blocked: BoolGrid, seed: int) -> None:
+def test_the_log_has_every_freed_cell(blocked: BoolGrid, seed: int) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     space.notes[:] = 0
     cells = some_cells(generator, blocked.shape, 40)
@@ -78,7 +74,7 @@ def test_the_notes_name_every_freed_cell(blocked: BoolGrid, seed: int) -> None:
 
 @law(40)
 @given(grids(), SEEDS)
-def test_only_cells_on_the_tripwire_trip_it(blocked: BoolGrid, seed: int) -> None:
+def test_only_blocked_cells_of_the_sentinel_are_counted(blocked: BoolGrid, seed: int) -> None:
     space, generator = FreeSpace.of(blocked), np.random.default_rng(seed)
     row, col = (int(generator.integers(side)) for side in blocked.shape)
     space.sentinel[row + PAD, (col + PAD) >> 6] = np.uint64(1) << np.uint64(col & 63)
@@ -99,7 +95,7 @@ def one_cell(shape: tuple[int, int], row: int, col: int) -> BoolGrid:
 def ends_at_a_jump_point(
     space: FreeSpace, blocked: BoolGrid, row: int, col: int, step: int
 ) -> bool:
-    """By walking the row cell by cell."""
+    """Return the reference, found by walking the row cell by cell."""
     free = np.pad(~blocked, 1)
     at, row = col + 1, row + 1
     while free[row, at + step]:
@@ -112,23 +108,23 @@ def ends_at_a_jump_point(
 
 @law(40)
 @given(grids(st.integers(1, 70)))
-def test_a_walk_is_in_vain_where_walking_it_cell_by_cell_meets_an_obstacle_first(
+def test_a_walk_is_a_dead_end_where_walking_cell_by_cell_meets_an_obstacle_first(
     blocked: BoolGrid,
 ) -> None:
     space = FreeSpace.of(blocked)
     row = blocked.shape[0] // 2
-    look_along(space.across, row + PAD)
+    find_dead_ends(space.across, row + PAD)
     for col in np.nonzero(~blocked[row])[0]:
-        for plane, step in ((DEAD_END_AHEAD, 1), (VAIN_BACK, -1)):
+        for plane, step in ((DEAD_END_AHEAD, 1), (DEAD_END_BACK, -1)):
             word = int(space.across[plane, row + PAD, (col + PAD) >> 6])
             vain = word >> (int(col) & 63) & 1
             assert vain != ends_at_a_jump_point(space, blocked, row, int(col), step)
 
 
-def test_a_change_makes_the_lines_around_it_forget_which_walks_are_in_vain() -> None:
+def test_a_change_drops_the_dead_ends_of_the_lines_around_it() -> None:
     space = FreeSpace.of(np.zeros((100, 100), dtype=np.bool_))
     for line in range(PAD, PAD + 100):
-        look_along(space.across, line)
+        find_dead_ends(space.across, line)
     space.set_cells(np.array([[50, 50]]), True)
     forgotten = np.nonzero(space.across[DEAD_END_AHEAD, PAD : PAD + 100, 0] == 0)[0]
     assert forgotten.tolist() == [49, 50, 51]

@@ -24,7 +24,7 @@ specs = st.builds(
 
 @law(300)
 @given(specs, st.data())
-def test_the_centre_of_a_cell_lies_in_that_cell(spec: GridSpec, data: st.DataObject) -> None:
+def test_the_centre_of_a_cell_is_in_that_cell(spec: GridSpec, data: st.DataObject) -> None:
     row, col = data.draw(st.integers(0, spec.rows - 1)), data.draw(st.integers(0, spec.cols - 1))
     assert spec.cell(*spec.centre(row, col)) == (row, col)
     assert spec.contains(*spec.centre(row, col))
@@ -53,7 +53,7 @@ def test_the_last_point_inside_the_border_has_a_cell_on_the_grid() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_no_point_that_is_not_finite_lies_on_the_map(value: float) -> None:
+def test_no_point_that_is_not_finite_is_on_the_map(value: float) -> None:
     spec = GridSpec.centred(size_m=(10, 10), resolution_m=0.1)
     assert not spec.contains(value, 0.0)
     assert not spec.contains(0.0, value)
@@ -63,7 +63,7 @@ def test_no_point_that_is_not_finite_lies_on_the_map(value: float) -> None:
 @law(200)
 @given(st.floats(-49.9, 49.9), st.floats(-29.9, 29.9))
 def test_a_centred_grid_is_the_papers_formula(x: float, y: float) -> None:
-    """(u, v) = ⌊(x, y) / r_g⌋ + (W, H) / 2, marked M(v, u)."""
+    """The paper: (u, v) = ⌊(x, y) / r_g⌋ + (W, H) / 2, marked M(v, u)."""
     spec = GridSpec.centred(size_m=(100.0, 60.0), resolution_m=0.5)
     assert (spec.cols, spec.rows) == (200, 120)
     assume(min(abs(x / 0.5 - round(x / 0.5)), abs(y / 0.5 - round(y / 0.5))) > 1e-9)

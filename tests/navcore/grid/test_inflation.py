@@ -1,4 +1,4 @@
-"""Inflating only where cells have changed gives what inflating everything gives, bit for bit."""
+"""Incremental inflation equals full inflation, bit for bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def fully_inflated(masks: dict[int, BoolGrid]) -> BoolGrid:
-    """By OpenCV."""
+    """Return the reference, inflated by OpenCV."""
     blocked = np.zeros_like(next(iter(masks.values())))
     for radius, mask in masks.items():
         blocked |= inflate(mask, radius)
@@ -31,7 +31,7 @@ def fully_inflated(masks: dict[int, BoolGrid]) -> BoolGrid:
 
 @law(60)
 @given(grids(), RADII, SEEDS)
-def test_layers_that_follow_changed_cells_block_what_full_inflation_blocks(
+def test_layers_updated_by_cells_block_what_full_inflation_blocks(
     shape_of: BoolGrid, radii: list[int], seed: int
 ) -> None:
     generator, grid = np.random.default_rng(seed), InflatedGrid(*shape_of.shape)
@@ -47,7 +47,7 @@ def test_layers_that_follow_changed_cells_block_what_full_inflation_blocks(
 
 @law(60)
 @given(grids(), RADII, SEEDS)
-def test_layers_that_follow_changed_grids_block_what_full_inflation_blocks(
+def test_layers_updated_by_grids_block_what_full_inflation_blocks(
     first: BoolGrid, radii: list[int], seed: int
 ) -> None:
     generator, grid = np.random.default_rng(seed), InflatedGrid(*first.shape)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from navcore.learning.training.batches import Pictures, plain_batch
+from navcore.learning.training.batches import CachedSplit, plain_batch
 from navcore.learning.training.calibration import best_offsets, best_temperature, calibrate
-from navcore.learning.training.evaluation import Looking, logits_of
+from navcore.learning.training.evaluation import InferenceSettings, logits_of
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import Size
@@ -62,15 +62,15 @@ def test_what_is_calibrated_names_the_same_classes_less_surely(tmp_path: Path) -
     network = build("r18-nbt1d", 2, width=0.125).eval()
     with torch.no_grad():
         network.decoder.upsample2.conv.weight *= 50.0  # wrong as often as right, and sure of it
-    pictures, looking = (
-        Pictures(dataset, "valid", cache_mb=1),
-        Looking(size=Size(height=64, width=64)),
+    images, inference = (
+        CachedSplit(dataset, "valid", cache_mb=1),
+        InferenceSettings(size=Size(height=64, width=64)),
     )
-    batch = plain_batch([pictures[0]], looking.size, dataset.card.depth)
-    before = logits_of(network, batch, looking)
-    offsets, temperature = calibrate(network, pictures, looking)
+    batch = plain_batch([images[0]], inference.size, dataset.card.depth)
+    before = logits_of(network, batch, inference)
+    offsets, temperature = calibrate(network, images, inference)
     assert temperature > 1.5
     shifted = before + torch.from_numpy(offsets).float()[None, :, None, None]
     torch.testing.assert_close(
-        logits_of(network, batch, looking), shifted / temperature, rtol=1e-4, atol=1e-4
+        logits_of(network, batch, inference), shifted / temperature, rtol=1e-4, atol=1e-4
     )

@@ -17,7 +17,7 @@ from navcore.learning.data.dataset import DatasetWriter, load_dataset, measure_d
 from navcore.learning.data.images import (
     MAX_SIDE_PX,
     decode_rgb,
-    picture_size,
+    image_size,
     read_labels,
     write_rgb,
 )
@@ -87,7 +87,7 @@ def test_jpeg_keeps_the_colours_nearly(tmp_path: Path) -> None:
     smooth = np.tile(np.linspace(0, 255, 64).astype(np.uint8)[:, None, None], (1, 64, 3))
     write_rgb(tmp_path / "a.jpg", smooth, jpeg_quality=95)
     content = (tmp_path / "a.jpg").read_bytes()
-    assert picture_size(content) == (64, 64)
+    assert image_size(content) == (64, 64)
     assert np.abs(decode_rgb(content, "a").astype(int) - smooth).max() < 10
 
 

@@ -83,7 +83,7 @@ def test_the_background_of_cvat_can_be_a_class(tmp_path: Path, depth_dir: Path) 
 
 def test_cvat_pictures_may_lie_elsewhere(tmp_path: Path, depth_dir: Path) -> None:
     bare = archive(tmp_path / "a.zip", JPEGImages__room__a_dot_png=None)
-    with pytest.raises(BadConfiguration, match="export with pictures"):
+    with pytest.raises(BadConfiguration, match="export with images"):
         list(CvatArchive(bare, depth_dir=depth_dir))
     (tmp_path / "rgb").mkdir()
     write_rgb(tmp_path / "rgb" / "a.png", RGB)
@@ -110,7 +110,7 @@ def test_cvat_pictures_may_lie_elsewhere(tmp_path: Path, depth_dir: Path) -> Non
         ({"..__a": b""}, "expected a path inside"),
         ({"__etc__a": b""}, "expected a path inside"),
         ({"a\\b": b""}, "expected a path inside"),
-        ({"SegmentationClass__room__b_dot_png": png(mask())}, "export with pictures"),
+        ({"SegmentationClass__room__b_dot_png": png(mask())}, "export with images"),
     ],
 )
 def test_archives_that_do_not_fit_are_refused_by_name(
@@ -139,7 +139,7 @@ def test_a_damaged_archive_or_a_missing_depth_is_refused(tmp_path: Path, depth_d
     with pytest.raises(BadConfiguration, match="not readable as a zip"):
         CvatArchive(tmp_path / "no.zip", depth_dir=depth_dir)
     (depth_dir / "a.png").unlink()
-    with pytest.raises(BadConfiguration, match="no file for picture 'room/a'"):
+    with pytest.raises(BadConfiguration, match="no file for image 'room/a'"):
         list(CvatArchive(archive(tmp_path / "a.zip"), depth_dir=depth_dir))
 
 

@@ -18,10 +18,10 @@ from torch import Tensor
 from app.learning.training import train
 from navcore.errors import BadConfiguration
 from navcore.learning.data.dataset import load_dataset
-from navcore.learning.training.batches import Pictures, epoch_batches, training_batch
+from navcore.learning.training.batches import CachedSplit, epoch_batches, training_batch
 from navcore.learning.training.checkpoint import Epoch, RunState
-from navcore.learning.training.evaluation import Looking, evaluate, predict
-from navcore.learning.training.initial_weights import fresh_network, taught_network
+from navcore.learning.training.evaluation import InferenceSettings, evaluate, predict
+from navcore.learning.training.initial_weights import new_network, transferred_network
 from navcore.learning.training.metrics import (
     confusion_matrix,
     count_pixels,
@@ -31,10 +31,10 @@ from navcore.learning.training.recipe import Recipe, learning_rate, momentum
 from navcore.learning.training.trainer import (
     MODEL_NAME,
     STATE_NAME,
+    Machine,
+    ProgressListener,
     Step,
-    Surroundings,
     Training,
-    Watcher,
     class_weights,
     training_loss,
 )
@@ -43,12 +43,12 @@ from navcore.perception.esanet.weights import weights_file as weights
 from tests.navcore.learning.made import NAMES, data_set, tiny_recipe
 
 CPU = torch.device("cpu")
-HERE = Surroundings(device=CPU, bfloat16=False)
+HERE = Machine(device=CPU, bfloat16=False)
 
 
-def begun(recipe: Recipe, data: Path, out: Path, surroundings: Surroundings = HERE) -> Training:
+def begun(recipe: Recipe, data: Path, out: Path, machine: Machine = HERE) -> Training:
     out.mkdir(exist_ok=True)
-    return Training(recipe, load_dataset(data), out, surroundings)
+    return Training(recipe, load_dataset(data), out, machine)
 
 
 def same(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
@@ -91,17 +91,19 @@ def test_it_learns_and_keeps_the_best_epoch(tmp_path: Path) -> None:
     trained = weights.load(tmp_path / "out" / MODEL_NAME)
     assert trained.card.size == training.recipe.size
     assert (trained.card.class_names, trained.card.depth) == (NAMES, training.dataset.card.depth)
-    pictures = Pictures(training.dataset, "valid", cache_mb=1)
-    confusion = evaluate(trained.network, pictures, Looking(size=training.recipe.size, batch=2))
+    images = CachedSplit(training.dataset, "valid", cache_mb=1)
+    confusion = evaluate(
+        trained.network, images, InferenceSettings(size=training.recipe.size, batch=2)
+    )
     by_hand = np.zeros((2, 2), dtype=np.int64)
     for index in range(3):
         (classes,) = predict(
             trained.network,
-            [pictures[index]],
-            Looking(size=training.recipe.size),
+            [images[index]],
+            InferenceSettings(size=training.recipe.size),
             trained.card.depth,
         )
-        by_hand += confusion_matrix(pictures[index].labels, classes, 2)
+        by_hand += confusion_matrix(images[index].labels, classes, 2)
     np.testing.assert_array_equal(confusion, by_hand)
 
 
@@ -109,9 +111,9 @@ def test_bfloat16_learns_nearly_the_same(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     losses = []
     for bfloat16 in (False, True):
-        surroundings = Surroundings(device=CPU, bfloat16=bfloat16)
+        machine = Machine(device=CPU, bfloat16=bfloat16)
         state = begun(
-            tiny_recipe(epochs=1), tmp_path / "d", tmp_path / str(bfloat16), surroundings
+            tiny_recipe(epochs=1), tmp_path / "d", tmp_path / str(bfloat16), machine
         ).run()
         losses.append(state.history[0].loss)
         assert all(value.dtype != torch.bfloat16 for value in state.network.values())
@@ -138,10 +140,10 @@ def test_what_could_teach_nothing_is_refused_before_it_begins(tmp_path: Path) ->
     data_set(tmp_path / "d")
     for label in (tmp_path / "d").glob("valid/label/*.npy"):
         np.save(label, np.zeros_like(np.load(label)))
-    with pytest.raises(BadConfiguration, match="nothing is labelled in the valid pictures"):
+    with pytest.raises(BadConfiguration, match="nothing is labelled in the valid images"):
         begun(tiny_recipe(), tmp_path / "d", tmp_path / "out")
     begun(tiny_recipe(selection="last"), tmp_path / "d", tmp_path / "out")
-    with pytest.raises(BadConfiguration, match="one picture each"):
+    with pytest.raises(BadConfiguration, match="one image each"):
         epoch_batches(8, 4, seed=0, epoch=1, ranks=4)
 
 
@@ -160,7 +162,7 @@ def test_class_weights_follow_the_recipe(tmp_path: Path) -> None:
 
 def test_runs_that_cannot_be_are_refused(tmp_path: Path) -> None:
     data_set(tmp_path / "d", valid=0)
-    with pytest.raises(BadConfiguration, match="no valid pictures"):
+    with pytest.raises(BadConfiguration, match="no valid images"):
         begun(tiny_recipe(), tmp_path / "d", tmp_path / "out")
     with pytest.raises(BadConfiguration, match="do not fill"):
         begun(tiny_recipe(batch=9, selection="test"), tmp_path / "d", tmp_path / "out")
@@ -180,7 +182,7 @@ def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
         begun(tiny_recipe(epochs=2), tmp_path / "d", out).resume()
     with pytest.raises(BadConfiguration, match="--resume"):
         train(tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), out, resume=False)
-    with pytest.raises(BadConfiguration, match="no run to go on with"):
+    with pytest.raises(BadConfiguration, match="no run to continue"):
         train(
             tiny_recipe(epochs=1), load_dataset(tmp_path / "d"), tmp_path / "elsewhere", resume=True
         )
@@ -210,11 +212,11 @@ def test_the_mirrored_picture_is_labelled_as_the_mirror(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d", train=1, valid=1, test=1)
     from navcore.learning.training.augmentation import flipped
 
-    network = fresh_network(tiny_recipe(), 2)
-    looking = Looking(size=tiny_recipe().size, mirrored_too=True)
+    network = new_network(tiny_recipe(), 2)
+    inference = InferenceSettings(size=tiny_recipe().size, mirrored_too=True)
     one = dataset.read("test", 0)
-    (classes,) = predict(network, [one], looking, dataset.card.depth)
-    (mirrored,) = predict(network, [flipped(one)], looking, dataset.card.depth)
+    (classes,) = predict(network, [one], inference, dataset.card.depth)
+    (mirrored,) = predict(network, [flipped(one)], inference, dataset.card.depth)
     assert (classes == mirrored[:, ::-1]).mean() > 0.999
 
 
@@ -243,7 +245,7 @@ def test_two_processes_take_the_steps_that_one_would_take(tmp_path: Path) -> Non
     for key, value in expected.items():
         torch.testing.assert_close(states[0][key], value, rtol=1e-4, atol=1e-5)
     # The control: the weights have moved much further than that.
-    start = fresh_network(recipe, 2).state_dict()
+    start = new_network(recipe, 2).state_dict()
     assert max(float((start[key] - value).abs().max()) for key, value in expected.items()) > 1e-3
 
 
@@ -259,7 +261,7 @@ def _one_of_two(rank: int, port: int, recipe: Recipe, folder: Path) -> None:
     torch.set_num_threads(1)
     original, kept = Training.run, []
 
-    def run(self: Training, watch: Watcher) -> RunState:
+    def run(self: Training, watch: ProgressListener) -> RunState:
         kept.append(self)
         return original(self, watch)
 
@@ -272,11 +274,11 @@ def _by_hand(recipe: Recipe, data: Path) -> dict[str, Tensor]:
     """The parameters after the run: in each step the mean of both halves' gradients, by one
     process."""
     dataset = load_dataset(data)
-    network = fresh_network(recipe, 2).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+    network = new_network(recipe, 2).to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
     optimiser = torch.optim.SGD(
         network.parameters(), lr=1.0, momentum=0.9, nesterov=True, weight_decay=recipe.weight_decay
     )
-    pictures = Pictures(dataset, "train", cache_mb=16)
+    images = CachedSplit(dataset, "train", cache_mb=16)
     loss_weights = torch.from_numpy(class_weights(recipe, dataset)).float()
     for epoch in range(1, recipe.epochs + 1):
         group = optimiser.param_groups[0]
@@ -291,7 +293,7 @@ def _by_hand(recipe: Recipe, data: Path) -> dict[str, Tensor]:
             optimiser.zero_grad()
             for indexes in step:
                 batch = training_batch(
-                    pictures, indexes, recipe.size, recipe.augmentation, seed=0, epoch=epoch
+                    images, indexes, recipe.size, recipe.augmentation, seed=0, epoch=epoch
                 )
                 torch.autograd.backward(
                     training_loss(network, batch, loss_weights, bfloat16=False) / 2
@@ -334,8 +336,8 @@ def test_what_was_learned_is_carried_over_to_other_classes(tmp_path: Path) -> No
     )
     recipe = tiny_recipe(epochs=1)
     taught, fresh = (
-        taught_network(start, recipe, card).state_dict(),
-        fresh_network(recipe, 3).state_dict(),
+        transferred_network(start, recipe, card).state_dict(),
+        new_network(recipe, 3).state_dict(),
     )
     learned = start.network.state_dict()
     others = [key for key in taught if taught[key].shape == learned[key].shape]

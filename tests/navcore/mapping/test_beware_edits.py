@@ -1,5 +1,4 @@
-"""Edits of the beware list while driving: the map is the one that the final list would have made
-from the start."""
+"""Edits of the beware list while driving: the map equals that of the final list from the start."""
 
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ GREEN = (30, 160, 60)
 THINGS = (
     Paint(x=(1.0, 1.8), y=(-0.4, 0.1)),
     Box(x=(1.5, 1.7), y=(0.2, 0.5), z=(0.0, 0.15), colour=(20, 40, 220)),
-    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.0, 0.1), colour=(220, 20, 20)),  # somebody in red shoes
+    Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.0, 0.1), colour=(220, 20, 20)),  # a person in red shoes
     Box(x=(2.2, 2.5), y=(-1.1, -0.7), z=(0.1, 1.7), colour=GREEN),
 )
 FRAMES = [
@@ -66,11 +65,11 @@ EDITS = st.lists(
 
 
 class Reader:
-    """A network that takes the red paint for a book, more surely from picture to picture, what is
-    blue for a cup and what is green, and the red below it, for somebody."""
+    """Network that detects a book in red paint, more confidently from image to image, a cup in what
+    is blue, and a person in what is green and the red below it."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """By colour."""
+        """Label pixels by colour."""
         red, green = frame.rgb[..., 0] > 150, (frame.rgb == GREEN).all(axis=2)
         right = np.arange(frame.rgb.shape[1]) > np.flatnonzero(green.any(axis=0)).min() - 2
         said = np.select(
@@ -82,13 +81,13 @@ class Reader:
             class_ids=said.astype(np.uint8), confidence=np.where(green, np.float32(0.7), sure)
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
-        """Books, cups and people."""
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return books, cups and people."""
         return LabelSource.NETWORK if entry in (BOOK, CUP, SOMEBODY) else LabelSource.NOTHING
 
 
 def seen(lists: list[BewareList], segmenter: Segmenter) -> Costmap:
-    """What a robot holds that looked at each frame under the list of that moment, in the end."""
+    """Return the final map of a robot that observed each frame with the list of that moment."""
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
     for frame, beware in zip(FRAMES, lists, strict=True):
         decision = navigator.tick(frame, NavigationRequest(goal=None, beware=beware, zones=()))
@@ -98,7 +97,7 @@ def seen(lists: list[BewareList], segmenter: Segmenter) -> Costmap:
 def claims_of(
     segmenter: Segmenter, edits: list[tuple[int, str, dict[str, object]]]
 ) -> tuple[Costmap, Costmap]:
-    """What is held after edits on the way, and under their final list from the start."""
+    """Return the maps after edits while driving, and with the final list from the start."""
     lists, beware = [], CLAIMED_TWICE
     for moment in range(len(FRAMES)):
         for _, name, changes in (edit for edit in edits if edit[0] == moment):
@@ -120,7 +119,7 @@ def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
     np.testing.assert_array_equal(edited.blocked, fresh.blocked)
 
 
-def test_what_two_claimed_is_there_for_either_that_is_switched_on_later() -> None:
+def test_a_point_of_two_classes_is_there_for_either_that_is_enabled_later() -> None:
     off: dict[str, object] = {"enabled": False}
     for entry in (BOOK, RED_FLOOR, WARM):
         all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]

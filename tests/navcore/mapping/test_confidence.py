@@ -1,4 +1,4 @@
-"""Looks speak for and against what a network has seen; what is certain is never weighed."""
+"""Confidence: images speak for and against what a network has detected; certain points stay."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def labels(confidence: float, *, there: bool) -> Labels:
 
 
 def look(cloud: PointMap, seen: Labels, frame: Frame = FLOOR) -> int:
-    """How many cells the mat binds after one more look."""
+    """Return how many cells the mat occupies after one more image."""
     cloud.insert(observe(frame, seen, LIST, SPEC, ObservationConfig()), frame, seen)
     return int(layer_grid(cloud, LIST, ()).beware[MAT.class_id].sum())
 
 
-def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
+def test_a_confident_detection_counts_at_once_and_an_uncertain_one_after_some_images() -> None:
     assert look(PointMap(SPEC, MappingConfig()), labels(0.95, there=True)) > 0
     cloud = PointMap(SPEC, MappingConfig())
     bound = [look(cloud, labels(0.7, there=True)) for _ in range(5)]
@@ -49,7 +49,7 @@ def test_a_sure_find_binds_at_once_and_an_unsure_one_after_some_looks() -> None:
     assert bound[-1] > 0
 
 
-def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> None:
+def test_a_confident_detection_counts_whatever_confidence_the_list_asks_for() -> None:
     cloud, seen = PointMap(SPEC, MappingConfig()), labels(0.99, there=True)
     for _ in range(20):
         look(cloud, seen)
@@ -61,7 +61,7 @@ def test_however_sure_the_list_wants_it_what_the_network_is_sure_of_binds() -> N
     assert bound == bound[:1] * 4
 
 
-def test_where_nothing_was_found_before_one_look_is_not_enough_but_two_are() -> None:
+def test_where_nothing_was_detected_before_one_detection_is_not_enough_but_two_are() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     assert look(cloud, labels(0.9, there=False)) == 0
     assert look(cloud, labels(0.9, there=True)) == 0
@@ -71,7 +71,7 @@ def test_where_nothing_was_found_before_one_look_is_not_enough_but_two_are() -> 
     assert look(certain, labels(1.0, there=True)) > 0
 
 
-def test_a_false_find_is_given_up_after_a_few_looks_and_forgotten_after_more() -> None:
+def test_a_false_detection_stops_counting_after_a_few_images_and_is_forgotten_after_more() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     assert look(cloud, labels(0.9, there=True)) > 0
     bound = [look(cloud, labels(0.9, there=False)) for _ in range(15)]
@@ -80,7 +80,7 @@ def test_a_false_find_is_given_up_after_a_few_looks_and_forgotten_after_more() -
     assert not (cloud.points.class_ids == MAT.class_id).any()
 
 
-def test_what_was_found_in_many_pictures_is_not_lost_when_some_miss_it() -> None:
+def test_an_object_detected_in_many_images_is_not_lost_when_some_miss_it() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     for _ in range(10):
         held = look(cloud, labels(0.9, there=True))
@@ -88,14 +88,14 @@ def test_what_was_found_in_many_pictures_is_not_lost_when_some_miss_it() -> None
         assert look(cloud, labels(0.9, there=False)) >= 0.9 * held
 
 
-def test_what_is_certain_stays_whatever_later_pictures_say() -> None:
+def test_a_certain_point_stays_whatever_later_images_show() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     held = look(cloud, labels(1.0, there=True))
     for _ in range(20):
         assert look(cloud, labels(1.0, there=False)) == held > 0
 
 
-def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certain() -> None:
+def test_the_initial_confidence_never_exceeds_the_network_and_certainty_stays_certain() -> None:
     rules = ConfidenceConfig()
     claims = np.linspace(0.2, 0.999, 50, dtype=np.float32)
     new, known = np.zeros(50, np.bool_), np.ones(50, np.bool_)
@@ -109,7 +109,7 @@ def test_a_first_look_is_never_surer_than_the_network_and_certainty_stays_certai
 
 @law(20)
 @given(st.integers(0, 2**32 - 1))
-def test_weighed_layers_equal_those_rebuilt_from_the_points(seed: int) -> None:
+def test_layers_after_updates_of_confidence_equal_those_rebuilt_from_the_points(seed: int) -> None:
     rng, cloud = np.random.default_rng(seed), PointMap(SPEC, MappingConfig())
     for _ in range(6):
         seen = Labels(

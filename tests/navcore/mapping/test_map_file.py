@@ -1,5 +1,5 @@
-"""The file of a map: what comes out is what went in, bit by bit, a map made of it goes on as
-before, and damage is refused."""
+"""Map files: a map is read bit by bit as it was written and continues as before; damage is
+refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NAMES = {1: "first", 2: "zweite – Art", 62: "third"}
 
 
 def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapState:
-    """A map of random content."""
+    """Return a map state of random content."""
     rng = np.random.default_rng(seed)
     spec = GridSpec(resolution_m=0.1, rows=rows, cols=cols, origin_x_m=-1.3, origin_y_m=0.7)
     high = np.array([cols * 0.1, rows * 0.1, 3.2])
@@ -59,7 +59,7 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
 
 
 def arrays(state: MapState) -> dict[str, npt.NDArray[Any]]:
-    """All that a state holds, by name."""
+    """Return all arrays of a state by name."""
     points = {
         field.name: getattr(state.points, field.name) for field in dataclasses.fields(state.points)
     }
@@ -116,7 +116,7 @@ def test_a_map_that_cannot_be_written_leaves_the_old_file_as_it_was(tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A map file."""
+    """Return the contents of a map file."""
     path = tmp_path_factory.mktemp("map") / "m"
     save(path, state_of(3), NAMES)
     return path.read_bytes()
@@ -154,7 +154,7 @@ def test_a_file_that_was_cut_short_is_refused(
 
 
 def remade(whole: bytes, name: str, content: bytes | npt.NDArray[Any] | None) -> bytes:
-    """The same file with one part put in the place of another, or left out; checksums are right."""
+    """Return the file with one part replaced or left out; checksums are right."""
     out = io.BytesIO()
     with (
         zipfile.ZipFile(io.BytesIO(whole)) as source,
@@ -211,17 +211,17 @@ HUGE = (
             GOOD["points_map"].astype(np.float64),
             "m: points_map: expected 2 axes of float32",
         ),
-        ("points_map", GOOD["points_map"][:, :2].copy(), "m: points_map: holds values"),
-        ("points_map", GOOD["points_map"][:-1], "m: points: holds values"),
-        ("points_map", GOOD["points_map"] + np.float32(50), "m: points_map: holds values"),
-        ("points_map", GOOD["points_map"] * np.float32(np.nan), "m: points_map: holds values"),
-        ("class_ids", GOOD["class_ids"] + np.uint8(1), "m: class_ids: holds values"),
-        ("confidence", GOOD["confidence"] + np.float32(1), "m: confidence: holds values"),
-        ("range_m", -GOOD["range_m"], "m: range_m: holds values"),
-        ("pose_ids", GOOD["pose_ids"] + np.int32(1), "m: pose_ids: holds values"),
-        ("poses", GOOD["poses"] * np.inf, "m: poses: holds values"),
+        ("points_map", GOOD["points_map"][:, :2].copy(), "m: points_map: has values"),
+        ("points_map", GOOD["points_map"][:-1], "m: points: has values"),
+        ("points_map", GOOD["points_map"] + np.float32(50), "m: points_map: has values"),
+        ("points_map", GOOD["points_map"] * np.float32(np.nan), "m: points_map: has values"),
+        ("class_ids", GOOD["class_ids"] + np.uint8(1), "m: class_ids: has values"),
+        ("confidence", GOOD["confidence"] + np.float32(1), "m: confidence: has values"),
+        ("range_m", -GOOD["range_m"], "m: range_m: has values"),
+        ("pose_ids", GOOD["pose_ids"] + np.int32(1), "m: pose_ids: has values"),
+        ("poses", GOOD["poses"] * np.inf, "m: poses: has values"),
         ("seen", np.zeros((13, 4), dtype=np.uint8), "m: seen: expected (13, 3) bytes"),
-        ("volume", GOOD["volume"][1:], "m: volume: holds values"),
+        ("volume", GOOD["volume"][1:], "m: volume: has values"),
         ("head", np.frombuffer(b"{", dtype=np.uint8), "m: head: damaged"),
         ("head", np.frombuffer(b"[" * 100_000, dtype=np.uint8), "m: head: damaged"),
         ("head", head(format="other"), "m: no map of this program"),
@@ -256,7 +256,7 @@ def test_a_map_made_down_a_slope_is_a_map_too(tmp_path: Path) -> None:
     assert_same(load(tmp_path / "m").state, state)
 
 
-def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(
+def test_a_map_is_refused_when_its_class_ids_have_other_names_now(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     save(tmp_path / "m", state_of(3), NAMES)
@@ -267,7 +267,7 @@ def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(
     check_classes(stored, BewareList(classes=(*classes, BewareClass(name="fourth", class_id=4))))
     with caplog.at_level(logging.WARNING):
         check_classes(stored, BewareList(classes=classes[:2]))  # taken off the list by the operator
-    assert "'third' (class 62), which the beware list lacks" in caplog.text
+    assert "'third' (class 62), not in the beware list" in caplog.text
     renamed = (dataclasses.replace(classes[0], name="other"), *classes[1:])
     with pytest.raises(
         BadConfiguration,
@@ -279,9 +279,9 @@ def test_a_map_is_refused_when_its_classes_mean_something_else_by_now(
 def test_a_pipe_or_a_missing_file_is_refused_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for name, words in (
-        ("pipe", "not a plain file"),
+        ("pipe", "not a regular file"),
         ("none", "no such file"),
-        (".", "not a plain file"),
+        (".", "not a regular file"),
     ):
         with pytest.raises(BadConfiguration, match=words):
             load(tmp_path / name)

@@ -1,4 +1,4 @@
-"""A map that was kept in a file goes on as if the program had never ended."""
+"""A restored map continues as if the program had never ended."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def assert_same_grids(first: PointMap, second: PointMap) -> None:
 
 @law(20)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 6), st.integers(0, 4))
-def test_a_drive_with_a_stop_at_the_file_makes_the_same_map_as_one_without(
+def test_a_drive_interrupted_by_saving_and_loading_makes_the_same_map_as_one_without(
     tmp_path_factory: pytest.TempPathFactory, seed: int, before: int, after: int
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "kept"
@@ -70,7 +70,7 @@ def test_a_drive_with_a_stop_at_the_file_makes_the_same_map_as_one_without(
     assert_same_grids(without, second)
 
 
-def test_a_state_is_a_snapshot_that_the_map_no_longer_touches() -> None:
+def test_a_state_is_a_snapshot_that_later_frames_do_not_change() -> None:
     cloud, again = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig())
     for seed in (1, 2):
         step(cloud, seed)
@@ -87,7 +87,7 @@ def test_a_state_is_a_snapshot_that_the_map_no_longer_touches() -> None:
     assert_same(again.state(), third.state())
 
 
-def test_a_map_of_another_place_is_refused_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_a_map_of_another_grid_is_refused_and_nothing_is_lost(tmp_path: Path) -> None:
     cloud, other = (
         PointMap(SMALL, MappingConfig()),
         PointMap(GridSpec.centred(size_m=(5.0, 5.0), resolution_m=0.1), MappingConfig()),

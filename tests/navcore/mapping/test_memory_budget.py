@@ -1,5 +1,4 @@
-"""What the map keeps of what it has seen: nothing where the camera sees through, everything where
-it cannot look."""
+"""Memory of the map: nothing where the camera sees through, everything where it has no view."""
 
 from __future__ import annotations
 
@@ -33,7 +32,7 @@ def looker() -> Navigator:
 
 
 def held(navigator: Navigator, frame: Frame, thing: Box) -> int:
-    """Occupied cells at and about a thing, after one more frame."""
+    """Return the number of occupied cells at and around an object after one more frame."""
     (top, left), (bottom, right) = (
         SPEC.cell(thing.x[0] - 0.2, thing.y[0] - 0.2),
         SPEC.cell(thing.x[1] + 0.2, thing.y[1] + 0.2),
@@ -42,7 +41,7 @@ def held(navigator: Navigator, frame: Frame, thing: Box) -> int:
 
 
 @pytest.mark.parametrize(("stood_frames", "away"), [(5, False), (40, False), (40, True)])
-def test_who_left_is_gone_within_a_second_where_the_camera_looks_and_stays_where_it_does_not(
+def test_a_person_who_left_is_cleared_within_a_second_in_view_and_stays_outside_of_it(
     stood_frames: int, away: bool
 ) -> None:
     # The wall matters: a pixel that measures nothing may show something too near or too dark, and
@@ -56,9 +55,7 @@ def test_who_left_is_gone_within_a_second_where_the_camera_looks_and_stays_where
     assert left == (before if away else 0)
 
 
-def test_what_came_too_near_for_the_camera_is_remembered_beside_and_under_the_robot_for_as_long_as_it_stays() -> (
-    None
-):
+def test_obstacles_too_near_for_the_camera_are_remembered_while_the_robot_stays() -> None:
     navigator = looker()
     for k in range(18):
         seen = held(
@@ -73,5 +70,5 @@ def test_what_came_too_near_for_the_camera_is_remembered_beside_and_under_the_ro
     for k in range(18, 80):
         seen = held(
             navigator, picture(pose=near, stamp_ns=k * TENTH_NS), KERB
-        )  # nobody took it away: it is out of sight
+        )  # not removed: it is out of sight
     assert seen >= before // 2

@@ -1,4 +1,4 @@
-"""From depth to points: the paper's equations, and what counts as an obstacle."""
+"""Observation: the paper's equations, and which points count as obstacles."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def look(
 
 
 def labelled(frame: Frame, class_id: int, rules: ObservationConfig = RULES) -> Observation:
-    """Everything red is of a class that has no colour rule, as from a network."""
+    """Observe with everything red labelled as a class without a colour rule, as from a network."""
     ids = np.where(frame.rgb[..., 0] > 200, class_id, NOTHING).astype(np.uint8)
     entry = BewareClass(name="thing", class_id=class_id)
     labels = Labels(class_ids=ids, confidence=np.full(ids.shape, 0.7, dtype=np.float32))
@@ -81,7 +81,7 @@ def test_pixels_without_a_measurement_make_no_points() -> None:
 
 @law(20)
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-math.pi, math.pi))
-def test_a_back_projected_wall_and_floor_lie_where_they_were_drawn(
+def test_a_back_projected_wall_and_floor_are_where_they_were_drawn(
     x: float, y: float, yaw: float
 ) -> None:
     frame = picture(TALL, pose=Pose2(x_m=x, y_m=y, yaw_rad=yaw))
@@ -90,7 +90,7 @@ def test_a_back_projected_wall_and_floor_lie_where_they_were_drawn(
     assert (on_box | (np.abs(points[:, 2]) < 1e-4)).all()
 
 
-def test_geometric_points_stand_on_what_is_higher_than_ten_centimetres_and_nowhere_else() -> None:
+def test_geometric_points_are_on_objects_higher_than_ten_centimetres_and_nowhere_else() -> None:
     observation = look(picture(TALL, STEP, PATCH))
     geometric = observation.points_map[observation.class_ids == NOTHING]
     assert len(geometric) > 20
@@ -100,7 +100,7 @@ def test_geometric_points_stand_on_what_is_higher_than_ten_centimetres_and_nowhe
 
 
 def test_a_low_step_is_an_obstacle_once_the_obstacle_height_is_below_it() -> None:
-    """Control: the step above is seen, and left out for its height alone."""
+    """Control: the step above is measured, and left out for its height alone."""
     observation = look(picture(STEP), rules=ObservationConfig(obstacle_height_m=0.05))
     assert inside(observation.points_map, STEP).sum() > 5
     assert len(look(picture(STEP)).points_map) == 0
@@ -137,7 +137,7 @@ def test_a_red_box_is_no_red_floor_above_the_height_of_its_rule_and_stays_an_obs
     assert (observation.class_ids == NOTHING).sum() > 20
 
 
-def test_a_thing_to_beware_of_above_ten_centimetres_is_geometric_as_well() -> None:
+def test_a_beware_object_above_ten_centimetres_is_geometric_as_well() -> None:
     observation = labelled(picture(dataclasses.replace(TALL, colour=RED)), 9)
     geometric, beware = observation.class_ids == NOTHING, observation.class_ids == 9
     tall = {
@@ -218,7 +218,7 @@ def test_each_voxel_holds_one_point_of_a_class_and_the_floor_is_seen() -> None:
     )
 
 
-def test_the_cells_seen_lie_on_the_grid_and_in_the_box_though_the_picture_shows_more() -> None:
+def test_the_cells_seen_are_on_the_grid_and_in_the_box_though_the_image_shows_more() -> None:
     observation = look(
         picture(pose=Pose2(x_m=SPEC.cols * SPEC.resolution_m / 2 - 1.0, y_m=0.0, yaw_rad=0.0))
     )
@@ -228,7 +228,7 @@ def test_the_cells_seen_lie_on_the_grid_and_in_the_box_though_the_picture_shows_
     assert top <= rows.min() and rows.max() < bottom and left <= cols.min() and cols.max() < right
 
 
-def test_what_lies_off_the_grid_makes_no_points() -> None:
+def test_surfaces_off_the_grid_make_no_points() -> None:
     edge = Pose2(x_m=7.5, y_m=0.0, yaw_rad=0.0)
     beyond = Box(x=(8.5, 9.0), y=(-1, 1), z=(0, 1))
     assert len(look(picture(beyond, pose=edge)).points_map) == 0

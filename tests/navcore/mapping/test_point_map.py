@@ -1,4 +1,4 @@
-"""The map: incremental equals rebuilt, and what is replaced, cleared and kept."""
+"""Point map: incremental equals rebuilt; points are replaced, cleared and kept."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ Layers = dict[int, BoolGrid]
 
 
 def random_step(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Observation]:
-    """A random picture from a random place, often the place before."""
+    """Return a random frame from a random pose, often the pose before."""
     pose = Pose2(
         x_m=float(rng.choice([0.0, 0.1, 1.0])),
         y_m=float(rng.choice([0.0, -1.0])),
@@ -86,7 +86,7 @@ def layers(cloud: PointMap, beware: BewareList) -> Layers:
 
 
 def rebuilt(cloud: PointMap, beware: BewareList) -> Layers:
-    """The same layers, from the public points alone."""
+    """Return the same layers, rebuilt from the public points alone."""
     points, spec = cloud.points, cloud.spec
     xyz = points.points_map.astype(np.float64)
     cols = np.clip(
@@ -157,7 +157,7 @@ def test_the_version_grows_whenever_a_layer_changes(seed: int) -> None:
 def seen(
     *points: tuple[float, float, float], class_id: int = 1, confidence: float = 1.0
 ) -> Observation:
-    """An observation of the given points, as if each was measured a metre away."""
+    """Return an observation of the given points, as if each was measured a metre away."""
     return Observation(
         points_map=np.array(points, dtype=np.float32).reshape(-1, 3),
         class_ids=np.full(len(points), class_id, dtype=np.uint8),
@@ -172,14 +172,14 @@ def seen(
 
 
 BLIND = dataclasses.replace(picture(), depth_m=np.zeros_like(picture().depth_m))
-"""A frame that looks at nothing, so that it clears nothing."""
+"""Frame that measures nothing, so that it clears nothing."""
 SPOT = (2.05, 0.05, 0.0)
 
 
 @law(60)
 @given(st.integers(0, 2**32 - 1))
-def test_the_version_grows_whenever_a_layer_of_sure_points_changes(seed: int) -> None:
-    """Few points in few cells, so that a step often changes nothing but how sure a cell is."""
+def test_the_version_grows_whenever_a_layer_of_certain_points_changes(seed: int) -> None:
+    """Few points in few cells, so that a step often changes nothing but a confidence."""
     rng, cloud = np.random.default_rng(seed), PointMap(SMALL, MappingConfig())
     for _ in range(8):
         before, version = layers(cloud, SURE), cloud.version
@@ -192,7 +192,7 @@ def test_the_version_grows_whenever_a_layer_of_sure_points_changes(seed: int) ->
             assert cloud.version > version
 
 
-def test_the_version_grows_when_a_sure_point_joins_an_unsure_one_in_its_cell() -> None:
+def test_the_version_grows_when_a_certain_point_joins_an_uncertain_one_in_its_cell() -> None:
     cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
     before, version = layers(cloud, SURE)[1].sum(), cloud.version
@@ -201,7 +201,7 @@ def test_the_version_grows_when_a_sure_point_joins_an_unsure_one_in_its_cell() -
     assert cloud.version > version
 
 
-def test_what_was_seen_unsurely_first_and_surely_later_is_an_obstacle() -> None:
+def test_an_object_detected_with_low_confidence_first_and_high_later_is_an_obstacle() -> None:
     cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
     version = cloud.version
@@ -211,7 +211,7 @@ def test_what_was_seen_unsurely_first_and_surely_later_is_an_obstacle() -> None:
     assert cloud.version > version
 
 
-def test_a_less_sure_second_look_does_not_free_what_was_seen_surely() -> None:
+def test_a_less_confident_second_detection_does_not_free_a_confident_one() -> None:
     cloud = PointMap(SMALL, MappingConfig())
     cloud.insert(seen(SPOT, confidence=1.0), BLIND)
     cloud.insert(seen(SPOT, confidence=0.2), BLIND)
@@ -333,7 +333,7 @@ def test_what_is_seen_through_is_cleared(then: tuple[Box, ...], yaw: float) -> N
     ],
     ids=["behind the robot", "hidden", "nothing measured", "too far"],
 )
-def test_what_is_not_looked_at_stays(look_away: Callable[[], Frame]) -> None:
+def test_points_out_of_view_stay(look_away: Callable[[], Frame]) -> None:
     cloud = drive(picture(TALL, PATCH))
     before = layer_grid(cloud, RED_LIST, ()).occupied()
     drive(look_away(), cloud=cloud)
@@ -341,7 +341,7 @@ def test_what_is_not_looked_at_stays(look_away: Callable[[], Frame]) -> None:
     assert before.any()
 
 
-def test_what_stands_there_still_is_kept_while_driving_past() -> None:
+def test_an_object_that_is_still_there_is_kept_while_driving_past() -> None:
     path = [Pose2(x_m=0.1 * k, y_m=0.05 * k, yaw_rad=0.02 * k) for k in range(10)]
     cloud = drive(*(picture(TALL, WALL, PATCH, pose=pose) for pose in path))
     first = layer_grid(drive(picture(TALL, PATCH)), RED_LIST, ())
@@ -362,8 +362,8 @@ def test_a_floor_marking_is_not_lost_when_its_label_flickers() -> None:
     np.testing.assert_array_equal(marked(cloud), before)
 
 
-def test_a_thing_to_beware_of_that_is_carried_away_is_cleared() -> None:
-    """Control of the flicker rule: a thing with a body is seen through, unlike a marking."""
+def test_a_beware_object_that_is_carried_away_is_cleared() -> None:
+    """Control of the flicker rule: an object with a height is seen through, unlike a marking."""
     cup = BewareList(
         classes=(
             BewareClass(
@@ -443,7 +443,7 @@ def test_a_correction_of_an_unknown_pose_is_refused_and_moves_nothing() -> None:
     np.testing.assert_array_equal(before, cloud.points.points_map)
 
 
-def test_over_its_budget_the_map_gives_up_detail_but_no_obstacle() -> None:
+def test_over_its_budget_the_map_drops_detail_but_no_obstacle() -> None:
     rng = np.random.default_rng(3)
     steps = [random_step(rng, confident=True) for _ in range(12)]
     rich, poor = PointMap(SMALL, MappingConfig()), PointMap(SMALL, MappingConfig(budget_mb=0.02))
@@ -485,7 +485,7 @@ def test_a_prior_map_is_occupied_until_the_camera_sees_its_floor_free() -> None:
 
 
 def test_a_prior_map_of_another_size_and_a_map_that_is_too_large_are_refused() -> None:
-    with pytest.raises(BadConfiguration, match="prior map: is"):
+    with pytest.raises(BadConfiguration, match="prior map: expected"):
         PointMap(SPEC, MappingConfig()).load_prior(np.zeros((3, 3), dtype=np.bool_))
     with pytest.raises(BadConfiguration, match="coarser resolution"):
         PointMap(GridSpec.centred(size_m=(2000.0, 2000.0), resolution_m=0.05), MappingConfig())

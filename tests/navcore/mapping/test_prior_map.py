@@ -1,5 +1,4 @@
-"""A map from elsewhere on the navigator's grid: every cell that an occupied pixel covers, and no
-other."""
+"""Prior map on the navigator's grid: every cell that an occupied pixel touches, and no other."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.errors import BadGeometry
-from navcore.formats.nav2_map import Nav2Map, State, drawn
+from navcore.formats.nav2_map import Nav2Map, State, map_from_cells
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.prior_map import prior_layer
 from tests.navcore.laws import law
@@ -22,8 +21,8 @@ from tests.navcore.laws import law
 def brute_layer(
     source: Nav2Map, spec: tuple[Fraction, ...], grid: GridSpec, place: tuple[Fraction, ...]
 ) -> BoolGrid:
-    """Cells whose open square meets that of an occupied pixel, in exact arithmetic; (side, x, y) of
-    map and grid."""
+    """Return the cells whose open square meets that of an occupied pixel, in exact arithmetic;
+    (side, x, y) of map and grid."""
     occupied, layer = source.cells(State.OCCUPIED), np.zeros((grid.rows, grid.cols), dtype=np.bool_)
     for (row, col), (i, j) in itertools.product(
         np.ndindex(layer.shape), np.argwhere(occupied).tolist()
@@ -58,7 +57,7 @@ def test_a_prior_map_occupies_every_cell_that_an_occupied_pixel_covers_and_no_ot
         origin_y_m=float(place[2]),
     )
     occupied = np.random.default_rng(seed).random((5, 6)) < 0.3
-    prior = drawn(occupied=occupied, known=np.ones_like(occupied), spec=source)
+    prior = map_from_cells(occupied=occupied, known=np.ones_like(occupied), spec=source)
     expected = brute_layer(prior, (Fraction(pixel), *origin), grid, place)
     try:
         layer = prior_layer(prior, grid)
@@ -73,13 +72,13 @@ def test_a_prior_map_on_the_same_grid_is_the_same_layer() -> None:
     spec = GridSpec.centred(size_m=(9.0, 7.0), resolution_m=0.05)
     occupied: npt.NDArray[np.bool_] = np.random.default_rng(1).random((spec.rows, spec.cols)) < 0.2
     np.testing.assert_array_equal(
-        prior_layer(drawn(occupied=occupied, known=occupied, spec=spec), spec), occupied
+        prior_layer(map_from_cells(occupied=occupied, known=occupied, spec=spec), spec), occupied
     )
 
 
-def test_a_prior_map_that_lies_elsewhere_is_refused_with_both_places() -> None:
+def test_a_prior_map_without_overlap_is_refused_with_both_extents() -> None:
     cells = np.ones((4, 4), dtype=np.bool_)
-    prior = drawn(
+    prior = map_from_cells(
         occupied=cells,
         known=cells,
         spec=GridSpec(resolution_m=1.0, rows=4, cols=4, origin_x_m=100.0, origin_y_m=0.0),

@@ -1,4 +1,4 @@
-"""Space is known to be open up to what the camera measured, and not behind it."""
+"""Ray casting: space is known up to the measured surface, and not behind it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.navcore.scene import SPEC, Box, picture
 WALL = Box(x=(1.9, 2.1), y=(-3.0, 3.0), z=(0.0, 2.0))
 
 
-def test_the_camera_looks_into_the_cells_before_a_wall_and_into_none_behind_it() -> None:
+def test_the_cells_before_a_wall_are_visible_and_none_behind_it() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     cloud.explored.integrate_rays(
         picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), ObservationConfig()
@@ -25,7 +25,7 @@ def test_the_camera_looks_into_the_cells_before_a_wall_and_into_none_behind_it()
     assert not seen[:, : SPEC.cell(-0.2, 0.0)[1]].any()
 
 
-def test_looking_into_the_open_explores_more_than_looking_at_a_wall() -> None:
+def test_an_open_view_explores_more_than_a_wall() -> None:
     areas, volumes = [], []
     for scene in ((WALL,), ()):
         cloud = PointMap(SPEC, MappingConfig())
@@ -38,7 +38,7 @@ def test_looking_into_the_open_explores_more_than_looking_at_a_wall() -> None:
     assert volumes[1] > volumes[0] > 0
 
 
-def test_a_camera_that_measures_nothing_has_looked_nowhere() -> None:
+def test_a_camera_that_measures_nothing_explores_nothing() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     blind = np.zeros_like(frame.depth_m)
@@ -51,7 +51,7 @@ def test_a_camera_that_measures_nothing_has_looked_nowhere() -> None:
     assert cloud.explored.area_m2 == 0
 
 
-def test_a_camera_above_the_ceiling_cut_does_not_look_through_a_wall_either() -> None:
+def test_a_camera_above_the_ceiling_cut_does_not_see_through_a_wall_either() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     frame = picture(WALL, pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
     assert frame.T_map_camera[2, 3] > 0.5

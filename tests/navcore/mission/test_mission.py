@@ -18,7 +18,7 @@ DRIVING = TWO.start()
 PAUSED = DRIVING.pause()
 
 
-def test_goals_wait_in_the_order_they_were_added_under_ids_of_their_own() -> None:
+def test_goals_are_queued_in_the_order_they_were_added_with_ids_of_their_own() -> None:
     assert TWO.queue == (Goal(id=1, x_m=1.0, y_m=2.0), Goal(id=2, x_m=3.0, y_m=4.0))
     assert EMPTY.queue == ()
 
@@ -64,7 +64,7 @@ def test_an_action_that_does_not_fit_the_phase_is_refused(
 
 
 @pytest.mark.parametrize("mission", [EMPTY, TWO, DRIVING, PAUSED])
-def test_cancelling_is_always_possible_and_forgets_what_waits(mission: Mission) -> None:
+def test_cancelling_is_always_possible_and_empties_the_queue(mission: Mission) -> None:
     assert mission.cancel() == Mission(
         phase=Phase.IDLE, queue=(), reached=mission.reached, cancelled=True, next_id=mission.next_id
     )
@@ -108,14 +108,14 @@ def test_leaving_an_area_keeps_the_goals_and_ends_paused_with_some_and_idle_with
         waiting.start()
 
 
-def test_goals_are_named_turned_moved_and_ordered_while_they_wait() -> None:
+def test_queued_goals_are_named_turned_moved_and_ordered() -> None:
     named = EMPTY.add(1.0, 2.0, SPEC, yaw_rad=3 * math.pi, name="dock").add(0.0, 0.0, SPEC)
     assert named.queue[0].name == "dock" and named.queue[0].yaw_rad == pytest.approx(math.pi)
     moved = named.change(Goal(id=1, x_m=-1.0, y_m=0.0, name="gate"), SPEC)
     assert moved.queue[0] == Goal(id=1, x_m=-1.0, y_m=0.0, name="gate")
     assert [goal.id for goal in moved.reorder([2, 1]).queue] == [2, 1]
     for wrong in ([1], [1, 1], [1, 2, 3]):
-        with pytest.raises(Refused, match="every waiting goal once"):
+        with pytest.raises(Refused, match="every queued goal once"):
             moved.reorder(wrong)
     with pytest.raises(BadGeometry, match="outside the map"):
         moved.change(Goal(id=1, x_m=99.0, y_m=0.0), SPEC)
@@ -125,9 +125,7 @@ def test_goals_are_named_turned_moved_and_ordered_while_they_wait() -> None:
         moved.change(Goal(id=9, x_m=0.0, y_m=0.0), SPEC)
 
 
-def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_switched_off() -> (
-    None
-):
+def test_a_loop_repeats_the_same_goals_until_it_is_switched_off() -> None:
     mission = DRIVING.repeat(True)
     for _ in range(5):
         mission = mission.arrive()
@@ -137,7 +135,7 @@ def test_a_loop_drives_to_the_same_places_again_and_again_and_ends_when_it_is_sw
     assert mission.repeat(False).arrive().arrive().phase is Phase.IDLE
 
 
-def test_a_kept_mission_takes_the_place_of_what_waits_but_not_under_way() -> None:
+def test_a_saved_mission_replaces_the_queued_goals_but_not_while_driving() -> None:
     kept = (Goal(id=0, x_m=1.0, y_m=1.0, yaw_rad=0.5, name="a"), Goal(id=0, x_m=2.0, y_m=2.0))
     loaded = PAUSED.refill(kept, SPEC, loop=True)
     assert (loaded.phase, loaded.loop, [goal.id for goal in loaded.queue]) == (

@@ -14,13 +14,13 @@ from shapely.geometry import Polygon
 
 from navcore.errors import BadGeometry
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mission.zone import MAX_CORNERS, _rasterised, check_polygon, rasterise
+from navcore.mission.zone import MAX_CORNERS, check_polygon, rasterise, rasterise_box
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 HAIR = 0.02
-"""Cells: an overlap that reaches no further than this into a cell may be lost to rounding."""
+"""Depth in cells up to which an overlap with a cell may be lost to rounding."""
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ HAIR = 0.02
         ([(0.001 * i, 0.0) for i in range(MAX_CORNERS + 1)], f"{MAX_CORNERS + 1} corners"),
     ],
 )
-def test_a_polygon_that_is_no_place_on_the_map_is_refused_with_the_reason(
+def test_a_polygon_that_does_not_fit_on_the_map_is_refused_with_the_reason(
     corners: Sequence[Sequence[float]], word: str
 ) -> None:
     with pytest.raises(BadGeometry, match=word):
@@ -50,15 +50,15 @@ def test_a_polygon_that_is_no_place_on_the_map_is_refused_with_the_reason(
 
 
 def test_a_good_polygon_passes_unchanged_and_a_closing_corner_is_dropped() -> None:
-    """Control of the refusals above."""
+    """Control for the refusals above."""
     assert check_polygon(SQUARE, SPEC) == SQUARE
     assert check_polygon([*SQUARE, SQUARE[0]], SPEC) == SQUARE
     assert check_polygon(SQUARE[::-1], SPEC) == SQUARE[::-1]
 
 
 def overlaps(polygon: Sequence[Sequence[float]], *, deeper_than: float) -> BoolGrid:
-    """(rows, cols) cells whose square, shrunk by `deeper_than` cells on every side, meets the
-    polygon; by shapely."""
+    """Return the (rows, cols) cells whose square, shrunk by `deeper_than` cells on every side,
+    meets the polygon; by shapely."""
     shape = Polygon(polygon)
     shapely.prepare(shape)
     rows, cols = np.mgrid[: SPEC.rows, : SPEC.cols]
@@ -69,7 +69,7 @@ def overlaps(polygon: Sequence[Sequence[float]], *, deeper_than: float) -> BoolG
 
 
 def star(seed: int, corners: int) -> list[tuple[float, float]]:
-    """A simple polygon: corners around a centre, in order of their angle."""
+    """Return a simple polygon: corners around a centre, in order of their angle."""
     rng = np.random.default_rng(seed)
     angles = np.sort((np.arange(corners) + rng.uniform(0.05, 0.95, corners)) / corners * 2 * np.pi)
     radii = rng.uniform(0.05, 1.4, corners)
@@ -114,7 +114,7 @@ def test_a_sliver_thinner_than_a_cell_is_marked_from_end_to_end() -> None:
 
 
 def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
-    """Control: cells by their centres alone, as a plain fill would have them, lose touched cells."""
+    """Control: a plain fill, by the centres of cells alone, loses touched cells."""
     polygon = star(3, 5)
     by_centre = np.array(
         [
@@ -125,10 +125,10 @@ def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
     assert (overlaps(polygon, deeper_than=HAIR) & ~by_centre).any()
 
 
-def test_of_a_small_zone_on_a_large_map_only_its_box_is_remembered() -> None:
+def test_only_the_bounding_box_of_a_small_zone_on_a_large_map_is_cached() -> None:
     large = GridSpec.centred(size_m=(150.0, 150.0), resolution_m=0.05)
     corners = ((10.0, 10.0), (11.0, 10.0), (10.5, 11.0))
-    _, _, cells = _rasterised(corners, large.resolution_m, 0.0, 0.0)
+    _, _, cells = rasterise_box(corners, large.resolution_m, 0.0, 0.0)
     assert cells.size < 1000
     whole = rasterise(corners, large)
     assert whole.shape == (large.rows, large.cols)

@@ -1,5 +1,5 @@
-"""Circles and corridors: the polygon that binds the robot holds all of them, and a shape is kept
-only while it is true."""
+"""Circles and corridors: the polygon contains all of the shape, which is kept only while it is
+true."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ def test_no_part_of_a_circle_or_a_strip_is_outside_its_polygon_and_little_else_i
             Corridor(
                 line=((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0), (0.0, 0.0)), width_m=0.2
             ),
-            "closes around",
+            "encloses an area",
         ),
         (Corridor(line=tuple((0.1 * i, 0.0) for i in range(300)), width_m=0.2), "at most 200"),
     ],
 )
-def test_a_shape_that_is_none_is_refused_with_the_reason(shape: Shape, word: str) -> None:
+def test_an_invalid_shape_is_refused_with_the_reason(shape: Shape, word: str) -> None:
     with pytest.raises(BadGeometry, match=word):
         shape.outline()
 
 
-def test_a_shape_is_kept_while_its_polygon_stands_and_dropped_when_a_corner_moves() -> None:
+def test_a_shape_is_kept_while_its_polygon_is_unchanged_and_dropped_when_a_corner_moves() -> None:
     ring = CIRCLE.outline()
     sent = tuple((round(x, 6), round(y, 6)) for x, y in ring)
     assert still_drawn(CIRCLE, sent) == CIRCLE

@@ -1,4 +1,4 @@
-"""Colour rules: what they hit and what they leave."""
+"""Colour rules: which pixels fit and which do not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FRAME = picture()
 
 
 def label(colour: Colour, *entries: BewareClass) -> int:
-    """The class of a picture of one colour."""
+    """Return the class of an image of one colour."""
     frame = dataclasses.replace(FRAME, rgb=np.full_like(FRAME.rgb, colour))
     labels = ColourSegmenter().segment(frame, BewareList(classes=entries))
     assert labels.class_ids.shape == labels.confidence.shape == FRAME.depth_m.shape
@@ -98,7 +98,7 @@ def test_where_rules_overlap_the_first_of_the_list_wins() -> None:
     assert label(rgb(60), narrow, wide) == 7
 
 
-def test_a_class_that_is_switched_off_is_labelled_all_the_same() -> None:
+def test_a_disabled_class_is_labelled_all_the_same() -> None:
     assert label(rgb(120), dataclasses.replace(entry(90, 150), enabled=False)) == 3
 
 

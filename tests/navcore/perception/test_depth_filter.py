@@ -1,5 +1,4 @@
-"""Depth and colour decide together: a print of a thing is no thing, and what cannot be decided
-stays one."""
+"""Depth refutes labels: a print of an object is rejected, and undecided regions stay."""
 
 from __future__ import annotations
 
@@ -10,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from navcore.config.perception import DepthFilterConfig
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import (
-    GROUND_M,
-    MAX_FLAT_M,
     heights_above_floor,
     reject_flat_regions,
     remove_small_regions,
@@ -30,10 +28,11 @@ SIGN = BewareClass(name="wet-floor sign", class_id=4, min_height_m=0.3)
 BOOK = BewareClass(name="book", class_id=5)
 CABLE = BewareClass(name="cable", class_id=6, min_size_m=0.3)
 Ids = npt.NDArray[np.uint8]
+CONFIG = DepthFilterConfig()
 
 
 def kept(frame: Frame, entry: BewareClass) -> float:
-    """Which share of the pink pixels stays when a network calls all of them `entry`."""
+    """Return the share of the pink pixels that stay when a network labels all of them `entry`."""
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
@@ -43,7 +42,7 @@ def kept(frame: Frame, entry: BewareClass) -> float:
 
 
 def noisy(frame: Frame, seed: int = 0) -> Frame:
-    """With the depth error of the stereo camera."""
+    """Return the frame with the depth error of the stereo camera."""
     z = frame.depth_m
     error = 0.08 * z**2 / (LENS.fx * 0.095) * np.random.default_rng(seed).standard_normal(z.shape)
     return dataclasses.replace(
@@ -59,7 +58,7 @@ def a_box(x: float, height: float, side: float = 0.15) -> Box:
     return Box(x=(x, x + side), y=(-side / 2, side / 2), z=(0.0, height), colour=PINK)
 
 
-def test_a_speck_is_none_of_a_long_thing_and_the_long_thing_is_one_whichever_way_it_lies() -> None:
+def test_a_small_region_of_a_long_class_is_rejected_and_a_long_one_stays_in_any_direction() -> None:
     assert kept(picture(a_print(1.5, side=0.15)), CABLE) == 0.0
     assert kept(noisy(picture(a_print(2.0, side=0.2))), CABLE) == 0.0
     assert kept(picture(a_print(1.5, side=0.15)), BOOK) == 1.0
@@ -68,7 +67,7 @@ def test_a_speck_is_none_of_a_long_thing_and_the_long_thing_is_one_whichever_way
     assert kept(noisy(picture(across)), CABLE) == kept(noisy(picture(away)), CABLE) == 1.0
 
 
-def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
+def test_a_region_that_the_border_of_the_image_cuts_may_be_long() -> None:
     frame = picture(a_print(1.5, side=0.15))
     cols = np.flatnonzero((frame.rgb == PINK).all(axis=2).any(axis=0))
     lens = dataclasses.replace(LENS, width=int(cols[len(cols) // 2]) + 1)
@@ -82,7 +81,7 @@ def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
 
 
 @pytest.mark.parametrize(
-    ("things", "share"),
+    ("objects", "share"),
     [
         ([a_print(1.5, side=0.05), a_print(2.2, side=0.06)], 0.0),
         ([a_print(1.5, side=0.2)], 1.0),
@@ -94,10 +93,10 @@ def test_what_the_border_of_the_picture_hides_of_a_thing_may_be_long() -> None:
         ),  # worn, but a line
     ],
 )
-def test_of_a_colour_too_specks_are_none_and_what_is_long_is_one_however_thin(
-    things: list[Paint], share: float
+def test_small_regions_of_a_colour_are_removed_and_long_ones_stay_however_thin(
+    objects: list[Paint], share: float
 ) -> None:
-    frame = noisy(picture(*things))
+    frame = noisy(picture(*objects))
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 4
     assert remove_small_regions(pink, frame, 0.1)[pink].mean() == share
@@ -124,7 +123,7 @@ def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> N
         assert found[beside].mean() < 1e-3
 
 
-def test_heights_are_those_of_the_things_and_missing_where_depth_is() -> None:
+def test_heights_are_those_of_the_objects_and_missing_where_depth_is() -> None:
     frame = picture(a_box(1.2, 0.4, side=0.5))
     depth = frame.depth_m.copy()
     depth[100] = 0.0
@@ -139,12 +138,12 @@ def test_heights_are_those_of_the_things_and_missing_where_depth_is() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_print_on_the_floor_is_dismissed_and_the_thing_itself_is_not(seed: int) -> None:
+def test_a_print_on_the_floor_is_rejected_and_the_object_itself_is_not(seed: int) -> None:
     assert kept(noisy(picture(a_print(0.9)), seed), CUP) == 0.0
     assert kept(noisy(picture(a_box(0.9, 0.07)), seed), CUP) == 1.0
 
 
-def test_far_away_where_depth_cannot_tell_nothing_is_dismissed() -> None:
+def test_far_away_where_depth_cannot_decide_nothing_is_rejected() -> None:
     assert kept(picture(a_print(2.6, side=0.6)), CUP) == 1.0
 
 
@@ -159,18 +158,18 @@ def test_a_print_without_enough_depth_stays(share: float) -> None:
     )
 
 
-def test_a_class_that_may_be_flat_is_never_dismissed() -> None:
+def test_a_class_that_may_be_flat_is_never_rejected() -> None:
     assert kept(picture(a_print(0.9)), BOOK) == 1.0
 
 
 def test_a_sign_that_has_fallen_over_is_still_a_sign() -> None:
-    assert kept(picture(a_box(0.9, MAX_FLAT_M + 0.01, side=0.4)), SIGN) == 1.0
+    assert kept(picture(a_box(0.9, CONFIG.max_flat_m + 0.01, side=0.4)), SIGN) == 1.0
     assert kept(picture(a_print(0.9, side=0.4)), SIGN) == 0.0
 
 
 def test_a_nod_of_the_robot_neither_makes_a_print_real_nor_a_cup_a_print() -> None:
-    for thing, share in ((a_print(0.9), 0.0), (a_box(0.9, 0.07), 1.0)):
-        frame = picture(thing)
+    for item, share in ((a_print(0.9), 0.0), (a_box(0.9, 0.07), 1.0)):
+        frame = picture(item)
         nod = np.eye(4)
         nod[:3, :3] = [[np.cos(0.02), 0, np.sin(0.02)], [0, 1, 0], [-np.sin(0.02), 0, np.cos(0.02)]]
         assert (
@@ -178,17 +177,17 @@ def test_a_nod_of_the_robot_neither_makes_a_print_real_nor_a_cup_a_print() -> No
         )
 
 
-def test_of_something_tall_the_floor_at_its_feet_is_released_and_the_rest_stays() -> None:
+def test_the_floor_at_the_foot_of_a_tall_object_is_released_and_the_rest_stays() -> None:
     frame = picture(a_box(1.2, 0.9, side=0.3), a_print(1.0, side=0.3))
     pink = (frame.rgb == PINK).all(axis=2)
     ids = np.where(pink, np.uint8(4), np.uint8(0)).astype(np.uint8)
     heights = heights_above_floor(frame)
     keep = reject_flat_regions(ids, frame, heights, BewareList(classes=(SIGN,)))
-    np.testing.assert_array_equal(keep, ~(pink & (heights < GROUND_M)))
+    np.testing.assert_array_equal(keep, ~(pink & (heights < CONFIG.ground_m)))
     assert 0.3 < keep[pink].mean() < 1.0
 
 
-def test_a_few_pixels_are_too_few_to_dismiss() -> None:
+def test_a_few_pixels_are_too_few_to_reject() -> None:
     frame = picture()
     ids: Ids = np.zeros(frame.depth_m.shape, dtype=np.uint8)
     ids[100:103, 80:83] = CUP.class_id
@@ -198,7 +197,7 @@ def test_a_few_pixels_are_too_few_to_dismiss() -> None:
 
 
 @pytest.mark.parametrize("x", [1.2, 2.0, 3.0])
-def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the_thing(
+def test_a_label_beyond_the_outline_of_an_object_on_the_floor_behind_is_trimmed(
     x: float,
 ) -> None:
     frame = picture(a_box(x, height=0.3, side=0.3))
@@ -210,13 +209,13 @@ def test_what_a_label_spills_over_a_things_edge_onto_the_floor_behind_is_not_the
     assert keep[pink].all() and keep[~labelled].all()
 
 
-def test_of_what_lies_flat_or_leads_away_nothing_spills() -> None:
-    for thing in (
+def test_a_label_of_an_object_that_lies_flat_or_leads_away_is_not_trimmed() -> None:
+    for item in (
         a_print(1.5),
         a_print(3.0, side=0.4),
         Paint(x=(1.2, 4.0), y=(0.1, 0.2), colour=PINK),
     ):
-        frame = picture(thing)
+        frame = picture(item)
         pink = (frame.rgb == PINK).all(axis=2)
         assert trim_label_bleed(
             np.where(pink, np.uint8(6), np.uint8(0)).astype(np.uint8), frame

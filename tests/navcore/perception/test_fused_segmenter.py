@@ -1,4 +1,5 @@
-"""Network and colour rules together: who wins, that no claim is lost, and what finds which class."""
+"""Network and colour rules together: which label wins, that no hypothesis is lost, and what finds
+which class."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ FRAME = picture(Paint(x=(1.0, 2.0), y=(-0.5, 0.5)))
 
 
 class Oracle:
-    """A network that says the same of every picture."""
+    """A network that labels every image the same."""
 
     def __init__(self, class_id: int, confidence: float, *names: str) -> None:
         self._said, self._names = (class_id, confidence), names
@@ -44,19 +45,19 @@ class Oracle:
             confidence=np.full(shape, confidence, np.float32),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK if entry.name in self._names else LabelSource.NOTHING
 
 
 def painted_part(labels: Labels) -> tuple[set[int], set[int]]:
-    """Class ids on the red paint and beside it."""
+    """Return the class ids on the red paint and beside it."""
     red = (FRAME.rgb == RED).all(axis=2)
     return set(np.unique(labels.class_ids[red]).tolist()), set(
         np.unique(labels.class_ids[~red]).tolist()
     )
 
 
-def test_the_network_wins_where_it_is_sure_and_the_paint_where_it_is_not() -> None:
+def test_the_network_wins_where_it_is_confident_and_the_paint_where_it_is_not() -> None:
     assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, LIST)) == ({2}, {2})
     assert painted_part(FusedSegmenter(Oracle(2, 0.4, "book")).segment(FRAME, LIST)) == ({1}, {2})
     off = LIST.edited("book", enabled=False)
@@ -71,7 +72,7 @@ def test_both_may_find_the_same_class_and_the_rule_is_certain_of_it() -> None:
     assert (labels.confidence[~red] == np.float32(0.6)).all()
 
 
-def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them() -> None:
+def test_both_hypotheses_of_a_pixel_go_onto_the_map_enabled_or_not() -> None:
     red = (FRAME.rgb == RED).all(axis=2)
     for beware in (
         LIST,
@@ -89,7 +90,7 @@ def test_both_claims_on_a_pixel_go_onto_the_map_whatever_the_list_thinks_of_them
 
 
 class Shown(Oracle):
-    """A network that says it of what has one of some colours, and nothing of all else."""
+    """A network that labels the pixels of some colours only."""
 
     def __init__(
         self, class_id: int, confidence: float, name: str, *colours: tuple[int, int, int]
@@ -106,26 +107,25 @@ class Shown(Oracle):
 
 
 BLUE = (20, 40, 200)
-SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
-WITH_PEOPLE = BewareList(classes=(*LIST.classes, SOMEBODY))
+PERSON_CLASS = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
+WITH_PEOPLE = BewareList(classes=(*LIST.classes, PERSON_CLASS))
 
 
-def test_somebodys_red_shoes_are_no_red_floor() -> None:
+def test_the_red_shoes_of_a_person_are_no_red_floor() -> None:
     shoes = Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 0.08), colour=RED)
     frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
     for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
         labels = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
         assert not any(
-            (claim.class_ids == RED_FLOOR.class_id).any()
-            for claim in (labels, *labels.all_hypotheses)
+            (one.class_ids == RED_FLOOR.class_id).any() for one in (labels, *labels.all_hypotheses)
         )
         unsure = (
             FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).all_hypotheses
         )
-        assert any((claim.class_ids == RED_FLOOR.class_id).any() for claim in unsure)
+        assert any((one.class_ids == RED_FLOOR.class_id).any() for one in unsure)
 
 
-def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_a_part_of_him() -> (
+def test_red_floor_before_a_person_stays_red_floor_where_a_network_labels_it_as_the_person() -> (
     None
 ):
     frame = picture(
@@ -140,7 +140,7 @@ def test_red_floor_before_somebody_stays_red_floor_where_a_network_takes_it_for_
 
 
 @pytest.mark.parametrize("changes", [{}, {"enabled": False}, {"min_confidence": 0.8}])
-def test_red_floor_stays_red_floor_even_where_a_network_takes_it_for_somebody(
+def test_red_floor_stays_red_floor_even_where_a_network_labels_it_as_a_person(
     changes: dict[str, object],
 ) -> None:
     beware = WITH_PEOPLE.edited(PERSON, **changes)
@@ -158,7 +158,7 @@ def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:
     for segmenter in (ColourSegmenter(), FusedSegmenter(Oracle(0, 1.0))):
         both = segmenter.segment(FRAME, beware)
         assert painted_part(both)[0] == {4}
-        assert {tuple(np.unique(claim.class_ids)) for claim in both.all_hypotheses} >= {
+        assert {tuple(np.unique(one.class_ids)) for one in both.all_hypotheses} >= {
             (0, 4),
             (0, 1),
         }
@@ -183,14 +183,14 @@ def test_no_pixel_that_binds_the_robot_by_one_of_them_is_free_by_both(
         class_ids=rng.integers(0, 4, (20, 30), dtype=np.uint8),
         confidence=rng.random((20, 30), dtype=np.float32),
     )
-    by_colour: npt.NDArray[np.uint8] = rng.choice([0, 0, 1, 3], (20, 30)).astype(np.uint8)
-    colour = Labels(class_ids=by_colour, confidence=np.ones((20, 30), dtype=np.float32))
-    both = fuse(seen, by_colour, beware)
+    coloured: npt.NDArray[np.uint8] = rng.choice([0, 0, 1, 3], (20, 30)).astype(np.uint8)
+    colour = Labels(class_ids=coloured, confidence=np.ones((20, 30), dtype=np.float32))
+    both = fuse(seen, coloured, beware)
     np.testing.assert_array_equal(both.mask(beware), seen.mask(beware) | colour.mask(beware))
-    assert (both.class_ids[(seen.class_ids != NOTHING) | (by_colour != NOTHING)] != NOTHING).all()
+    assert (both.class_ids[(seen.class_ids != NOTHING) | (coloured != NOTHING)] != NOTHING).all()
 
 
-def test_the_mask_is_the_union_of_the_enabled_classes_that_are_sure_enough() -> None:
+def test_the_mask_is_the_union_of_the_enabled_classes_with_enough_confidence() -> None:
     labels = Labels(
         class_ids=np.array([[0, 1, 2, 2, 3]], np.uint8),
         confidence=np.array([[1, 0.5, 0.49, 0.5, 1]], np.float32),
@@ -215,7 +215,7 @@ def test_a_rule_holds_only_up_to_its_height() -> None:
     assert 0 < found.mean() < 0.3
 
 
-def test_a_flat_print_of_a_thing_with_height_is_left_to_the_colour_rules() -> None:
+def test_a_flat_print_of_a_tall_object_is_left_to_the_colour_rules() -> None:
     tall = LIST.edited("book", min_height_m=0.1)
     red = (FRAME.rgb == RED).all(axis=2)
 
@@ -230,17 +230,17 @@ def test_a_flat_print_of_a_thing_with_height_is_left_to_the_colour_rules() -> No
     assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, LIST)) == ({2}, {0})
 
 
-def test_it_is_said_what_finds_a_class_and_that_nothing_does() -> None:
+def test_the_source_of_a_class_is_stated_also_when_there_is_none() -> None:
     both = FusedSegmenter(Oracle(0, 1.0, "red floor", "cup"))
     snake = BewareClass(name="snake", class_id=9)
-    assert [both.finds(entry) for entry in (RED_FLOOR, CUP, BOOK, snake)] == [
+    assert [both.source_of(entry) for entry in (RED_FLOOR, CUP, BOOK, snake)] == [
         LabelSource.BOTH,
         LabelSource.NETWORK,
         LabelSource.NOTHING,
         LabelSource.NOTHING,
     ]
-    assert FusedSegmenter(Oracle(0, 1.0)).finds(CUP) is LabelSource.COLOUR
-    assert [ColourSegmenter().finds(entry) for entry in (CUP, BOOK)] == [
+    assert FusedSegmenter(Oracle(0, 1.0)).source_of(CUP) is LabelSource.COLOUR
+    assert [ColourSegmenter().source_of(entry) for entry in (CUP, BOOK)] == [
         LabelSource.COLOUR,
         LabelSource.NOTHING,
     ]

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from navcore.config.perception import ObservationConfig
+from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mapping.observation import observe
 from navcore.mission.beware_list import BewareList
@@ -30,13 +31,10 @@ FAR_M = 12.0
 
 
 def seen(surface: Surface) -> Frame:
-    """What the camera sees of a surface z(x, y) in the robot's plane: the first place where a ray
-    is below it."""
+    """Return the frame of a surface z(x, y) in the robot's plane: the depth is that of the first
+    point of a ray below it."""
     rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
-    optical = np.stack(
-        [(cols - LENS.cx) / LENS.fx, (rows - LENS.cy) / LENS.fy, np.ones(rows.shape)], axis=-1
-    )
-    rays, eye = optical @ MOUNT[:3, :3].T, MOUNT[:3, 3]
+    rays, eye = pixel_rays(rows, cols, LENS) @ MOUNT[:3, :3].T, MOUNT[:3, 3]
 
     def above(depth: Floats) -> Floats:
         at = eye + rays * depth[..., None]
@@ -63,7 +61,7 @@ def seen(surface: Surface) -> Frame:
 
 
 def obstacles(frame: Frame, *, terrain: bool = True) -> Floats:
-    """(N, 2) where the map would have an obstacle or a drop."""
+    """Return (N, 2) positions where the map would have an obstacle or a drop."""
     labels = ColourSegmenter().segment(frame, NOTHING)
     ground = ground_heights(frame, RULES.max_slope) if terrain else None
     return observe(frame, labels, NOTHING, SPEC, RULES, ground).points_map[:, :2].astype(np.float64)
@@ -73,8 +71,12 @@ def ramp(slope: float, from_m: float = 1.2) -> Surface:
     return lambda x, y: slope * np.maximum(x - from_m, 0.0)
 
 
+def step_at(lip_m: float, height_m: float) -> Surface:
+    return lambda x, y: np.where(x > lip_m, height_m, 0.0)
+
+
 def hills(x: Floats, y: Floats) -> Floats:
-    """Ground that leaves the robot's plane by more than 10 cm within sight."""
+    """Ground that leaves the robot's plane by more than 10 cm in view."""
     return np.asarray(
         0.18 * (1 - np.cos(2 * math.pi * x / 12.0))
         + 0.08 * np.sin(2 * math.pi * y / 9.0) * np.minimum(x, 1.0)
@@ -91,7 +93,7 @@ def test_a_slope_that_the_robot_can_drive_is_ground_and_no_obstacle(surface: Sur
 
 
 @pytest.mark.parametrize("surface", [ramp(0.12), ramp(-0.12), hills])
-def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground(
+def test_an_object_on_a_slope_is_an_obstacle_by_its_height_above_the_ground(
     surface: Surface,
 ) -> None:
     def with_box(height_m: float) -> Surface:
@@ -110,7 +112,7 @@ def test_what_stands_on_a_slope_is_an_obstacle_as_high_as_it_is_above_the_ground
 @pytest.mark.parametrize("lip_m", [1.5, 2.0])
 def test_a_step_up_and_a_step_down_are_no_slopes(lip_m: float) -> None:
     for step_m in (0.17, -0.17, -0.35):
-        frame = seen(lambda x, y, step_m=step_m: np.where(x > lip_m, step_m, 0.0))  # type: ignore[misc]
+        frame = seen(step_at(lip_m, step_m))
         found = obstacles(frame)
         assert len(found) > 20
         assert found[:, 0].min() > lip_m - 0.1
@@ -122,15 +124,15 @@ def test_a_steep_slope_is_an_obstacle_from_where_it_is_as_high_as_one() -> None:
     assert 1.6 < found[:, 0].min() < 2.0
 
 
-def test_flat_ground_is_exactly_the_robots_plane_whatever_stands_on_it() -> None:
+def test_flat_ground_is_exactly_the_robots_plane_with_any_objects_on_it() -> None:
     """So that nothing changes indoors, to the last bit."""
-    things = (
+    objects = (
         Box(x=(1.8, 2.6), y=(-0.9, 0.2), z=(0.70, 0.75)),  # a table top, with floor below it
         Box(x=(2.4, 2.9), y=(0.6, 1.4), z=(0.0, 0.5)),
         Box(x=(1.2, 1.5), y=(0.1, 0.4), z=(0.0, 0.05)),  # a book
         Box(x=(3.6, 3.7), y=(-4.0, 4.0), z=(0.0, 2.4)),
     )
-    frame = picture(*things)
+    frame = picture(*objects)
     assert not ground_heights(frame, RULES.max_slope).any()
     np.testing.assert_array_equal(obstacles(frame), obstacles(frame, terrain=False))
     assert not ground_heights(seen(ramp(0.12)), 0.0).any()  # and a slope of 0 asks for just that
@@ -151,13 +153,13 @@ def test_noise_of_the_depth_makes_no_hills() -> None:
     assert np.abs(ground_heights(noisy, RULES.max_slope)).max() < 0.02
 
 
-def test_a_depth_picture_of_rubbish_gives_finite_heights() -> None:
+def test_a_depth_image_of_random_values_gives_finite_heights() -> None:
     rng = np.random.default_rng(1)
     frame = picture()
     depth = rng.choice(
         np.array([np.nan, np.inf, -1.0, 0.0, 1e30, 0.3, 4.0], dtype=np.float32), frame.depth_m.shape
     )
-    rubbish = Frame(
+    random_frame = Frame(
         stamp_ns=0,
         rgb=frame.rgb,
         depth_m=depth,
@@ -166,7 +168,7 @@ def test_a_depth_picture_of_rubbish_gives_finite_heights() -> None:
         pose=ORIGIN,
         twist=STANDSTILL,
     )
-    assert np.isfinite(ground_heights(rubbish, RULES.max_slope)).all()
+    assert np.isfinite(ground_heights(random_frame, RULES.max_slope)).all()
 
 
 def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_seen() -> None:
@@ -184,7 +186,7 @@ def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_s
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])
-def test_what_is_painted_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_thing_on_it_is_not(
+def test_paint_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_object_on_it_is_not(
     slope: float,
 ) -> None:
     frame = seen(ramp(slope))

@@ -1,5 +1,5 @@
-"""The foot of something higher is no low thing of the list; what stands beside it, or on it, still
-is one."""
+"""The base of a taller object is no low object of the list; an object beside it, or on it, stays
+one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource
-from navcore.perception.overhang_filter import overhung
+from navcore.perception.overhang_filter import overhung_regions
 from navcore.robot.frame import Frame
 from tests.navcore.perception.test_depth_filter import PINK, noisy
 from tests.navcore.scene import RED, RED_ID, RED_LIST, SPEC, Box, Paint, picture
@@ -37,29 +37,29 @@ class SeesMines:
             confidence=np.full(pink.shape, 0.95, np.float32),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
 
 
 def judged(
     frame: Frame, entry: BewareClass = MINE
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """(N,) which of the pink pixels are dismissed, and which are in doubt, when a network calls all
-    of them `entry`."""
+    """Return (N,) which of the pink pixels are rejected, and which are undecided, when a network
+    labels all of them `entry`."""
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
-    dismissed, doubtful = overhung(
+    rejected, undecided = overhung_regions(
         ids, frame, heights_above_floor(frame), BewareList(classes=(entry,))
     )
-    assert not dismissed[~pink].any() and not doubtful[~pink].any()
-    return dismissed[pink], doubtful[pink]
+    assert not rejected[~pink].any() and not undecided[~pink].any()
+    return rejected[pink], undecided[pink]
 
 
 def kept(frame: Frame, entry: BewareClass = MINE) -> bool:
-    """Whether no pink pixel is dismissed, nor in doubt."""
-    dismissed, doubtful = judged(frame, entry)
-    return not dismissed.any() and not doubtful.any()
+    """Return whether no pink pixel is rejected or undecided."""
+    rejected, undecided = judged(frame, entry)
+    return not rejected.any() and not undecided.any()
 
 
 def chair(x: float) -> tuple[Box, ...]:
@@ -80,29 +80,29 @@ def test_the_foot_of_a_chair_is_no_landmine(x: float) -> None:
 
 
 @pytest.mark.parametrize("x", [3.0, 3.4, 4.0])
-def test_from_where_depth_scatters_more_than_a_hand_it_is_in_doubt_and_nothing_is_dismissed(
+def test_far_away_where_depth_scatters_the_foot_is_undecided_and_nothing_is_rejected(
     x: float,
 ) -> None:
     for frame in (picture(*chair(x)), noisy(picture(*chair(x)))):
-        dismissed, doubtful = judged(frame)
-        assert not dismissed.any()
-        assert doubtful.all()
+        rejected, undecided = judged(frame)
+        assert not rejected.any()
+        assert undecided.all()
 
 
 @pytest.mark.parametrize("x", [3.0, 3.6])
-def test_from_there_what_nothing_tall_is_near_to_is_in_no_doubt(x: float) -> None:
+def test_far_away_an_object_without_a_tall_one_nearby_is_decided(x: float) -> None:
     wall = Box(x=(x + 0.9, x + 1.0), y=(-3.0, 3.0), z=(0.0, 1.2))
     assert kept(picture(mine(x))) and kept(noisy(picture(mine(x)), seed=1))
     assert kept(picture(mine(x), wall)) and kept(noisy(picture(mine(x), wall), seed=1))
 
 
-def test_what_is_in_doubt_binds_nobody_who_asks_for_a_half() -> None:
+def test_an_undecided_label_is_below_a_confidence_of_one_half() -> None:
     beware, frame = BewareList(classes=(MINE,)), picture(*chair(3.0))
     assert not FusedSegmenter(SeesMines()).segment(frame, beware).mask(beware).any()
     assert FusedSegmenter(SeesMines()).segment(picture(mine(3.0)), beware).mask(beware).any()
 
 
-def test_what_is_in_doubt_is_on_the_map_when_it_was_seen_from_nearer() -> None:
+def test_an_undecided_object_is_on_the_map_once_it_was_seen_from_nearer() -> None:
     beware, rules = BewareList(classes=(MINE,)), ObservationConfig()
 
     def bound(*frames: Frame) -> bool:
@@ -120,38 +120,38 @@ def test_what_is_in_doubt_is_on_the_map_when_it_was_seen_from_nearer() -> None:
     assert judged(far)[1].all() and kept(near)
     assert not bound(far, far, far)
     assert bound(far, near)
-    assert bound(near, *[far] * 40), "what was found from near is not lost when it is in doubt"
+    assert bound(near, *[far] * 40), "what was found from near is not lost when it is undecided"
     assert not bound(*[picture(*chair(3.2))] * 5, picture(*chair(3.2), pose=at(1.6)))
 
 
-def test_a_thing_that_may_be_as_high_as_any_is_one_under_a_chair_too() -> None:
+def test_an_object_without_a_greatest_height_stays_under_a_chair_too() -> None:
     assert kept(picture(*chair(1.6)), ANY)
 
 
 @pytest.mark.parametrize("x", [1.0, 1.8, 3.0])
-def test_what_stands_by_itself_stays_and_so_does_what_stands_beside_something_high(
+def test_a_low_object_stays_by_itself_and_beside_a_tall_one(
     x: float,
 ) -> None:
     wall = Box(x=(x + 0.36, x + 0.5), y=(-2.0, 2.0), z=(0.0, 1.2))
     post = Box(x=(x + 0.1, x + 0.2), y=(0.2, 0.3), z=(0.0, 1.2))
     for beside in ((), (wall,), (post,)):
         for frame in (picture(mine(x), *beside), noisy(picture(mine(x), *beside), seed=1)):
-            dismissed, doubtful = judged(frame)
-            assert not dismissed.any()
-            assert not doubtful.any() or (x == 3.0 and beside), "only from afar, and not by itself"
+            rejected, undecided = judged(frame)
+            assert not rejected.any()
+            assert not undecided.any() or (x == 3.0 and beside), "only from afar, and not by itself"
 
 
-def test_what_lies_on_something_stays_and_a_flat_marking_by_itself_does() -> None:
+def test_an_object_on_another_stays_and_so_does_a_flat_marking() -> None:
     assert kept(picture(Box(x=(1.4, 2.2), y=(-0.5, 0.5), z=(0.0, 0.4)), mine(1.6, 0.4)))
     assert kept(picture(Paint(x=(1.4, 1.7), y=(-0.15, 0.15), colour=PINK)))
 
 
-def test_what_hangs_above_the_robot_says_nothing_about_what_lies_below() -> None:
+def test_an_object_above_the_robot_does_not_count() -> None:
     lamp = Box(x=(1.2, 2.4), y=(-0.6, 0.6), z=(1.7, 1.8))
     assert kept(picture(mine(1.6), lamp))
 
 
-def test_nothing_measured_is_nothing_dismissed() -> None:
+def test_without_depth_nothing_is_rejected() -> None:
     frame = picture(*chair(1.6))
     blind = np.zeros_like(frame.depth_m)
     blind.flags.writeable = False
@@ -161,11 +161,13 @@ def test_nothing_measured_is_nothing_dismissed() -> None:
     )
     assert not any(
         found.any()
-        for found in overhung(ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,)))
+        for found in overhung_regions(
+            ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,))
+        )
     )
 
 
-def test_the_list_that_is_shipped_knows_how_high_its_low_things_are() -> None:
+def test_the_shipped_list_states_the_height_of_its_low_objects() -> None:
     heights = {
         entry.name: entry.max_height_m
         for entry in default_beware_list().classes
@@ -174,9 +176,9 @@ def test_the_list_that_is_shipped_knows_how_high_its_low_things_are() -> None:
     assert heights == {"bottle": 0.4, "box": 0.45, "landmine": 0.25}
 
 
-def red(*things: Box | Paint, seed: int | None = None) -> npt.NDArray[np.bool_]:
-    """(H, W) what the colour rule takes for red floor."""
-    frame = picture(*things) if seed is None else noisy(picture(*things), seed)
+def red(*objects: Box | Paint, seed: int | None = None) -> npt.NDArray[np.bool_]:
+    """Return the (H, W) pixels that the colour rule labels as red floor."""
+    frame = picture(*objects) if seed is None else noisy(picture(*objects), seed)
     found: npt.NDArray[np.bool_] = ColourSegmenter().segment(frame, RED_LIST).class_ids == RED_ID
     return found
 
@@ -212,10 +214,8 @@ def test_red_floor_that_leads_up_to_a_red_cupboard_stays_whole(x: float) -> None
         ),
     ],
 )
-def test_a_narrow_marking_that_leads_up_to_something_wide_and_red_stays(
-    tape: Paint, wall: Box
-) -> None:
-    """Most of what is red and low is then the wall's own foot."""
+def test_a_narrow_marking_that_leads_up_to_a_wide_red_object_stays(tape: Paint, wall: Box) -> None:
+    """Most of the low red pixels are then those of the foot of the wall."""
     grey = Box(x=wall.x, y=wall.y, z=wall.z)
     for seed in range(5):
         alone = red(tape, grey, seed=seed)
@@ -237,9 +237,8 @@ def test_red_floor_around_a_red_post_and_one_beside_a_red_cupboard_stay_whole() 
     assert (red(beside, cupboard(2.0)) | ~red(beside)).all()
 
 
-def test_what_is_red_and_no_higher_than_a_kerb_is_no_foot() -> None:
-    """Depth errs by as much: only what is an obstacle for certain may speak against the operator's
-    rule."""
+def test_a_red_object_no_higher_than_a_kerb_makes_no_base() -> None:
+    """The depth error is as large: only a certain obstacle may overrule the operator's rule."""
     assert red(
         Paint(x=(1.5, 1.6), y=(-0.4, 0.4)),
         Box(x=(1.6, 1.9), y=(-0.4, 0.4), z=(0.0, 0.12), colour=RED),

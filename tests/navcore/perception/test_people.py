@@ -1,5 +1,5 @@
-"""People are followed as they walk; nothing that stands still is a person, however the robot moves;
-who left is on no map."""
+"""People are tracked as they walk; nothing that stands still is a person, however the robot moves;
+a person who left is not on the map."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import layer_grid
+from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
@@ -35,8 +36,8 @@ FURNITURE = (
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
 
 
-def somebody(x_m: float, y_m: float) -> Box:
-    """As broad as a person, with the middle there."""
+def person_at(x_m: float, y_m: float) -> Box:
+    """Return a box as broad as a person, with the middle at a position."""
     return Box(x=(x_m - 0.12, x_m + 0.12), y=(y_m - 0.2, y_m + 0.2), z=(0.0, 1.75))
 
 
@@ -48,14 +49,12 @@ def unlabelled(frame: Frame) -> Labels:
 
 
 class SeesPeople:
-    """A network that takes what stands before it, up to 3 m away and no board, for people."""
+    """A network that labels everything up to 3 m ahead, except a board, as a person."""
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         camera, lens = frame.T_map_camera, frame.intrinsics
         rows, cols = np.mgrid[0 : lens.height, 0 : lens.width]
-        optical = np.stack(
-            [(cols - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(rows.shape)], axis=-1
-        )
+        optical = pixel_rays(rows, cols, lens)
         points = optical * frame.depth_m[..., None] @ camera[:3, :3].T + camera[:3, 3]
         theirs = (
             (frame.depth_m > 0)
@@ -68,7 +67,7 @@ class SeesPeople:
             confidence=np.full(theirs.shape, 0.95, np.float32),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
 
 
@@ -81,14 +80,14 @@ def walk(
     start: tuple[float, float],
     velocity: tuple[float, float],
     frames: int,
-    *things: Box,
+    *objects: Box,
 ) -> list[tuple[Track, ...]]:
-    """What is followed while somebody walks before a standing robot, ten pictures a second."""
+    """Return the tracks while a person walks before a standing robot, at ten images a second."""
     (x, y), (vx, vy) = start, velocity
     return [
         follow(
             tracker,
-            picture(*things, somebody(x + vx * k / 10, y + vy * k / 10), stamp_ns=k * TENTH_NS),
+            picture(*objects, person_at(x + vx * k / 10, y + vy * k / 10), stamp_ns=k * TENTH_NS),
         )
         for k in range(frames)
     ]
@@ -97,7 +96,9 @@ def walk(
 @pytest.mark.parametrize(
     "velocity", [(0.0, 0.5), (0.0, -0.8), (-0.6, 0.6), (-0.8, 0.0), (0.0, 1.6), (0.3, -1.0)]
 )
-def test_a_straight_walkers_place_and_velocity_are_found(velocity: tuple[float, float]) -> None:
+def test_position_and_velocity_of_a_person_who_walks_straight_are_estimated(
+    velocity: tuple[float, float],
+) -> None:
     frames = 14
     start = (2.6 - 0.7 * velocity[0], -0.65 * velocity[1])
     (track,) = walk(PeopleTracker(), start, velocity, frames)[-1]
@@ -107,7 +108,7 @@ def test_a_straight_walkers_place_and_velocity_are_found(velocity: tuple[float, 
     assert math.dist((track.x_m, track.y_m), end) < 0.15
 
 
-def test_a_walker_keeps_his_number_and_is_noticed_within_half_a_second_among_furniture() -> None:
+def test_a_walking_person_is_noticed_within_half_a_second_and_keeps_the_number() -> None:
     seen = walk(PeopleTracker(), (2.4, -0.8), (0.0, 0.8), 20, *FURNITURE[:2])
     first = next(k for k, tracks in enumerate(seen) if tracks)
     assert first <= 6
@@ -122,15 +123,15 @@ def test_nothing_that_stands_still_is_a_person_while_the_robot_stands_turns_or_d
             pose = pose @ Pose2(x_m=vx / 10, y_m=0.0, yaw_rad=w / 10)
 
 
-def test_the_same_pictures_give_the_same_tracks() -> None:
+def test_the_same_images_give_the_same_tracks() -> None:
     runs = [walk(PeopleTracker(), (2.4, -0.8), (0.0, 0.8), 12, *FURNITURE) for _ in range(2)]
     assert runs[0] == runs[1]
 
 
-def test_somebody_whom_the_segmenter_recognises_is_a_person_though_he_stands() -> None:
+def test_a_labelled_person_is_tracked_while_standing() -> None:
     tracker, tracks = PeopleTracker(), tuple[Track, ...]()
     for k in range(3):
-        frame = picture(somebody(2.0, 0.3), stamp_ns=k * TENTH_NS)
+        frame = picture(person_at(2.0, 0.3), stamp_ns=k * TENTH_NS)
         shown = (frame.depth_m > 1.2) & (frame.depth_m < 2.2)
         labels = Labels(
             class_ids=np.where(shown, 11, 0).astype(np.uint8),
@@ -142,21 +143,21 @@ def test_somebody_whom_the_segmenter_recognises_is_a_person_though_he_stands() -
     assert tracks[0].speed_mps == 0.0
 
 
-def test_who_stops_has_no_velocity_a_while_later_and_walks_on_as_himself() -> None:
+def test_a_person_who_stops_has_no_velocity_later_and_walks_on_with_the_same_number() -> None:
     tracker = PeopleTracker()
     number = walk(tracker, (2.4, -0.8), (0.0, 0.8), 10)[-1][0].id
     for k in range(10, 30):
-        (standing,) = follow(tracker, picture(somebody(2.4, -0.08), stamp_ns=k * TENTH_NS))
+        (standing,) = follow(tracker, picture(person_at(2.4, -0.08), stamp_ns=k * TENTH_NS))
     assert (standing.id, standing.speed_mps) == (number, 0.0)
     for k in range(30, 40):
         (walking,) = follow(
-            tracker, picture(somebody(2.4, -0.08 + (k - 29) * 0.08), stamp_ns=k * TENTH_NS)
+            tracker, picture(person_at(2.4, -0.08 + (k - 29) * 0.08), stamp_ns=k * TENTH_NS)
         )
     assert walking.id == number
     assert walking.vy_mps == pytest.approx(0.8, abs=0.15)
 
 
-def test_what_is_wider_than_a_person_is_followed_at_its_width_and_its_middle() -> None:
+def test_an_object_wider_than_a_person_is_tracked_with_its_width_and_middle() -> None:
     """A disc of half a metre's radius, in four slices."""
     tracker, tracks = PeopleTracker(), tuple[Track, ...]()
     for k in range(14):
@@ -171,68 +172,66 @@ def test_what_is_wider_than_a_person_is_followed_at_its_width_and_its_middle() -
     assert math.dist((track.x_m, track.y_m), (2.5, -0.6 + 0.08 * 13)) < 0.2
 
 
-def test_who_stops_is_known_to_be_a_walker_and_for_how_long_he_has_stood() -> None:
+def test_the_walking_speed_of_a_person_who_stops_is_kept_and_the_standing_time_counted() -> None:
     tracker = PeopleTracker()
     walking = walk(tracker, (2.4, -0.8), (0.0, 0.8), 12)[-1][0]
-    assert walking.pace_mps == pytest.approx(0.8, abs=0.2)
+    assert walking.walking_speed_mps == pytest.approx(0.8, abs=0.2)
     for k in range(12, 42):
-        (standing,) = follow(tracker, picture(somebody(2.4, 0.08), stamp_ns=k * TENTH_NS))
-    assert standing.pace_mps == pytest.approx(walking.pace_mps, abs=0.1)
+        (standing,) = follow(tracker, picture(person_at(2.4, 0.08), stamp_ns=k * TENTH_NS))
+    assert standing.walking_speed_mps == pytest.approx(walking.walking_speed_mps, abs=0.1)
     assert 2.5 < standing.stood_s < 3.5
 
 
-def test_who_stands_far_away_is_known_to_stand_though_his_place_trembles() -> None:
+def test_a_person_far_away_stands_though_the_position_is_noisy() -> None:
     rng = np.random.default_rng(0)
     one = KalmanTrack(id=1, first=at_range(3.8, 0.0), now_ns=0)
     for k in range(1, 130):
         one.predict(0.1, lost=False)
         along = min(0.08 * k, 2.0)
-        one.see(at_range(3.8 + rng.normal(0, 0.06), along + rng.normal(0, 0.06)), k * TENTH_NS)
+        one.update(at_range(3.8 + rng.normal(0, 0.06), along + rng.normal(0, 0.06)), k * TENTH_NS)
     assert one.is_person
     assert one.track(129 * TENTH_NS).stood_s > 8.0
 
 
 def at_range(x_m: float, y_m: float) -> Cluster:
-    """What could be a person, where floor was seen before."""
+    """Return a cluster that may be a person, where floor was seen before."""
     cells = np.array([[round(y_m / 0.1), round(x_m / 0.1)]])
     return Cluster(
-        x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, fresh=1.0, labelled=0.0, cells=cells
+        x_m=x_m, y_m=y_m, range_m=x_m, radius_m=0.3, on_new_floor=1.0, labelled=0.0, cells=cells
     )
 
 
-def test_who_sets_out_slowly_again_is_known_to_walk() -> None:
-    """At a pace that is hardly above the noise of the estimate: by how far he has come."""
+def test_a_person_who_starts_slowly_again_walks() -> None:
+    """The speed is hardly above the noise of the estimate: the distance covered decides."""
     tracker = PeopleTracker()
     walk(tracker, (2.0, -0.4), (0.0, 0.42), 12)
     for k in range(12, 40):
-        follow(tracker, picture(somebody(2.0, 0.06), stamp_ns=k * TENTH_NS))
+        follow(tracker, picture(person_at(2.0, 0.06), stamp_ns=k * TENTH_NS))
     for k in range(40, 52):
         (track,) = follow(
-            tracker, picture(somebody(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS)
+            tracker, picture(person_at(2.0, 0.06 - 0.042 * (k - 39)), stamp_ns=k * TENTH_NS)
         )
     assert track.vy_mps == pytest.approx(-0.42, abs=0.12)
 
 
-def test_who_is_half_beyond_the_border_of_the_picture_is_not_forgotten_for_the_floor_beside_him() -> (
-    None
-):
-    """The camera turns away from somebody who stands: what it sees of him last is his side, and
-    then the floor beside that."""
+def test_a_person_cut_by_the_border_of_the_image_is_not_given_up_for_the_floor_beside() -> None:
+    """The camera turns away from a standing person: it sees the side of the body last, and then the
+    floor beside it."""
     tracker = PeopleTracker()
     walk(tracker, (1.6, -0.6), (0.0, 0.6), 12)
-    place = (1.6, 0.06)
+    position = (1.6, 0.06)
     for k in range(12, 30):
-        follow(tracker, picture(somebody(*place), stamp_ns=k * TENTH_NS))
+        follow(tracker, picture(person_at(*position), stamp_ns=k * TENTH_NS))
     for k in range(30, 60):
         away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=-min(0.05 * (k - 30), 0.95))
-        tracks = follow(tracker, picture(somebody(*place), pose=away, stamp_ns=k * TENTH_NS))
+        tracks = follow(tracker, picture(person_at(*position), pose=away, stamp_ns=k * TENTH_NS))
     (track,) = tracks
-    assert math.dist((track.x_m, track.y_m), place) < 0.25
+    assert math.dist((track.x_m, track.y_m), position) < 0.25
 
 
-def test_who_walks_in_from_the_border_of_the_picture_is_noticed_as_soon_as_anybody() -> None:
-    """First half of him is seen, whose middle is uncertain; how far he has come is told from where
-    all of him was."""
+def test_a_person_who_enters_at_the_border_of_the_image_is_noticed_as_soon_as_others() -> None:
+    """First half of the body is in view, and its middle is uncertain; the distance covered counts
+    from where all of it was."""
     came = {}
     for start_y in (1.9, 1.0):  # at the border at 2 m, and well within the picture
         seen = walk(PeopleTracker(), (2.0, start_y), (0.0, -0.9), 20)
@@ -241,11 +240,11 @@ def test_who_walks_in_from_the_border_of_the_picture_is_noticed_as_soon_as_anybo
     assert came[1.9] <= came[1.0] + 2
 
 
-def test_who_stands_out_of_sight_takes_up_no_more_room() -> None:
+def test_the_disc_of_a_standing_person_out_of_sight_does_not_grow() -> None:
     tracker = PeopleTracker()
     walk(tracker, (2.0, -0.4), (0.0, 0.6), 12)
     for k in range(12, 60):
-        (last,) = follow(tracker, picture(somebody(2.0, 0.26), stamp_ns=k * TENTH_NS))
+        (last,) = follow(tracker, picture(person_at(2.0, 0.26), stamp_ns=k * TENTH_NS))
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
     (later,) = [
         follow(tracker, picture(pose=away, stamp_ns=(60 + k) * TENTH_NS)) for k in range(30)
@@ -253,7 +252,7 @@ def test_who_stands_out_of_sight_takes_up_no_more_room() -> None:
     assert later.radius_m == last.radius_m
 
 
-def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_forgotten() -> None:
+def test_a_walking_person_out_of_sight_is_predicted_with_a_growing_disc_until_given_up() -> None:
     tracker = PeopleTracker()
     (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
@@ -268,7 +267,7 @@ def test_out_of_sight_he_walks_on_in_thought_and_takes_up_more_room_until_he_is_
     assert tracks == ()
 
 
-def test_where_the_camera_sees_the_floor_under_his_feet_he_is_gone_at_once() -> None:
+def test_a_person_is_given_up_at_once_where_the_camera_sees_the_floor() -> None:
     tracker = PeopleTracker()
     walk(tracker, (2.0, -0.8), (0.0, 0.6), 12)
     tracks = [follow(tracker, picture(stamp_ns=(12 + k) * TENTH_NS)) for k in range(5)]
@@ -276,15 +275,15 @@ def test_where_the_camera_sees_the_floor_under_his_feet_he_is_gone_at_once() -> 
     assert tracks[-1] == ()
 
 
-def test_a_jump_of_the_clock_forgets_everybody() -> None:
+def test_a_jump_of_the_clock_gives_up_all_tracks() -> None:
     tracker = PeopleTracker()
     assert walk(tracker, (2.0, -0.8), (0.0, 0.8), 12)[-1]
-    assert follow(tracker, picture(somebody(2.0, 0.1), stamp_ns=100 * TENTH_NS)) == ()
+    assert follow(tracker, picture(person_at(2.0, 0.1), stamp_ns=100 * TENTH_NS)) == ()
 
 
-def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -> int:
-    """Cells held where somebody walked, when the camera turned away while he was still there and a
-    second has passed."""
+def occupied_after_the_person_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -> int:
+    """Return the number of occupied cells where a person walked, a second after the camera turned
+    away from the person."""
     navigator = Navigator(
         spec=SPEC,
         profile=HUSKY,
@@ -294,7 +293,7 @@ def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -
     )
     order = NavigationRequest(goal=None, beware=NO_LIST, zones=())
     for k in range(12):
-        navigator.tick(picture(somebody(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
+        navigator.tick(picture(person_at(2.2, -0.6 + 0.08 * k), stamp_ns=k * TENTH_NS), order)
     if at_the_end:
         navigator.tick(picture(*at_the_end, stamp_ns=15 * TENTH_NS), order)
     away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
@@ -304,24 +303,24 @@ def occupied_after_he_left(*, tracked: bool, at_the_end: tuple[Box, ...] = ()) -
     return int(decision.occupancy.grid.geometric[row : row + 52, left:right].sum())
 
 
-def test_somebody_who_walked_leaves_no_ghost_on_the_map_though_the_camera_looked_away() -> None:
-    assert occupied_after_he_left(tracked=True) == 0
+def test_a_person_who_walked_leaves_no_ghost_on_the_map_though_the_camera_looked_away() -> None:
+    assert occupied_after_the_person_left(tracked=True) == 0
     assert (
-        occupied_after_he_left(tracked=False) > 5
-    )  # the control: without the tracker he would stand there for ever
+        occupied_after_the_person_left(tracked=False) > 5
+    )  # the control: without the tracker the person would stay there for ever
 
 
-def test_nor_does_the_leg_that_is_all_a_picture_shows_of_him() -> None:
+def test_nor_does_a_leg_that_is_all_an_image_shows_of_the_person() -> None:
     leg = Box(x=(2.1, 2.2), y=(0.66, 0.74), z=(0.0, 0.4))
-    assert occupied_after_he_left(tracked=True, at_the_end=(leg,)) == 0
+    assert occupied_after_the_person_left(tracked=True, at_the_end=(leg,)) == 0
     beside = Box(x=(2.1, 2.2), y=(-0.84, -0.76), z=(0.0, 0.4))
-    assert occupied_after_he_left(tracked=True, at_the_end=(beside,)) > 0, (
-        "what is too far from him to be his stays"
+    assert occupied_after_the_person_left(tracked=True, at_the_end=(beside,)) > 0, (
+        "what is too far from the person stays"
     )
 
 
 @pytest.mark.parametrize("x_m", [2.3, 2.65])
-def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_the_map(
+def test_a_person_who_stays_is_an_obstacle_and_a_wall_beside_one_stays_on_the_map(
     x_m: float,
 ) -> None:
     navigator = Navigator(
@@ -334,30 +333,32 @@ def test_somebody_who_stays_is_an_obstacle_and_a_wall_beside_a_walker_stays_on_t
     held = int(layer_grid(navigator.map, NO_LIST, ()).geometric.sum())
     for k in range(25, 37):
         decision = navigator.tick(
-            picture(wall, somebody(x_m, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order
+            picture(wall, person_at(x_m, -0.8 + 0.08 * (k - 25)), stamp_ns=k * TENTH_NS), order
         )
     assert len(decision.people) == 1
     assert int(decision.occupancy.grid.geometric.sum()) > 0.9 * held
     for k in range(37, 60):
-        decision = navigator.tick(picture(wall, somebody(x_m, 0.08), stamp_ns=k * TENTH_NS), order)
+        decision = navigator.tick(picture(wall, person_at(x_m, 0.08), stamp_ns=k * TENTH_NS), order)
     (row, col) = SPEC.cell(x_m - 0.1, 0.08)
     assert decision.occupancy.grid.geometric[row - 4 : row + 4, col - 2 : col + 3].any()
 
 
-def test_before_the_first_picture_no_place_is_bare() -> None:
+def test_before_the_first_image_no_floor_is_free() -> None:
     assert not PeopleTracker().is_free_floor(np.array([[0.0, 0.0], [1.5, -0.3]])).any()
 
 
-def test_nobody_floats_but_a_board_may() -> None:
-    """Who has gone is off the map when the floor there is seen, though nothing is measured behind
-    him; a thing is not."""
+def test_people_do_not_float_but_a_board_may() -> None:
+    """A person who has gone is off the map when the floor there is seen, though nothing is measured
+    behind; another object is not."""
     board = Box(x=(2.6, 2.7), y=(0.5, 1.2), z=(0.7, 0.8))
     navigator = Navigator(
         spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
     )
     order = NavigationRequest(goal=None, beware=WITH_PEOPLE, zones=())
     for k in range(20):
-        decision = navigator.tick(picture(board, somebody(2.6, -0.2), stamp_ns=k * TENTH_NS), order)
+        decision = navigator.tick(
+            picture(board, person_at(2.6, -0.2), stamp_ns=k * TENTH_NS), order
+        )
     (row, left), (_, right) = SPEC.cell(2.4, -0.5), SPEC.cell(2.8, -0.5)
     there, floats = np.s_[row : row + 12, left:right], np.s_[row + 20 : row + 34, left:right]
     held = int(decision.occupancy.grid.geometric[floats].sum())
@@ -365,20 +366,18 @@ def test_nobody_floats_but_a_board_may() -> None:
     for k in range(20, 24):
         empty = picture(stamp_ns=k * TENTH_NS)
         decision = navigator.tick(empty, order)
-    assert (empty.depth_m[:20] == 0).all(), "no depth where his head was"
+    assert (empty.depth_m[:20] == 0).all(), "no depth where the head was"
     assert (
         decision.occupancy.grid.geometric[there].sum()
         == decision.occupancy.grid.beware[11][there].sum()
         == 0
     )
-    # What the picture does show to be gone goes; the rest of the board, before which there is no
+    # The part that the image shows to be gone goes; the rest of the board, before which there is no
     # depth, stays.
     assert 0 < decision.occupancy.grid.geometric[floats].sum() <= held
 
 
-def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_and_shows_the_floor_at_his_feet() -> (
-    None
-):
+def test_a_near_person_stays_on_the_map_though_the_image_shows_no_head_but_floor() -> None:
     navigator = Navigator(
         spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
     )
@@ -394,19 +393,17 @@ def test_who_stands_near_stays_on_the_map_though_the_picture_cuts_off_his_head_a
     rows = np.flatnonzero(
         decision.occupancy.grid.beware[11][row : row + 20, left:right].any(axis=1)
     )
-    assert rows.max() - rows.min() >= 14, "with his arms"
+    assert rows.max() - rows.min() >= 14, "with the arms"
 
 
-def test_the_mount_of_these_pictures_sees_a_person_whole_enough() -> None:
+def test_the_camera_of_these_images_sees_enough_of_a_person() -> None:
     """Control of the scene: a person before the robot covers many pixels."""
     assert MOUNT[2, 3] == pytest.approx(0.6)
-    empty, there = picture(pose=ORIGIN), picture(somebody(2.0, 0.0), pose=ORIGIN)
+    empty, there = picture(pose=ORIGIN), picture(person_at(2.0, 0.0), pose=ORIGIN)
     assert int((empty.depth_m != there.depth_m).sum()) > 1000
 
 
-def test_one_picture_that_names_a_post_a_person_makes_none_of_it_and_several_do_until_as_many_do_not() -> (
-    None
-):
+def test_a_post_is_a_person_only_while_several_images_label_it_as_one() -> None:
     post, tracker, seen = (
         Box(x=(2.0, 2.2), y=(-0.1, 0.1), z=(0.0, 1.6)),
         PeopleTracker(),

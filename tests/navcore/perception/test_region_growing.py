@@ -1,4 +1,4 @@
-"""From a click in the picture to a place on the floor, in a picture whose truth is known."""
+"""From a click in an image to an outline on the floor, in an image whose truth is known."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 from shapely.geometry import Polygon, box
 
 from navcore.errors import BadGeometry
+from navcore.geometry.camera import project
 from navcore.perception.region_growing import Region, region_at
 from tests.navcore.scene import Box, picture
 
@@ -16,11 +17,10 @@ LENS = FRAME.intrinsics
 
 
 def pixel(x: float, y: float, z: float) -> tuple[int, int]:
-    """(row, col) that shows a place of the map frame."""
+    """Return the (row, col) that shows a position of the map frame."""
     seen = np.linalg.inv(FRAME.T_map_camera) @ np.array([x, y, z, 1.0])
-    return round(LENS.cy + LENS.fy * seen[1] / seen[2]), round(
-        LENS.cx + LENS.fx * seen[0] / seen[2]
-    )
+    ((col, row),) = project(seen[None, :3], LENS)
+    return round(row), round(col)
 
 
 def region(row: int, col: int, labels: np.ndarray | None = None) -> Region:
@@ -35,7 +35,7 @@ def region(row: int, col: int, labels: np.ndarray | None = None) -> Region:
     )
 
 
-def test_a_thing_that_nobody_recognises_is_found_by_its_depth_and_stands_where_it_stands() -> None:
+def test_an_unlabelled_object_is_separated_by_its_depth_and_outlined_where_it_stands() -> None:
     found = region(*pixel(2.0, 0.0, 0.2))
     assert found.class_id == 0
     seen, front = Polygon(found.footprint), box(2.0, -0.3, 2.05, 0.3)
@@ -43,7 +43,7 @@ def test_a_thing_that_nobody_recognises_is_found_by_its_depth_and_stands_where_i
     assert box(1.9, -0.4, 2.6, 0.4).contains(seen)
 
 
-def test_what_is_recognised_is_taken_by_its_pixels_though_it_is_flat() -> None:
+def test_a_labelled_object_is_taken_by_its_pixels_though_it_is_flat() -> None:
     labels = np.zeros(FRAME.depth_m.shape, dtype=np.uint8)
     (top, left), (low, right) = pixel(1.8, 0.2, 0.0), pixel(1.5, -0.2, 0.0)
     labels[top:low, left:right] = 3
@@ -53,8 +53,8 @@ def test_what_is_recognised_is_taken_by_its_pixels_though_it_is_flat() -> None:
     assert Polygon(found.footprint).area == pytest.approx(0.3 * 0.4, rel=0.4)
 
 
-def test_bare_floor_and_places_off_the_picture_are_refused_in_words() -> None:
-    with pytest.raises(BadGeometry, match="nothing but floor"):
+def test_floor_and_pixels_outside_the_image_are_refused_with_a_reason() -> None:
+    with pytest.raises(BadGeometry, match="only floor"):
         region(*pixel(1.5, 0.0, 0.0))
-    with pytest.raises(BadGeometry, match="outside the picture"):
+    with pytest.raises(BadGeometry, match="outside the image"):
         region(-1, 0)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.grid.bitplane import PAD
-from navcore.grid.free_space import DEAD_END_AHEAD, SQUARE, VAIN_BACK, FreeSpace, look_along
+from navcore.grid.free_space import DEAD_END_AHEAD, DEAD_END_BACK, SQUARE, FreeSpace, find_dead_ends
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import Path
 from navcore.planning.planner import plan, plan_in
@@ -26,14 +26,14 @@ def bit(words: npt.NDArray[np.uint64], at: int) -> int:
 
 
 def passed(space: FreeSpace) -> Iterator[tuple[int, int, int, int]]:
-    """(row, col, west, north), in the planes, of all that diagonal walks pass without a look."""
-    lines, epoch = space.across.shape[1], int(space.across[VAIN_BACK, 0, OWNER])
+    """(row, col, west, north), in the planes, of all cells that diagonal walks pass unexamined."""
+    lines, epoch = space.across.shape[1], int(space.across[DEAD_END_BACK, 0, OWNER])
     for rising in (0, 1):
-        owners = space.sloping[2 * rising, :, OWNER].astype(np.int64)
+        owners = space.diagonal_ends[2 * rising, :, OWNER].astype(np.int64)
         for slot in np.flatnonzero((owners >> 32 == epoch) & (owners != 0)):
             line = int(owners[slot]) & 0xFFFFFFFF
             for north in (0, 1):
-                words = space.sloping[2 * rising + north, slot]
+                words = space.diagonal_ends[2 * rising + north, slot]
                 for row in range(PAD, 64 * len(words)):
                     col = line - row if rising else line - lines + row
                     if (
@@ -45,11 +45,11 @@ def passed(space: FreeSpace) -> Iterator[tuple[int, int, int, int]]:
 
 
 def assert_passed_for_good_reason(space: FreeSpace) -> int:
-    """How many cells are passed."""
+    """Number of cells that are passed."""
     fresh, count = FreeSpace.of(space.blocked()), 0
     for planes in (fresh.across, fresh.along):
         for line in range(PAD, planes.shape[1] - PAD):
-            look_along(planes, line)
+            find_dead_ends(planes, line)
     for row, col, west, north in passed(space):
         assert bit(fresh.across[DEAD_END_AHEAD + west, row], col), (
             "the walk along the row leads nowhere"
@@ -63,13 +63,13 @@ def assert_passed_for_good_reason(space: FreeSpace) -> int:
 
 
 def search_often(space: FreeSpace, generator: np.random.Generator, times: int) -> None:
-    """Search to and fro between random cells, and compare lengths with those on a space made anew."""
-    arena, blocked = SearchWorkspace(space), space.blocked()
+    """Search between random cells, and compare the lengths with those on a newly built space."""
+    workspace, blocked = SearchWorkspace(space), space.blocked()
     for _ in range(times):
         start, goal = (free_cell(generator, blocked) for _ in range(2))
         if start is None or goal is None:
             return
-        outcome, expected = plan_in(space, arena, start, goal), plan(blocked, start, goal)
+        outcome, expected = plan_in(space, workspace, start, goal), plan(blocked, start, goal)
         assert isinstance(outcome, Path) == isinstance(expected, Path)
         if isinstance(outcome, Path) and isinstance(expected, Path):
             np.testing.assert_array_equal(outcome.cells, expected.cells)
@@ -100,7 +100,7 @@ def test_diagonals_that_are_walked_often_get_known_and_stay_so_beside_a_small_ch
     assert 0.8 * known < assert_passed_for_good_reason(space) < 1.2 * known
 
 
-def test_all_is_surveyed_anew_once_many_lines_have_changed() -> None:
+def test_all_is_surveyed_again_once_many_lines_have_changed() -> None:
     generator = np.random.default_rng(6)
     space = FreeSpace.of(generator.random((200, 200)) < 0.003)
     search_often(space, generator, 1000)
@@ -110,12 +110,12 @@ def test_all_is_surveyed_anew_once_many_lines_have_changed() -> None:
     assert assert_passed_for_good_reason(space) < known / 10
 
 
-def test_diagonals_take_turns_where_there_is_no_room_for_all(
+def test_diagonals_take_turns_where_there_is_no_memory_for_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("navcore.grid.free_space.MOST_SLOPING", 1024)
+    monkeypatch.setattr("navcore.grid.free_space.MAX_DIAGONAL_WORDS", 1024)
     generator = np.random.default_rng(7)
     space = FreeSpace.of(generator.random((150, 170)) < 0.003)
-    assert space.sloping.shape[1] == 128, "of 640 diagonals of each kind"
+    assert space.diagonal_ends.shape[1] == 128, "of 640 diagonals of each kind"
     search_often(space, generator, 1000)
     assert assert_passed_for_good_reason(space) > 0

@@ -1,4 +1,4 @@
-"""The track gives way to what is too near to turn there, and to nothing else."""
+"""The path moves away from obstacles too near to turn there, and otherwise stays."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.planning import ElasticBandConfig
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.planning.elastic_band import relax
@@ -26,7 +27,7 @@ def spaced(*corners: tuple[float, float]) -> Points:
     return np.column_stack([np.interp(stations, along, ends[:, axis]) for axis in (0, 1)])
 
 
-def room_without(*boxes: tuple[float, float, float, float]) -> npt.NDArray[np.bool_]:
+def free_without(*boxes: tuple[float, float, float, float]) -> npt.NDArray[np.bool_]:
     """Free cells but for boxes (x from, x to, y from, y to), metres."""
     x, y = SPEC.centres(np.argwhere(np.ones((SPEC.rows, SPEC.cols)))).T
     free = np.ones(len(x), dtype=np.bool_)
@@ -35,8 +36,9 @@ def room_without(*boxes: tuple[float, float, float, float]) -> npt.NDArray[np.bo
     return free.reshape(SPEC.rows, SPEC.cols)
 
 
-def easing(track: Points, free: npt.NDArray[np.bool_], stretch_m: float = 8.0) -> Points:
-    return relax(track, CellMask.of(free).plane, SPEC, stretch_m=stretch_m, wanted_m=WANTED_M)
+def relaxed(track: Points, free: npt.NDArray[np.bool_], stretch_m: float = 8.0) -> Points:
+    config = ElasticBandConfig(stretch_m=stretch_m)
+    return relax(track, CellMask.of(free).plane, SPEC, wanted_m=WANTED_M, config=config)
 
 
 def clearance_m(points: Points, free: npt.NDArray[np.bool_]) -> Points:
@@ -47,28 +49,28 @@ def clearance_m(points: Points, free: npt.NDArray[np.bool_]) -> Points:
 def test_in_the_open_the_track_stays_as_it_is() -> None:
     track = spaced((-3.0, -1.0), (2.0, 1.0), (3.0, 3.0))
     np.testing.assert_allclose(
-        easing(spaced((-3.0, 1.0), (3.0, 2.0)), room_without()), spaced((-3.0, 1.0), (3.0, 2.0))
+        relaxed(spaced((-3.0, 1.0), (3.0, 2.0)), free_without()), spaced((-3.0, 1.0), (3.0, 2.0))
     )
     assert (
-        np.abs(easing(track, room_without()) - track).max() < 0.3
+        np.abs(relaxed(track, free_without()) - track).max() < 0.3
     )  # but for its corner, which it cuts a little
 
 
-def test_round_a_corner_it_keeps_the_room_that_is_wanted() -> None:
-    free = room_without((-4.0, 0.0, -4.0, 0.0))
+def test_round_a_corner_it_keeps_the_clearance_that_is_wanted() -> None:
+    free = free_without((-4.0, 0.0, -4.0, 0.0))
     track = spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0))
-    moved = easing(track, free)
+    moved = relaxed(track, free)
     assert clearance_m(track[5:-5], free).min() < 0.1
     assert clearance_m(moved[12:-12], free).min() > 0.8 * WANTED_M
     np.testing.assert_allclose(moved[[0, -1]], track[[0, -1]])
 
 
-def test_through_a_door_it_goes_by_the_middle_and_squarely() -> None:
+def test_it_passes_a_door_at_its_middle_and_at_a_right_angle() -> None:
     """The wall runs along y with a gap of 30 cm; the path on the grid passes by one post,
     slantwise, and turns off at once."""
-    free = room_without((-0.1, 0.1, -4.0, -0.15), (-0.1, 0.1, 0.15, 4.0))
+    free = free_without((-0.1, 0.1, -4.0, -0.15), (-0.1, 0.1, 0.15, 4.0))
     track = spaced((-2.0, -0.6), (-0.13, -0.12), (0.13, -0.12), (0.14, -2.0))
-    moved = easing(track, free)
+    moved = relaxed(track, free)
     within = moved[np.abs(moved[:, 0]) < 0.1]
     assert np.abs(within[:, 1]).max() < 0.04
     along_the_wall = moved[(moved[:, 1] < -0.8) & (moved[:, 1] > -1.7)]
@@ -76,9 +78,9 @@ def test_through_a_door_it_goes_by_the_middle_and_squarely() -> None:
 
 
 @pytest.mark.parametrize("stretch_m", [0.0, 0.05, 2.0])
-def test_what_lies_beyond_the_stretch_stays(stretch_m: float) -> None:
-    free, track = room_without((-4.0, 4.0, -4.0, 0.0)), spaced((-3.0, 0.05), (3.0, 0.05))
-    moved = easing(track, free, stretch_m=stretch_m)
+def test_the_path_beyond_the_stretch_stays(stretch_m: float) -> None:
+    free, track = free_without((-4.0, 4.0, -4.0, 0.0)), spaced((-3.0, 0.05), (3.0, 0.05))
+    moved = relaxed(track, free, stretch_m=stretch_m)
     beyond = track[:, 0] > -3.0 + stretch_m + 0.1
     np.testing.assert_array_equal(moved[beyond], track[beyond])
     assert len(moved) == len(track)
@@ -86,13 +88,13 @@ def test_what_lies_beyond_the_stretch_stays(stretch_m: float) -> None:
 
 
 @pytest.mark.parametrize("wanted_m", [0.0, -0.6])
-def test_where_no_more_room_is_wanted_it_stays(wanted_m: float) -> None:
+def test_where_no_more_clearance_is_wanted_it_stays(wanted_m: float) -> None:
     free, track = (
-        room_without((-4.0, 0.0, -4.0, 0.0)),
+        free_without((-4.0, 0.0, -4.0, 0.0)),
         spaced((-3.0, 0.06), (0.04, 0.06), (0.06, -3.0)),
     )
     np.testing.assert_array_equal(
-        relax(track, CellMask.of(free).plane, SPEC, stretch_m=8.0, wanted_m=wanted_m), track
+        relax(track, CellMask.of(free).plane, SPEC, wanted_m=wanted_m), track
     )
 
 
@@ -109,14 +111,14 @@ def test_it_never_leaves_the_free_cells(seed: int) -> None:
     track = spaced(*map(tuple, corners))
     cells = np.floor((track - (SPEC.origin_x_m, SPEC.origin_y_m)) / SPEC.resolution_m).astype(int)
     free[cells[:, 1], cells[:, 0]] = True
-    moved = easing(track, free)
+    moved = relaxed(track, free)
     at = np.floor((moved - (SPEC.origin_x_m, SPEC.origin_y_m)) / SPEC.resolution_m).astype(int)
     assert free[at[:, 1], at[:, 0]].all()
-    np.testing.assert_array_equal(moved, easing(track, free))
+    np.testing.assert_array_equal(moved, relaxed(track, free))
 
 
 def test_a_robot_that_stands_where_no_path_may_be_is_led_out() -> None:
-    free, track = room_without((-4.0, 0.0, -4.0, 0.4)), spaced((-1.0, 0.0), (-1.0, 0.5), (3.0, 0.5))
-    moved = easing(track, free)
+    free, track = free_without((-4.0, 0.0, -4.0, 0.4)), spaced((-1.0, 0.0), (-1.0, 0.5), (3.0, 0.5))
+    moved = relaxed(track, free)
     np.testing.assert_array_equal(moved[0], track[0])
     assert clearance_m(moved[20:-12], free).min() > 0.5 * WANTED_M

@@ -1,4 +1,4 @@
-"""The way out of an area: shortest by brute force, never through what is closed."""
+"""The escape path out of an area: shortest by brute force, never through closed cells."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.planning import EscapeConfig, PlanningConfig
 from navcore.control.motion import ControllerState
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
-from navcore.mission.zone import Zone, cells_of
-from navcore.planning.escape import escape_path, way_out
+from navcore.mission.zone import Zone, zone_masks
+from navcore.planning.escape import escape_path, nearest_exit
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.profile import HUSKY
@@ -36,11 +37,11 @@ def brute_force(closed: BoolGrid, inside: BoolGrid, start: tuple[int, int]) -> f
 
 @law(40)
 @given(st.integers(0, 2**32 - 1))
-def test_the_way_out_is_the_shortest_path_to_any_cell_outside(seed: int) -> None:
+def test_the_escape_path_is_the_shortest_to_any_cell_outside(seed: int) -> None:
     rng = np.random.default_rng(seed)
     closed, inside = rng.random((9, 11)) < 0.25, rng.random((9, 11)) < 0.85
     closed[4, 5] = False
-    outcome = way_out(closed=closed, inside=inside, start=(4, 5))
+    outcome = nearest_exit(closed=closed, inside=inside, start=(4, 5))
     expected = brute_force(closed, inside, (4, 5))
     if isinstance(outcome, NoPath):
         assert outcome.reason is Reason.UNREACHABLE
@@ -54,17 +55,15 @@ def test_the_way_out_is_the_shortest_path_to_any_cell_outside(seed: int) -> None
     assert (steps.max(axis=1) == 1).all() if len(steps) else True
 
 
-def test_a_start_that_is_closed_or_outside_is_said() -> None:
+def test_a_start_that_is_closed_or_outside_is_reported() -> None:
     closed, inside = np.ones((3, 3), dtype=np.bool_), np.ones((3, 3), dtype=np.bool_)
-    assert way_out(closed=closed, inside=inside, start=(1, 1)) == NoPath(
+    assert nearest_exit(closed=closed, inside=inside, start=(1, 1)) == NoPath(
         reason=Reason.START_BLOCKED
     )
-    assert way_out(closed=closed, inside=inside, start=(9, 1)) == NoPath(reason=Reason.OUTSIDE)
+    assert nearest_exit(closed=closed, inside=inside, start=(9, 1)) == NoPath(reason=Reason.OUTSIDE)
 
 
-def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_but_into_no_other() -> (
-    None
-):
+def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_drives_into_no_other() -> None:
     zone = Zone(id="z", name="z", polygon=((-3.0, -3.0), (0.9, -3.0), (0.9, 3.0), (-3.0, 3.0)))
     other = Zone(id="o", name="o", polygon=((2.8, -3.0), (3.4, -3.0), (3.4, 3.0), (2.8, 3.0)))
     loop, frame = navigator(), picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
@@ -82,20 +81,20 @@ def test_a_robot_in_a_new_zone_stands_until_told_to_leave_and_then_drives_out_bu
 
 @law(25)
 @given(st.integers(0, 2**32 - 1))
-def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) -> None:
+def test_the_escape_path_found_nearby_is_that_of_the_whole_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
     spec = GridSpec.centred(size_m=(30.0, 24.0), resolution_m=0.1)
     shape, pose = (
         (spec.rows, spec.cols),
         Pose2(x_m=rng.uniform(-14, 14), y_m=rng.uniform(-11, 11), yaw_rad=rng.uniform(-3, 3)),
     )
-    thing, zones = np.zeros(shape, dtype=np.bool_), list[Zone]()
+    area, zones = np.zeros(shape, dtype=np.bool_), list[Zone]()
     for _ in range(rng.integers(1, 4)):
         at, (long, wide) = (
             spec.cell(pose.x_m + rng.uniform(-3, 3), pose.y_m + rng.uniform(-3, 3)),
             rng.integers(2, 70, 2),
         )
-        thing[max(at[0] - wide, 0) : max(at[0], 0), max(at[1] - long, 0) : max(at[1] + long, 0)] = (
+        area[max(at[0] - wide, 0) : max(at[0], 0), max(at[1] - long, 0) : max(at[1] + long, 0)] = (
             True
         )
         x_m, y_m, side_m = (
@@ -114,11 +113,11 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
                 id=f"{len(zones)}", name="", polygon=corners, margin_m=float(rng.choice([0.0, 0.3]))
             )
         )
-    drawn, wide_zones = cells_of(tuple(zones), spec)
+    drawn, wide_zones = zone_masks(tuple(zones), spec)
     grid = OccupancyGrid(
         spec=spec,
         geometric=rng.random(shape) < 0.003,
-        beware={3: thing},
+        beware={3: area},
         margins_m={3: 0.2},
         zones=drawn,
         wide_zones=wide_zones,
@@ -127,9 +126,8 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
         grid, inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=0.15), version=1
     )
     found = escape_path(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("navcore.planning.escape.NEAR_M", 1e3)
-        whole = escape_path(known, pose, zones, HUSKY, NavigatorConfig()).on_the_map
+    at_once = PlanningConfig(escape=EscapeConfig(first_range_m=1e3))
+    whole = escape_path(known, pose, zones, HUSKY, NavigatorConfig(planning=at_once)).on_the_map
     if isinstance(whole, NoPath):
         assert found == whole
     else:
@@ -138,9 +136,9 @@ def test_what_is_near_is_enough_to_find_the_way_out_of_the_whole_map(seed: int) 
         assert found.length == pytest.approx(whole.length)
 
 
-def test_what_is_one_thing_farther_off_is_one_thing_here() -> None:
+def test_areas_that_join_farther_off_are_one_area() -> None:
     """A fork of red floor: the robot stands on one tine, the other lies beside it, and they join
-    beyond what is near."""
+    beyond the first range."""
     spec = GridSpec.centred(size_m=(40.0, 40.0), resolution_m=0.1)
     row, col = spec.cell(0.05, 0.05)
     red, nothing = (np.zeros((spec.rows, spec.cols), dtype=np.bool_) for _ in range(2))
@@ -158,11 +156,11 @@ def test_what_is_one_thing_farther_off_is_one_thing_here() -> None:
     assert found.spec.cols > 2 * 86
 
 
-def driven_out(*things: Paint, zones: tuple[Zone, ...]) -> tuple[ControllerState, list[Pose2]]:
-    """How leaving ended, and where the robot was on its way."""
+def driven_out(*paints: Paint, zones: tuple[Zone, ...]) -> tuple[ControllerState, list[Pose2]]:
+    """The last controller state of leaving, and the poses of the robot."""
     loop, pose, driven = navigator(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), list[Pose2]()
     for tick in range(150):
-        frame = picture(*things, pose=pose, stamp_ns=(tick + 1) * 100_000_000)
+        frame = picture(*paints, pose=pose, stamp_ns=(tick + 1) * 100_000_000)
         motion = loop.tick(frame, order(None, zones=zones, leave=True)).motion
         if motion.outcome is ControllerState.ARRIVED:
             break
@@ -187,17 +185,17 @@ def across(name: str, first_m: float, last_m: float) -> Zone:
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_the_way_out_leads_over_nothing_that_lies_in_the_area(there: bool) -> None:
+def test_the_escape_path_leads_over_no_object_in_the_area(there: bool) -> None:
     mark = Paint(x=(1.0, 1.3), y=(-0.4, 0.4))
     outcome, driven = driven_out(*[mark] * there, zones=(across("under", -3.0, 1.6),))
     assert outcome is ControllerState.ARRIVED
     assert (
         come_over(driven, (1.0, -0.4), (1.3, 0.4)) is not there
-    )  # without it the way out is straight ahead
+    )  # without it the escape path leads straight ahead
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_the_way_out_leads_into_no_zone_that_overlaps_the_area(there: bool) -> None:
+def test_the_escape_path_leads_into_no_zone_that_overlaps_the_area(there: bool) -> None:
     under, other = across("under", -2.0, 0.9), across("other", 0.85, 1.5)
     outcome, driven = driven_out(zones=(under, other) if there else (under,))
     assert outcome is ControllerState.ARRIVED

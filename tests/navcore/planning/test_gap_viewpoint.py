@@ -1,5 +1,5 @@
-"""Where only the margin closes the way, the robot goes nearer to look; it enters nothing that is
-closed."""
+"""Where only the margin blocks the path, the robot drives nearer to measure; it enters no closed
+cell."""
 
 from __future__ import annotations
 
@@ -73,7 +73,13 @@ def occupancy(
 def approach(known: Costmap, x_m: float, y_m: float = 0.0) -> Path | None:
     start, goal = SPEC.cell(x_m, y_m), SPEC.cell(4.0, 0.0)
     found = viewpoint_before_gap(
-        known, start, goal, people=[PERSON], vehicle_width_m=HUSKY.width_m, relief_cells=12.0, body_m=0.15
+        known,
+        start,
+        goal,
+        people=[PERSON],
+        vehicle_width_m=HUSKY.width_m,
+        relief_cells=12.0,
+        body_m=0.15,
     )
     if found is None:
         return None
@@ -135,7 +141,9 @@ def test_a_margin_of_the_operator_is_no_mere_safety_margin() -> None:
 
 @law(60)
 @given(st.integers(0, 2**32 - 1))
-def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed: int) -> None:
+def test_no_path_has_fewer_closed_cells_than_the_one_before_whose_gap_the_viewpoint_is(
+    seed: int,
+) -> None:
     rng = np.random.default_rng(seed)
     spec = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
     geometric = rng.random((spec.rows, spec.cols)) < rng.choice([0.002, 0.01, 0.03])
@@ -148,7 +156,9 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
         return
     free = np.argwhere(~known.blocked)
     start, goal = ((int(row), int(col)) for row, col in free[rng.integers(len(free), size=2)])
-    found = viewpoint_before_gap(known, start, goal, vehicle_width_m=0.2, relief_cells=0.0, body_m=0.15)
+    found = viewpoint_before_gap(
+        known, start, goal, vehicle_width_m=0.2, relief_cells=0.0, body_m=0.15
+    )
     costs = closed_cells(known.blocked, solid, goal)
     _, regions = cv2.connectedComponents((~known.blocked).view(np.uint8), connectivity=4)
     least = costs[regions == regions[start]].min()
@@ -164,8 +174,7 @@ def test_no_way_has_fewer_closed_cells_than_the_one_whose_mouth_is_gone_to(seed:
 def closed_cells(
     blocked: BoolGrid, solid: BoolGrid, goal: tuple[int, ...]
 ) -> npt.NDArray[np.float64]:
-    """(rows, cols) how many closed cells lie at least on the way to the goal; infinite where there
-    is none."""
+    """(rows, cols) least number of closed cells on a path to the goal; infinite without one."""
     costs, queue = np.full(blocked.shape, np.inf), deque([goal])
     costs[goal] = 0
     while queue:
@@ -185,13 +194,13 @@ def test_a_zone_is_no_gap_however_thin() -> None:
 
 
 @pytest.mark.parametrize(("class_id", "goes"), [(PERSON, True), (BOX, False)])
-def test_who_stood_in_a_door_may_have_walked_on_but_no_thing_has(class_id: int, goes: bool) -> None:
-    cells, somebody = wall(1.2), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+def test_a_person_in_a_door_may_have_walked_on_but_no_object_has(class_id: int, goes: bool) -> None:
+    cells, person = wall(1.2), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     row, col = SPEC.cell(WALL_X_M, 0.0)
-    somebody[row - 4 : row + 4, col - 4 : col + 4] = True
-    rim = somebody.copy()
-    rim[row - 6 : row + 6, col - 6 : col + 6] = True  # of what stands there a picture names a part
-    known = occupancy(cells | rim, beware={class_id: somebody})
+    person[row - 4 : row + 4, col - 4 : col + 4] = True
+    rim = person.copy()
+    rim[row - 6 : row + 6, col - 6 : col + 6] = True  # an image labels a part of the person
+    known = occupancy(cells | rim, beware={class_id: person})
     path = approach(known, -2.0)
     assert (path is not None) == goes
     if path is not None:
@@ -200,7 +209,7 @@ def test_who_stood_in_a_door_may_have_walked_on_but_no_thing_has(class_id: int, 
         assert WALL_X_M - 1.1 < x < WALL_X_M and abs(y) < 0.5
 
 
-def test_at_the_gap_there_is_nothing_more_to_be_gained() -> None:
+def test_at_the_gap_there_is_no_further_viewpoint() -> None:
     known = occupancy(wall(GAP_M))
     path = approach(known, -2.0)
     assert path is not None
@@ -221,7 +230,7 @@ def test_the_navigator_drives_there_and_says_that_there_is_no_path() -> None:
     navigator.map.load_prior(wall(GAP_M))
     away = Pose2(
         x_m=-2.0, y_m=0.0, yaw_rad=np.pi
-    )  # looks the other way, so that it sees nothing of the wall
+    )  # faces away, so that it sees nothing of the wall
     order = NavigationRequest(goal=(4.0, 0.0), beware=RED_LIST, zones=())
     decision = navigator.tick(picture(pose=away), order)
     assert decision.route is not None and decision.route.outcome == NoPath(
@@ -249,15 +258,15 @@ class SeesPeople:
             confidence=np.full(pink.shape, 0.95, np.float32),
         )
 
-    def finds(self, entry: BewareClass) -> LabelSource:
+    def source_of(self, entry: BewareClass) -> LabelSource:
         return LabelSource.NETWORK
 
 
 @pytest.mark.parametrize("measured", [True, False])
-def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_then_drives_on(
+def test_the_navigator_checks_whether_the_person_in_the_only_door_has_gone_and_drives_on(
     measured: bool,
 ) -> None:
-    """`measured`: whether depth is there behind him."""
+    """`measured`: whether there is depth behind the person."""
     beware = BewareList(classes=(BewareClass(name="person", class_id=PERSON, margin_m=0.2),))
     navigator = Navigator(
         spec=SPEC, profile=HUSKY, segmenter=SeesPeople(), config=NavigatorConfig()
@@ -267,11 +276,11 @@ def test_the_navigator_looks_whether_who_stood_in_the_only_door_has_gone_and_the
     walls = [Box(x=(2.0, 2.2), y=y, z=(0.0, 2.0)) for y in ((-4.0, -0.6), (0.6, 4.0))]
     if measured:
         walls.append(Box(x=(5.0, 5.1), y=(-4.0, 4.0), z=(0.0, 2.5)))
-    somebody = Box(x=(1.95, 2.25), y=(-0.25, 0.25), z=(0.0, 1.75), colour=PINK)
+    person = Box(x=(1.95, 2.25), y=(-0.25, 0.25), z=(0.0, 1.75), colour=PINK)
     before = Pose2(x_m=-0.5, y_m=0.0, yaw_rad=0.0)
     for tick in range(5):
         decision = navigator.tick(
-            picture(*walls, somebody, pose=before, stamp_ns=tick * 100_000_000), order
+            picture(*walls, person, pose=before, stamp_ns=tick * 100_000_000), order
         )
     aside = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=np.pi)
     decision = navigator.tick(picture(*walls, pose=aside, stamp_ns=600_000_000), order)

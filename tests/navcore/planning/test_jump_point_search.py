@@ -26,13 +26,13 @@ def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(
     blocked: BoolGrid, seed: int
 ) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
-    arena = SearchWorkspace(space, cells=1 << int(generator.integers(1, 8)))
+    workspace = SearchWorkspace(space, cells=1 << int(generator.integers(1, 8)))
     before = space.across.copy(), space.along.copy()
     for _ in range(3):
         start, goal = (free_cell(generator, blocked) for _ in range(2))
         if start is None or goal is None:
             return
-        outcome, best = plan_in(space, arena, start, goal), optimum(blocked, start, goal)
+        outcome, best = plan_in(space, workspace, start, goal), optimum(blocked, start, goal)
         if isinstance(outcome, Path):
             assert outcome.length == pytest.approx(best, rel=1e-12)
             assert_is_a_path(outcome, blocked, start, goal)
@@ -49,13 +49,13 @@ def test_queries_in_used_memory_are_as_long_as_an_independent_exact_solver_says(
 @given(grids(), SEEDS)
 def test_a_path_does_not_depend_on_what_was_searched_before(blocked: BoolGrid, seed: int) -> None:
     generator, space = np.random.default_rng(seed), FreeSpace.of(blocked)
-    arena = SearchWorkspace(space, cells=2)
+    workspace = SearchWorkspace(space, cells=2)
     start, goal = (free_cell(generator, blocked) for _ in range(2))
     if start is None or goal is None:
         return
-    first = find(space, arena, start, goal, 1 << 40)
-    find(space, arena, goal, start, 1 << 40)
-    again, fresh = find(space, arena, start, goal, 1 << 40), plan(blocked, start, goal)
+    first = find(space, workspace, start, goal, 1 << 40)
+    find(space, workspace, goal, start, 1 << 40)
+    again, fresh = find(space, workspace, start, goal, 1 << 40), plan(blocked, start, goal)
     np.testing.assert_array_equal(first[1], again[1])
     assert isinstance(fresh, Path) == (first[0] == FOUND)
     if isinstance(fresh, Path):
@@ -103,12 +103,20 @@ def test_what_is_known_of_the_length_leaves_the_path_alone(
         (length + units * UNIT, length),
     ):
         known = search(
-            space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, bound, floor
+            space.across,
+            space.along,
+            space.diagonal_ends,
+            memory,
+            *start,
+            *goal,
+            1 << 40,
+            bound,
+            floor,
         )
         assert known[0] == status
         np.testing.assert_array_equal(known[1], cells)
     none = search(
-        space.across, space.along, space.sloping, memory, *start, *goal, 1 << 40, length, 0
+        space.across, space.along, space.diagonal_ends, memory, *start, *goal, 1 << 40, length, 0
     )
     assert none[0] == UNREACHABLE, "no path is shorter than the shortest"
 

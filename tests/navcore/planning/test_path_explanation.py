@@ -1,4 +1,4 @@
-"""Why this way: the rules close what the planner keeps out of, and the smallest set to lift is the
+"""The rules close exactly the cells that the planner avoids, and the smallest set to remove is the
 smallest."""
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navcore.config.planning import ConstraintRemovalConfig
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.zone import Zone, rasterise
@@ -54,7 +55,7 @@ def made(walls: BoolGrid, cups: BoolGrid, zones: tuple[Zone, ...]) -> tuple[Occu
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
-def test_the_rules_together_close_exactly_what_the_planner_keeps_out_of(seed: int) -> None:
+def test_the_rules_together_close_exactly_the_cells_that_the_planner_avoids(seed: int) -> None:
     generator = np.random.default_rng(seed)
     walls, cups = (generator.random((SPEC.rows, SPEC.cols)) < share for share in (0.01, 0.005))
     zones = tuple(
@@ -97,7 +98,7 @@ def test_the_path_is_cut_into_stretches_that_name_what_bends_them() -> None:
     assert isinstance(shorter, Path) and shorter.length < path.length - 1
 
 
-def test_only_the_zone_that_shuts_the_door_need_be_lifted() -> None:
+def test_only_the_zone_that_shuts_the_door_must_be_removed() -> None:
     wall = rasterise(box(-0.2, 0.2, -2.0, 2.0), SPEC) & ~rasterise(box(-0.4, 0.4, -0.6, 0.6), SPEC)
     door = Zone(id="door", name="Door", polygon=box(-0.1, 0.1, -0.6, 0.6))
     aside = Zone(id="aside", name="Aside", polygon=box(1.0, 2.0, 1.0, 1.8))
@@ -109,7 +110,7 @@ def test_only_the_zone_that_shuts_the_door_need_be_lifted() -> None:
     assert isinstance(path_without(rules, found.keys, start, goal, budget=None), Path)
 
 
-def test_walls_cannot_be_lifted_and_an_open_way_needs_nothing() -> None:
+def test_walls_cannot_be_removed_and_an_open_path_needs_nothing() -> None:
     _, rules = made(rasterise(box(-0.2, 0.2, -2.0, 2.0), SPEC), NOTHING, ())
     start, goal = SPEC.cell(-2.0, 0.0), SPEC.cell(2.0, 0.0)
     assert (
@@ -139,8 +140,8 @@ def random_rules(seed: int, rows: int, cols: int, count: int) -> Rules:
             mask[row : row + height, col : col + width] = True
         return mask
 
-    liftable = tuple(rule(f"zone:{i}", blots(3, max(rows, cols))) for i in range(count))
-    return Rules(spec=spec, walls=rule("wall", blots(2, 4)), liftable=liftable)
+    removable = tuple(rule(f"zone:{i}", blots(3, max(rows, cols))) for i in range(count))
+    return Rules(spec=spec, walls=rule("wall", blots(2, 4)), removable=removable)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 9), st.integers(2, 9), st.integers(0, 6))
@@ -150,7 +151,7 @@ def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(
 ) -> None:
     rules = random_rules(seed, rows, cols, count)
     start, goal = (0, 0), (rows - 1, cols - 1)
-    keys = [rule.key for rule in rules.liftable]
+    keys = [rule.key for rule in rules.removable]
     by_force = next(
         (
             size
@@ -171,10 +172,11 @@ def test_the_smallest_set_is_as_small_as_the_one_found_by_trying_all(
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 @settings(max_examples=60, deadline=None)
-def test_a_search_that_is_given_up_says_so_and_its_bound_holds(seed: int, labels: int) -> None:
+def test_a_search_that_is_given_up_says_so_and_its_bound_holds(seed: int, states: int) -> None:
     rules = random_rules(seed, 9, 9, 6)
     whole, given_up = (
-        minimum_removal(rules, (0, 0), (8, 8), max_labels=most) for most in (100_000, labels)
+        minimum_removal(rules, (0, 0), (8, 8), config=ConstraintRemovalConfig(max_states=most))
+        for most in (100_000, states)
     )
     if given_up.exact:
         assert (given_up.keys is None) == (whole.keys is None)

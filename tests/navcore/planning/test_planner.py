@@ -1,4 +1,4 @@
-"""The planner against solvers and lengths it knows nothing of."""
+"""The planner against independent solvers and published lengths."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_planning_the_same_problem_twice_gives_the_same_cells(
 
 @law(60)
 @given(problems())
-def test_the_way_back_is_as_long_as_the_way_there(problem: tuple[BoolGrid, Cell, Cell]) -> None:
+def test_the_path_back_is_as_long_as_the_path_there(problem: tuple[BoolGrid, Cell, Cell]) -> None:
     blocked, start, goal = problem
     there, back = plan(blocked, start, goal), plan(blocked, goal, start)
     assert isinstance(there, Path) == isinstance(back, Path)

@@ -11,7 +11,7 @@ from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
-from navcore.planning.replanner import NOWHERE, Replanner, alike, restring
+from navcore.planning.replanner import NOWHERE, Replanner, common_cells, move_sentinel
 from navcore.planning.search.open_list import UNIT, octile
 from tests.navcore.grid.random_grids import free_cell, grids, some_cells
 from tests.navcore.laws import law
@@ -32,8 +32,8 @@ class Drive:
         self.path: Path | None = None
         self.visited: list[Cell] = []
 
-    def place(self) -> bool:
-        """Put robot and goal anywhere."""
+    def reset(self) -> bool:
+        """Set robot and goal to random cells."""
         start, goal = (free_cell(self.generator, self.blocked) for _ in range(2))
         if start is None or goal is None:
             return False
@@ -41,7 +41,7 @@ class Drive:
         return True
 
     def change(self) -> None:
-        """Some of what may happen between two frames."""
+        """Apply random changes between two frames."""
         event = self.generator.choice(
             ["block", "free", "both", "grid", "drive", "stray", "goal", "nothing", "behind"]
         )
@@ -73,7 +73,7 @@ class Drive:
         self.space.set_cells(cells, blocked)
 
     def agrees(self) -> bool:
-        """Plan both ways; whether the lengths, or the reasons, are the same."""
+        """Plan with both; whether the lengths, or the reasons, are the same."""
         self.visited.append(self.start)
         outcome, expected = (
             self.replanner.plan(self.start, self.goal),
@@ -90,9 +90,11 @@ class Drive:
 
 @law(60)
 @given(grids(SIDES), SEEDS)
-def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, seed: int) -> None:
+def test_the_sentinel_lies_along_the_new_path_and_nowhere_else(
+    blocked: BoolGrid, seed: int
+) -> None:
     generator = np.random.default_rng(seed)
-    goal, wire, old = (
+    goal, sentinel, old = (
         free_cell(generator, blocked),
         np.zeros_like(FreeSpace.of(blocked).sentinel),
         NOWHERE,
@@ -101,11 +103,11 @@ def test_the_wire_lies_along_the_new_path_and_nowhere_else(blocked: BoolGrid, se
         start = free_cell(generator, blocked)
         if start is None or goal is None:
             return
-        outcome, expected = plan(blocked, start, goal), np.zeros_like(wire)
+        outcome, expected = plan(blocked, start, goal), np.zeros_like(sentinel)
         new = outcome.cells if isinstance(outcome, Path) else NOWHERE
-        restring(wire, old, new, alike(old, new))
-        restring(expected, NOWHERE, new, 0)
-        np.testing.assert_array_equal(wire, expected)
+        move_sentinel(sentinel, old, new, common_cells(old, new))
+        move_sentinel(expected, NOWHERE, new, 0)
+        np.testing.assert_array_equal(sentinel, expected)
         blocked[tuple(some_cells(generator, blocked.shape, 6).T)] = True
         old = new
 
@@ -116,7 +118,7 @@ def test_a_replanned_path_is_as_long_as_one_planned_from_scratch(
     blocked: BoolGrid, seed: int
 ) -> None:
     drive = Drive(blocked, seed)
-    if not drive.place():
+    if not drive.reset():
         return
     for _ in range(12):
         assert drive.agrees()
@@ -151,40 +153,45 @@ def cells_of(outcome: Path | NoPath) -> list[Cell]:
 
 def test_a_robot_that_follows_its_path_searches_once() -> None:
     _, replanner = open_field()
-    way = cells_of(replanner.plan((5, 5), (70, 30)))
-    for index, cell in enumerate(way):
-        assert cells_of(replanner.plan(cell, (70, 30))) == way[index:]
+    path = cells_of(replanner.plan((5, 5), (70, 30)))
+    for index, cell in enumerate(path):
+        assert cells_of(replanner.plan(cell, (70, 30))) == path[index:]
     assert replanner.searches == 1
 
 
 def test_obstacles_beside_the_path_and_gaps_far_from_it_cost_no_search() -> None:
     space, replanner = open_field()
-    way = cells_of(replanner.plan((5, 5), (70, 30)))
+    path = cells_of(replanner.plan((5, 5), (70, 30)))
     beside = np.array(
-        [[row, col] for row in range(80) for col in range(80) if col > 50 and (row, col) not in way]
+        [
+            [row, col]
+            for row in range(80)
+            for col in range(80)
+            if col > 50 and (row, col) not in path
+        ]
     )
     space.set_cells(beside, True)
-    assert cells_of(replanner.plan((5, 5), (70, 30))) == way
+    assert cells_of(replanner.plan((5, 5), (70, 30))) == path
     space.set_cells(beside[-10:], False)
-    assert cells_of(replanner.plan((5, 5), (70, 30))) == way
+    assert cells_of(replanner.plan((5, 5), (70, 30))) == path
     assert replanner.searches == 1
 
 
 def test_an_obstacle_on_the_path_costs_a_search() -> None:
     space, replanner = open_field()
-    way = cells_of(replanner.plan((5, 5), (70, 30)))
-    space.set_cells(np.array([way[20]]), True)
-    assert way[20] not in cells_of(replanner.plan((5, 5), (70, 30)))
+    path = cells_of(replanner.plan((5, 5), (70, 30)))
+    space.set_cells(np.array([path[20]]), True)
+    assert path[20] not in cells_of(replanner.plan((5, 5), (70, 30)))
     assert replanner.searches == 2
 
 
 def test_a_robot_beside_its_path_goes_back_to_it_if_that_is_no_longer() -> None:
     _, replanner = open_field()
-    way = cells_of(replanner.plan((5, 5), (70, 30)))
-    aside = (12, 5) if (12, 5) not in way else (12, 12)
-    back = cells_of(replanner.plan(aside, (70, 30)))
+    path = cells_of(replanner.plan((5, 5), (70, 30)))
+    beside = (12, 5) if (12, 5) not in path else (12, 12)
+    back = cells_of(replanner.plan(beside, (70, 30)))
     assert replanner.searches == 2
-    assert set(way[-30:]) <= set(back)
+    assert set(path[-30:]) <= set(back)
 
 
 def test_a_goal_shut_in_is_not_searched_for_again_until_a_cell_is_freed() -> None:

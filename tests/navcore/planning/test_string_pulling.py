@@ -1,5 +1,5 @@
-"""The taut track is never longer than the path, never leaves the free cells, and is straight where
-nothing stands."""
+"""The taut track is never longer than the path, never leaves the free cells, and is straight on
+free ground."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def length(corners: Ints) -> float:
 
 @law(80)
 @given(st.integers(0, 2**32 - 1))
-def test_what_is_in_sight_is_what_a_plain_clipping_of_the_line_crosses(seed: int) -> None:
+def test_a_line_of_sight_crosses_the_cells_that_plain_clipping_finds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     blocked: BoolGrid = rng.random((12, 12)) < 0.15
     here, there = rng.integers(0, 12, 2), rng.integers(0, 12, 2)

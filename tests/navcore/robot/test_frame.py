@@ -1,4 +1,4 @@
-"""Frames that must not enter the map are refused by name."""
+"""Frames that must not enter the map are refused with the reason."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def with_depth(value: float, *, share: float = 0.0) -> Frame:
 
 
 def test_a_good_frame_passes() -> None:
-    """Control of every refusal below."""
+    """Control for every refusal below."""
     check_frame(GOOD)
     check_frame(with_depth(0.0, share=0.3))
 
@@ -31,7 +31,7 @@ def test_a_good_frame_passes() -> None:
 BAD = {
     "a NaN": (with_depth(math.nan), "1 non-finite"),
     "an infinity": (with_depth(math.inf), "1 non-finite"),
-    "a negative depth": (with_depth(-0.5), "negative values, least -0.5"),
+    "a negative depth": (with_depth(-0.5), "negative values, minimum -0.5"),
     "depth of another shape": (
         dataclasses.replace(GOOD, depth_m=GOOD.depth_m[:-1]),
         "depth has shape",

@@ -1,4 +1,4 @@
-"""Contact foreseen from the newest picture alone, and the gate that slows down and stops for it."""
+"""Contact predicted from the newest image alone, and the gate that slows down and stops for it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import (
-    AHEAD_M,
     NO_POINTS,
-    REMEMBERED_NS,
     NearPoints,
     RecentObstacles,
     allowed_share,
@@ -31,10 +30,12 @@ from tests.navcore.scene import Box, picture
 NOW = 10_000_000_000
 FRONT_M, SIDE_M = HUSKY.length_m / 2, HUSKY.width_m / 2
 FULL = Twist(v_mps=1.0, w_radps=0.0)
+AHEAD_M = DEFAULT_SAFETY.collision.padding_ahead_m
+MEMORY_NS = DEFAULT_SAFETY.collision.memory_ns
 
 
 def post(x_m: float, y_m: float) -> NearPoints:
-    """Six points at one place."""
+    """Return six points at one position."""
     return np.tile(np.array([[x_m, y_m]], dtype=np.float32), (6, 1))
 
 
@@ -46,19 +47,19 @@ def judged(
         frame_ns=NOW - round(age_s * 1e9),
         stopped_by=None,
         command=Command(twist=asked, stamp_ns=NOW),
-        near=points,
+        obstacles=points,
     )
     return gate(facts, sent=asked if sent is None else sent, period_s=0.05, profile=HUSKY)
 
 
 @pytest.mark.parametrize("distance_m", [0.1, 0.4, 0.8])
-def test_the_time_to_contact_is_the_way_over_the_speed(distance_m: float) -> None:
+def test_the_time_to_contact_is_the_distance_over_the_speed(distance_m: float) -> None:
     points = post(FRONT_M + AHEAD_M + distance_m, 0.1)
     assert time_to_contact(points, FULL, HUSKY) == pytest.approx(distance_m, abs=0.021)
     assert time_to_contact(points, Twist(v_mps=-1.0, w_radps=0.0), HUSKY) == math.inf
 
 
-def test_only_what_the_footprint_sweeps_counts() -> None:
+def test_only_points_that_the_footprint_sweeps_count() -> None:
     beside = post(FRONT_M + 0.3, SIDE_M + 0.02)
     assert time_to_contact(beside, FULL, HUSKY) == math.inf
     assert time_to_contact(beside, Twist(v_mps=1.0, w_radps=0.5), HUSKY) < 1.0
@@ -71,19 +72,19 @@ def test_turning_in_place_sweeps_the_corners() -> None:
     assert time_to_contact(post(0.65, 0.0), Twist(v_mps=0.0, w_radps=-0.8), HUSKY) == math.inf
 
 
-def test_a_few_speckles_and_what_is_inside_the_body_are_no_things() -> None:
+def test_a_few_points_and_points_inside_the_body_are_no_obstacle() -> None:
     assert time_to_contact(post(FRONT_M + 0.2, 0.0)[:3], FULL, HUSKY) == math.inf
     assert time_to_contact(post(0.2, 0.0), FULL, HUSKY) == math.inf
 
 
-def test_from_what_stands_within_the_kept_room_the_robot_may_go_away_but_not_into_it() -> None:
+def test_the_robot_may_leave_an_obstacle_within_the_clearance_but_not_approach_it() -> None:
     near = post(FRONT_M + AHEAD_M / 2, 0.0)
     assert time_to_contact(near, FULL, HUSKY) < 0.03
     assert time_to_contact(near, Twist(v_mps=-0.2, w_radps=0.0), HUSKY) == math.inf
     assert time_to_contact(post(0.0, SIDE_M + 0.005), FULL, HUSKY) == math.inf
 
 
-def test_pictures_give_the_points_of_what_stands_higher_than_10_cm() -> None:
+def test_images_give_the_points_of_objects_higher_than_10_cm() -> None:
     low, high = (
         near_points(picture(Box(x=(1.5, 2.0), y=(-0.3, 0.3), z=(0, top)))) for top in (0.08, 0.4)
     )
@@ -94,7 +95,7 @@ def test_pictures_give_the_points_of_what_stands_higher_than_10_cm() -> None:
 
 
 @pytest.mark.parametrize("fill", [math.nan, math.inf, -1.0, 0.0])
-def test_a_picture_without_depth_gives_no_points(fill: float) -> None:
+def test_an_image_without_depth_gives_no_points(fill: float) -> None:
     frame = picture()
     assert (
         len(near_points(dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)))) == 0
@@ -105,9 +106,7 @@ def at(x_m: float) -> Pose2:
     return Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
 
 
-def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_looked_at_again_or_is_old() -> (
-    None
-):
+def test_an_obstacle_out_of_sight_stays_until_it_is_in_view_again_or_old() -> None:
     thin = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))  # before the front's right corner
     near = RecentObstacles().after(picture(thin))
     assert np.abs(near.points - near_points(picture(thin))).max() == 0
@@ -122,22 +121,20 @@ def test_what_has_gone_out_of_sight_close_by_stays_where_it_was_until_it_is_look
         picture(pose=at(0.95), stamp_ns=2_000_000_000)
     )  # its upper part would be seen; its foot would not
     assert 0 < len(gone.points) <= len(near.points)
-    looked = gone.after(picture(pose=at(-0.5), stamp_ns=2_100_000_000))
-    assert len(looked.points) == 0
-    assert (
-        len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + REMEMBERED_NS)).points) == 0
-    )
+    in_view = gone.after(picture(pose=at(-0.5), stamp_ns=2_100_000_000))
+    assert len(in_view.points) == 0
+    assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + MEMORY_NS)).points) == 0
 
 
 @law(300)
 @given(st.floats(0.0, 0.9), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.5))
-def test_the_allowed_speed_stops_within_the_way_that_is_left(
+def test_the_allowed_speed_stops_within_the_distance_that_is_left(
     contact_s: float, v: float, w: float, age_s: float
 ) -> None:
     asked = Twist(v_mps=v, w_radps=w)
     share = allowed_share(contact_s, asked, frame_age_s=age_s, profile=HUSKY)
     assert 0.0 <= share <= 1.0
-    # In seconds of the way at the asked velocity: late, then braking, from the share that is
+    # In seconds of driving at the asked velocity: late, then braking, from the share that is
     # driven.
     needed_s = share * max(0.25, age_s + 0.15) + share**2 * braking_s(asked, HUSKY) / 2
     assert needed_s <= contact_s + 1e-9 or share == 1.0
@@ -145,10 +142,10 @@ def test_the_allowed_speed_stops_within_the_way_that_is_left(
         assert contact_s >= 0.25 + braking_s(asked, HUSKY) / 2 - 1e-9
 
 
-def test_the_gate_slows_down_before_a_thing_and_stands_at_it_with_the_reason() -> None:
+def test_the_gate_slows_down_before_an_obstacle_and_stops_at_it_with_the_reason() -> None:
     free, nearer, at_it = (
-        judged(post(FRONT_M + AHEAD_M + way_m, 0.0), FULL, sent=STANDSTILL)
-        for way_m in (0.6, 0.1, 0.004)
+        judged(post(FRONT_M + AHEAD_M + gap_m, 0.0), FULL, sent=STANDSTILL)
+        for gap_m in (0.6, 0.1, 0.004)
     )
     assert free.twist.v_mps == pytest.approx(0.15)  # as the acceleration allows
     assert (free.reasons, nearer.reasons) == ((), ())
@@ -159,7 +156,7 @@ def test_the_gate_slows_down_before_a_thing_and_stands_at_it_with_the_reason() -
     assert "ahead" in at_it.reasons[0].text
 
 
-def test_without_the_picture_the_gate_would_drive_on() -> None:
+def test_without_the_image_the_gate_would_drive_on() -> None:
     """Control of the test above."""
     assert judged(NO_POINTS, FULL).twist == FULL
 

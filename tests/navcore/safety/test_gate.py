@@ -1,4 +1,4 @@
-"""The gate: whatever comes in, what goes out is finite, within limits and zero whenever it must be."""
+"""The gate: for any input the output is finite, within limits, and zero whenever it must be."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import (
-    COMMAND_LIFE_NS,
-    FRAME_LIFE_NS,
     Cause,
     GateDecision,
     GateInput,
@@ -26,6 +25,8 @@ from navcore.safety.gate import (
 from tests.navcore.laws import law
 
 NOW = 10_000_000_000
+COMMAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
+FRAME_LIFE_NS = DEFAULT_SAFETY.gate.frame_life_ns
 numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.floats(-3, 3),
@@ -53,7 +54,7 @@ facts = st.builds(
 
 
 def must_stand(given_facts: GateInput) -> bool:
-    """Written from the requirements, not from the gate."""
+    """Return whether the robot must stand, by the requirements and not by the gate."""
     command, frame_ns = given_facts.command, given_facts.frame_ns
     if command is None or frame_ns is None or given_facts.stopped_by is not None:
         return True
@@ -64,16 +65,16 @@ def must_stand(given_facts: GateInput) -> bool:
     )
 
 
-def assert_safe(verdict: GateDecision) -> None:
-    assert math.isfinite(verdict.twist.v_mps)
-    assert math.isfinite(verdict.twist.w_radps)
-    assert abs(verdict.twist.v_mps) <= HUSKY.max_speed_mps
-    assert abs(verdict.twist.w_radps) <= HUSKY.max_yaw_rate_radps
+def assert_safe(decision: GateDecision) -> None:
+    assert math.isfinite(decision.twist.v_mps)
+    assert math.isfinite(decision.twist.w_radps)
+    assert abs(decision.twist.v_mps) <= HUSKY.max_speed_mps
+    assert abs(decision.twist.w_radps) <= HUSKY.max_yaw_rate_radps
 
 
 @law(600)
 @given(facts, twists, numbers)
-def test_what_is_sent_is_finite_and_within_limits_whatever_comes_in(
+def test_what_is_sent_is_finite_and_within_limits_for_any_input(
     given_facts: GateInput, sent: Twist, period_s: float
 ) -> None:
     assert_safe(gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY))
@@ -84,11 +85,11 @@ def test_what_is_sent_is_finite_and_within_limits_whatever_comes_in(
 def test_the_robot_stands_whenever_it_must_and_a_reason_is_named(
     given_facts: GateInput, sent: Twist, period_s: float
 ) -> None:
-    verdict = gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY)
+    decision = gate(given_facts, sent=sent, period_s=period_s, profile=HUSKY)
     if must_stand(given_facts):
-        assert verdict.twist == STANDSTILL
+        assert decision.twist == STANDSTILL
     if given_facts.command is not None:
-        assert bool(verdict.reasons) == must_stand(given_facts)
+        assert bool(decision.reasons) == must_stand(given_facts)
 
 
 fresh = st.builds(
@@ -124,7 +125,7 @@ def test_a_command_passed_on_lies_between_the_last_and_the_asked_and_within_acce
     )
 
 
-def test_a_clock_that_goes_back_makes_no_motion_that_nobody_asked_for() -> None:
+def test_a_clock_that_goes_back_makes_no_motion_that_was_not_commanded() -> None:
     ask = GateInput(
         now_ns=NOW,
         frame_ns=NOW,
@@ -166,26 +167,26 @@ def test_frames_and_commands_live_exactly_as_long_as_stated(
 ) -> None:
     command = Command(twist=Twist(v_mps=0.1, w_radps=0.0), stamp_ns=NOW - command_age)
     given_facts = GateInput(now_ns=NOW, frame_ns=NOW - frame_age, stopped_by=None, command=command)
-    verdict = gate(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY)
-    assert [reason.cause for reason in verdict.reasons] == causes
-    assert (verdict.twist == STANDSTILL) == bool(causes)
+    decision = gate(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY)
+    assert [reason.cause for reason in decision.reasons] == causes
+    assert (decision.twist == STANDSTILL) == bool(causes)
 
 
 def test_everything_wrong_at_once_is_listed_the_most_severe_first() -> None:
     command = Command(twist=Twist(v_mps=math.nan, w_radps=0.0), stamp_ns=0)
-    verdict = gate(
+    decision = gate(
         GateInput(now_ns=NOW, frame_ns=None, stopped_by="ann", command=command),
         sent=STANDSTILL,
         period_s=0.05,
         profile=HUSKY,
     )
-    assert [reason.cause for reason in verdict.reasons] == [
+    assert [reason.cause for reason in decision.reasons] == [
         Cause.EMERGENCY_STOP,
         Cause.STALE_FRAME,
         Cause.BAD_COMMAND,
         Cause.STALE_COMMAND,
     ]
-    assert "ann" in verdict.reasons[0].text
+    assert "ann" in decision.reasons[0].text
 
 
 def test_any_order_of_reasons_is_ranked_the_same() -> None:

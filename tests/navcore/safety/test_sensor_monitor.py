@@ -1,4 +1,4 @@
-"""What the sensors say is believed as long as it can be true, and not again before they agree."""
+"""Frames are trusted as long as they are plausible, and not again before they agree."""
 
 from __future__ import annotations
 
@@ -10,24 +10,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import BLOCKED_NS, Cause, GateInput, gate, pushes_in_vain
-from navcore.safety.sensor_monitor import STEADY, SensorFault, SensorMonitor
+from navcore.safety.gate import Cause, GateInput, gate, wheels_blocked
+from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 from tests.navcore.laws import law
 from tests.navcore.scene import picture
 
 BASE = picture()
 PERIOD_NS = 100_000_000
+BLOCKED_NS = DEFAULT_SAFETY.gate.blocked_ns
+STEADY = DEFAULT_SAFETY.sensors.steady_frames
 TENTH = 0.1
 
 
 def shot(
     number: int, x_m: float = 0.0, yaw_rad: float = 0.0, v_mps: float = 0.0, w_radps: float = 0.0
 ) -> Frame:
-    """The picture with this number, ten a second, each with a noise of its own."""
+    """Return the frame with this number, ten a second, each with a noise of its own."""
     noise = np.random.default_rng(number)
     return dataclasses.replace(
         BASE,
@@ -40,16 +43,20 @@ def shot(
 
 
 def after(*frames: Frame) -> SensorMonitor:
-    senses = SensorMonitor()
+    monitor = SensorMonitor()
     for frame in frames:
-        senses = senses.after(frame, HUSKY)
-    return senses
+        monitor = monitor.after(frame, HUSKY)
+    return monitor
 
 
-def causes(senses: SensorMonitor, now_ns: int) -> list[Cause]:
-    assert senses.newest is not None
+def causes(monitor: SensorMonitor, now_ns: int) -> list[Cause]:
+    assert monitor.newest is not None
     facts = GateInput(
-        now_ns=now_ns, frame_ns=senses.newest.stamp_ns, stopped_by=None, command=None, senses=senses
+        now_ns=now_ns,
+        frame_ns=monitor.newest.stamp_ns,
+        stopped_by=None,
+        command=None,
+        sensors=monitor,
     )
     return [
         reason.cause
@@ -59,12 +66,12 @@ def causes(senses: SensorMonitor, now_ns: int) -> list[Cause]:
 
 @law(200)
 @given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-6.0, 6.0)), min_size=1, max_size=30))
-def test_a_robot_that_drives_within_its_limits_is_never_doubted(
+def test_a_robot_that_drives_within_its_limits_is_always_trusted(
     changes: list[tuple[float, float]],
 ) -> None:
     """Control of every refusal below: no false alarm, however it accelerates."""
     v = w = x = yaw = 0.0
-    senses = after(shot(0))
+    monitor = after(shot(0))
     for number, (a, alpha) in enumerate(changes, 1):
         before_v, before_w = v, w
         v, w = (
@@ -72,9 +79,9 @@ def test_a_robot_that_drives_within_its_limits_is_never_doubted(
             float(np.clip(w + alpha * TENTH, -2.0, 2.0)),
         )
         x, yaw = x + (before_v + v) / 2 * TENTH, yaw + (before_w + w) / 2 * TENTH
-        senses = senses.after(shot(number, x, yaw, v, w), HUSKY)
-        assert senses.doubt is None
-        assert not senses.repeats
+        monitor = monitor.after(shot(number, x, yaw, v, w), HUSKY)
+        assert monitor.fault is None
+        assert not monitor.repeats
 
 
 @pytest.mark.parametrize(
@@ -87,50 +94,52 @@ def test_a_robot_that_drives_within_its_limits_is_never_doubted(
         shot(2, x_m=0.3, v_mps=1.0),
     ],
 )
-def test_a_pose_that_the_robot_cannot_have_reached_is_not_believed_and_told(jumped: Frame) -> None:
-    senses = after(shot(0), shot(1), jumped)
-    assert senses.doubt is SensorFault.POSE
-    assert causes(senses, jumped.stamp_ns) == [Cause.POSE_JUMP]
-    assert "jumped by" in senses.why
+def test_a_pose_that_the_robot_cannot_have_reached_is_not_trusted_and_reported(
+    jumped: Frame,
+) -> None:
+    monitor = after(shot(0), shot(1), jumped)
+    assert monitor.fault is SensorFault.POSE
+    assert causes(monitor, jumped.stamp_ns) == [Cause.POSE_JUMP]
+    assert "jumped by" in monitor.fault_text
 
 
-def test_a_pose_that_has_jumped_is_not_believed_however_long_it_stays_there() -> None:
-    senses = after(shot(0), shot(1), *(shot(number, x_m=0.5) for number in range(2, 100)))
-    assert senses.doubt is SensorFault.POSE
-    assert causes(senses, 99 * PERIOD_NS) == [
+def test_a_pose_that_has_jumped_is_not_trusted_however_long_it_stays() -> None:
+    monitor = after(shot(0), shot(1), *(shot(number, x_m=0.5) for number in range(2, 100)))
+    assert monitor.fault is SensorFault.POSE
+    assert causes(monitor, 99 * PERIOD_NS) == [
         Cause.POSE_JUMP
     ]  # and the camera, which works, is not blamed
 
 
-def test_a_pose_that_jumps_back_is_believed_after_it_has_been_steady() -> None:
+def test_a_pose_that_jumps_back_is_trusted_after_it_has_been_steady() -> None:
     away = [shot(0), shot(1), shot(2, x_m=0.5), shot(3, x_m=0.5)]
     back = [shot(number) for number in range(4, 5 + STEADY)]
-    assert after(*away, *back[:-1]).doubt is SensorFault.POSE
-    assert after(*away, *back).doubt is None
+    assert after(*away, *back[:-1]).fault is SensorFault.POSE
+    assert after(*away, *back).fault is None
 
 
-def test_an_odometry_of_nonsense_is_not_believed_when_it_passes_by() -> None:
+def test_random_odometry_is_not_trusted_when_it_passes_the_true_pose() -> None:
     noise = np.random.default_rng(5)
-    nonsense = [
+    random_frames = [
         shot(n, *(float(number) for number in noise.uniform(-3, 3, 4))) for n in range(2, 200)
     ]
-    senses, believed = after(shot(0), shot(1)), 0
-    for frame in nonsense:
-        senses = senses.after(frame, HUSKY)
-        believed += senses.doubt is None
-    assert believed == 0
+    monitor, trusted = after(shot(0), shot(1)), 0
+    for frame in random_frames:
+        monitor = monitor.after(frame, HUSKY)
+        trusted += monitor.fault is None
+    assert trusted == 0
 
 
 @pytest.mark.parametrize("stamp_ns", [PERIOD_NS, 0, -5])
-def test_a_clock_that_stands_or_goes_back_is_not_believed_until_it_goes_on(stamp_ns: int) -> None:
-    senses = after(shot(0), shot(1), dataclasses.replace(shot(2), stamp_ns=stamp_ns))
-    assert senses.doubt is SensorFault.STAMP
-    assert Cause.BAD_STAMP in causes(senses, PERIOD_NS)
-    assert senses.after(shot(3), HUSKY).doubt is None
+def test_a_clock_that_stands_or_goes_back_is_not_trusted_until_it_advances(stamp_ns: int) -> None:
+    monitor = after(shot(0), shot(1), dataclasses.replace(shot(2), stamp_ns=stamp_ns))
+    assert monitor.fault is SensorFault.STAMP
+    assert Cause.BAD_STAMP in causes(monitor, PERIOD_NS)
+    assert monitor.after(shot(3), HUSKY).fault is None
 
 
 @pytest.mark.parametrize("repeated", ["depth_m", "rgb"])
-def test_a_camera_that_repeats_itself_is_noticed_and_named_when_half_a_second_has_gone(
+def test_a_camera_that_repeats_its_image_is_noticed_and_named_after_half_a_second(
     repeated: str,
 ) -> None:
     first = shot(1)
@@ -138,27 +147,27 @@ def test_a_camera_that_repeats_itself_is_noticed_and_named_when_half_a_second_ha
         dataclasses.replace(shot(number), **{repeated: getattr(first, repeated)})
         for number in range(2, 9)
     ]
-    senses = after(shot(0), first, *same[:5])
-    assert senses.repeats
-    assert causes(senses, 6 * PERIOD_NS) == []
-    assert causes(senses, 6 * PERIOD_NS + 1) == [Cause.STUCK_CAMERA]
-    assert not senses.after(shot(9), HUSKY).repeats
+    monitor = after(shot(0), first, *same[:5])
+    assert monitor.repeats
+    assert causes(monitor, 6 * PERIOD_NS) == []
+    assert causes(monitor, 6 * PERIOD_NS + 1) == [Cause.STUCK_CAMERA]
+    assert not monitor.after(shot(9), HUSKY).repeats
 
 
 def test_the_same_frame_again_is_no_new_frame() -> None:
     frame = shot(1)
-    senses = after(shot(0), frame)
-    assert senses.after(frame, HUSKY) is senses
+    monitor = after(shot(0), frame)
+    assert monitor.after(frame, HUSKY) is monitor
 
 
-def test_a_frame_without_a_pose_is_left_to_be_refused_and_hides_no_jump() -> None:
+def test_a_frame_without_a_pose_is_refused_elsewhere_and_hides_no_jump() -> None:
     nowhere = dataclasses.replace(shot(2), pose=Pose2(x_m=math.nan, y_m=0.0, yaw_rad=0.0))
-    assert after(shot(0), shot(1), nowhere).doubt is None
-    assert after(shot(0), shot(1), nowhere, shot(3, x_m=3.0)).doubt is SensorFault.POSE
+    assert after(shot(0), shot(1), nowhere).fault is None
+    assert after(shot(0), shot(1), nowhere, shot(3, x_m=3.0)).fault is SensorFault.POSE
 
 
 @pytest.mark.parametrize(
-    ("sent", "measured", "in_vain"),
+    ("sent", "measured", "blocked"),
     [
         (Twist(v_mps=0.5, w_radps=0.0), STANDSTILL, True),
         (Twist(v_mps=0.5, w_radps=0.0), Twist(v_mps=0.3, w_radps=0.0), False),
@@ -168,17 +177,17 @@ def test_a_frame_without_a_pose_is_left_to_be_refused_and_hides_no_jump() -> Non
         (STANDSTILL, STANDSTILL, False),
     ],
 )
-def test_wheels_push_in_vain_when_they_are_told_to_turn_and_do_not(
-    sent: Twist, measured: Twist, in_vain: bool
+def test_wheels_are_blocked_when_they_are_commanded_to_turn_and_do_not(
+    sent: Twist, measured: Twist, blocked: bool
 ) -> None:
-    assert pushes_in_vain(sent, measured, HUSKY) is in_vain
+    assert wheels_blocked(sent, measured, HUSKY) is blocked
 
 
 @pytest.mark.parametrize(
     ("since_ns", "expected"),
     [(BLOCKED_NS, [Cause.WHEELS_BLOCKED]), (BLOCKED_NS - 1, []), (None, [])],
 )
-def test_wheels_that_push_in_vain_for_2_s_are_stopped(
+def test_wheels_that_are_blocked_for_2_s_are_stopped(
     since_ns: int | None, expected: list[Cause]
 ) -> None:
     command = Command(twist=Twist(v_mps=0.5, w_radps=0.0), stamp_ns=BLOCKED_NS)
@@ -187,7 +196,7 @@ def test_wheels_that_push_in_vain_for_2_s_are_stopped(
         frame_ns=BLOCKED_NS,
         stopped_by=None,
         command=command,
-        pushing_ns=None if since_ns is None else BLOCKED_NS - since_ns,
+        blocked_since_ns=None if since_ns is None else BLOCKED_NS - since_ns,
     )
     verdict = gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY)
     assert [reason.cause for reason in verdict.reasons] == expected

@@ -1,4 +1,4 @@
-"""Labelled pictures of random worlds: the same from the same seed, labels exact, prints no items,
+"""Labelled images of random worlds: the same from the same seed, labels exact, prints no items,
 splits apart."""
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MAGENTA: Colour = (255, 0, 255)
 GREEN: Colour = (0, 255, 0)
 GROUND = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
 AHEAD = Pose2(x_m=-1.6, y_m=0.0, yaw_rad=0.0).matrix() @ T_BASE_CAMERA
-"""Of a robot that sees the origin 1.25 m before its camera."""
+"""T_map_camera of a robot that sees the origin 1.25 m before its camera."""
 RendererName = Literal["tiny", "egl"]
 
 
@@ -69,7 +69,7 @@ def item(kind: str, x_m: float = 0.0, y_m: float = 0.0) -> SolidObject:
     return SolidObject(label=kind, solids=solids, pose=Pose2(x_m=x_m, y_m=y_m, yaw_rad=0.0))
 
 
-def sheet(texture: int) -> Poster:
+def poster(texture: int) -> Poster:
     return Poster(
         texture=texture, at_m=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), size_m=(0.5, 0.5)
     )
@@ -86,7 +86,7 @@ def test_the_same_seed_gives_the_same_bits(renderer: RendererName) -> None:
     if renderer == "egl":
         need_egl()
     first, again = small_set(4, renderer), small_set(4, renderer)
-    assert [picture.name for picture in first] == [picture.name for picture in again]
+    assert [image.name for image in first] == [image.name for image in again]
     for one, two in zip(first, again, strict=True):
         assert (
             (one.rgb == two.rgb).all()
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_bits(renderer: RendererName) -> None:
 
 def test_another_seed_gives_other_worlds() -> None:
     first, other = small_set(4), small_set(5)
-    assert not {picture.world_seed for picture in first} & {picture.world_seed for picture in other}
+    assert not {image.world_seed for image in first} & {image.world_seed for image in other}
     assert all((a.rgb != b.rgb).any() for a, b in zip(first, other, strict=True))
 
 
@@ -117,28 +117,25 @@ def test_no_world_is_in_two_splits() -> None:
 
 
 def test_every_class_is_seen_within_some_tens_of_worlds_and_often_enough() -> None:
-    pictures = list(
-        render_images(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny")
-    )
+    images = list(render_images(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny"))
     seen = {
-        name: sum((p.labels == LABELS[name]).sum() >= 4 for p in pictures) / len(pictures)
+        name: sum((p.labels == LABELS[name]).sum() >= 4 for p in images) / len(images)
         for name in BEWARE_CLASSES
     }
     assert min(seen.values()) > 0.1, seen
-    assert all(p.labels.min() >= 1 and p.labels.max() <= len(BEWARE_CLASSES) for p in pictures)
+    assert all(p.labels.min() >= 1 and p.labels.max() <= len(BEWARE_CLASSES) for p in images)
     assert all(
         p.rgb.dtype == np.uint8 and p.depth_mm.dtype == np.uint16 and p.labels.dtype == np.uint8
-        for p in pictures
+        for p in images
     )
     assert all(
         p.rgb.shape == (120, 212, 3) and p.depth_mm.shape == p.labels.shape == (120, 212)
-        for p in pictures
+        for p in images
     )
 
 
 def painted(world: Scene) -> Scene:
-    """The same world in magenta where there is something to beware of, and green elsewhere, without
-    any texture."""
+    """Return the same world in magenta for beware objects and green elsewhere, untextured."""
 
     def colour(label: str) -> Colour:
         return GREEN if label == BACKGROUND else MAGENTA
@@ -158,7 +155,7 @@ def painted(world: Scene) -> Scene:
     )
 
 
-def test_labels_lie_exactly_where_the_colours_do(scene_renderer: SceneRenderer) -> None:
+def test_labels_match_the_colours_exactly(scene_renderer: SceneRenderer) -> None:
     wrong = labelled = 0
     for seed in range(3):
         world = painted(
@@ -182,17 +179,17 @@ def test_labels_lie_exactly_where_the_colours_do(scene_renderer: SceneRenderer) 
     assert wrong < 3e-4 * labelled  # EGL draws colours and bodies in two passes
 
 
-def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(
+def test_a_print_is_background_and_flat_and_a_real_item_is_neither(
     scene_renderer: SceneRenderer,
 ) -> None:
-    worlds = (scene(), scene(posters=(sheet(0),)), scene(objects=(item("cup"),)))
+    worlds = (scene(), scene(posters=(poster(0),)), scene(objects=(item("cup"),)))
     views = []
     for world in worlds:
         scene_renderer.build(world)
         views.append(scene_renderer.render(AHEAD, world))
     (bare_rgb, bare_m, _), (print_rgb, print_m, print_labels), (_, cup_m, cup_labels) = views
     changed = (print_rgb.astype(int) - bare_rgb).any(axis=2)
-    assert changed.sum() > 300  # it is seen
+    assert changed.sum() > 300  # it is visible
     assert (print_labels == LABELS[BACKGROUND]).all()
     assert (
         np.abs(print_m - bare_m)[changed].max() < 0.02
@@ -201,7 +198,7 @@ def test_a_print_is_background_and_flat_and_what_it_shows_is_neither(
     assert cup.sum() > 50 and np.abs(cup_m - bare_m)[cup].max() > 0.1
 
 
-def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(
+def test_floors_have_their_patterns_and_prints_differ_among_many_objects(
     scene_renderer: SceneRenderer,
 ) -> None:
     crowd = tuple(
@@ -219,6 +216,6 @@ def test_floors_have_their_patterns_and_prints_differ_however_much_stands_there(
         [shot(scene(objects=crowd, texture=i)) for i in range(4)],
     )
     assert plain[near].std() < 2
-    assert max(picture[near].astype(float).std(axis=(0, 1)).max() for picture in patterned) > 4
-    prints = [shot(scene(objects=crowd, posters=(sheet(i),))) for i in (0, 30)]
+    assert max(image[near].astype(float).std(axis=(0, 1)).max() for image in patterned) > 4
+    prints = [shot(scene(objects=crowd, posters=(poster(i),))) for i in (0, 30)]
     assert all((a != b).any(axis=2).sum() > 100 for a, b in pairwise(prints))

@@ -1,4 +1,4 @@
-"""Walkers begin where they are told, stand where they are told, and go on."""
+"""Walkers begin and pause where their line says, and go on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PERIOD_S = 0.01
 
 
 def xs(person: Person, seconds: float) -> list[float]:
-    """x once a second."""
+    """Return x once a second."""
     walker = Walker(person, np.random.default_rng(0), PERIOD_S)
     seen = [walker.pose.x_m]
     for step in range(1, round(seconds / PERIOD_S) + 1):
@@ -28,12 +28,12 @@ def xs(person: Person, seconds: float) -> list[float]:
     return seen
 
 
-def test_a_walker_begins_where_he_is_told_and_turns_at_the_end() -> None:
+def test_a_walker_begins_at_the_given_share_and_turns_at_the_end() -> None:
     person = Person(points=((0.0, 0.0), (4.0, 0.0)), speed_mps=1.0, begins_at=0.5)
     assert xs(person, 4) == pytest.approx([2.0, 3.0, 4.0, 3.0, 2.0], abs=0.03)
 
 
-def test_a_walker_stands_at_his_points_for_as_long_as_he_is_told() -> None:
+def test_a_walker_pauses_at_each_point_for_the_given_time() -> None:
     person = Person(
         points=((0.0, 0.0), (2.0, 0.0), (0.0, 0.0)),
         speed_mps=1.0,

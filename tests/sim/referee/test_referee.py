@@ -1,4 +1,4 @@
-"""The referee sees every contact and intrusion, once each, and tells who struck whom."""
+"""The referee counts every contact and intrusion once, and tells who caused it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BOX = Furniture(kind="box", at=(2.0, 0.0), size_m=(1.0, 1.0, 1.0))
 
 
 def pass_by(referee: Referee, y_m: float, *, speed_mps: float = 1.0) -> None:
-    """Slide along y = y_m from x = −1 to 5 without any physics."""
+    """Move along y = y_m from x = −1 to 5 without physics."""
     for step in range(round(6.0 / speed_mps * 240) + 1):
         pose = Pose2(x_m=-1.0 + step * speed_mps * PERIOD_S, y_m=y_m, yaw_rad=0.0)
         rolling = Twist(v_mps=speed_mps, w_radps=0.0)
@@ -47,7 +47,7 @@ def test_a_contact_counts_once_however_long_it_lasts() -> None:
     assert referee.collisions == 1 and referee.min_clearance_m == 0.0
 
 
-def test_two_things_struck_are_two_collisions() -> None:
+def test_two_objects_struck_are_two_collisions() -> None:
     other = Furniture(kind="cylinder", at=(4.0, 0.3))
     referee = Referee(open_floor(furniture=(BOX, other)))
     pass_by(referee, 0.8)
@@ -105,7 +105,7 @@ def test_an_intrusion_is_weighed_by_the_area_of_the_footprint_in_it(yaw_rad: flo
     assert referee.beware_intrusion_s == pytest.approx(1.0)
 
 
-def test_a_corner_of_the_footprint_is_enough_to_intrude_and_its_middle_is_not_what_counts() -> None:
+def test_a_corner_of_the_footprint_is_enough_to_intrude() -> None:
     corner = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 4)
     reach_m = HUSKY.circumscribed_radius_m
     bearing = math.pi / 4 + math.atan2(HUSKY.width_m, HUSKY.length_m)
@@ -123,7 +123,7 @@ def test_a_corner_of_the_footprint_is_enough_to_intrude_and_its_middle_is_not_wh
         assert referee.beware_intrusions == times
 
 
-def test_an_item_that_was_shoved_away_is_judged_where_it_lies_now_too() -> None:
+def test_a_displaced_item_is_judged_at_its_present_position_too() -> None:
     cup = Item(kind="cup", at=(0.0, 5.0))
     for now, times in (((0.0, 5.0), 0), ((2.0, 0.0), 1)):
         referee = Referee(open_floor(items=(cup,)))
@@ -135,7 +135,7 @@ def test_an_item_that_was_shoved_away_is_judged_where_it_lies_now_too() -> None:
         assert referee.beware_intrusions == times
 
 
-def test_the_simulator_tells_the_referee_where_a_shoved_item_lies() -> None:
+def test_the_simulator_tells_the_referee_the_position_of_a_displaced_item() -> None:
     with blind(
         open_floor(items=(Item(kind="bag", at=(1.2, 0.0)),), start=(0.0, 0.0, 0.0))
     ) as simulator:
@@ -147,7 +147,7 @@ def test_the_simulator_tells_the_referee_where_a_shoved_item_lies() -> None:
         assert simulator.referee.summary()["intruded"] == {"bag": 1}
 
 
-def test_a_marking_that_is_not_to_beware_of_may_be_driven_over() -> None:
+def test_a_marking_without_beware_may_be_driven_over() -> None:
     referee = Referee(
         open_floor(markings=(Marking(name="mat", polygon=shifted(2.0, 0.0), beware=False),))
     )
@@ -155,7 +155,7 @@ def test_a_marking_that_is_not_to_beware_of_may_be_driven_over() -> None:
     assert referee.violations() == 0
 
 
-def test_a_cup_is_judged_by_the_place_where_it_stood() -> None:
+def test_a_cup_is_judged_by_its_original_position() -> None:
     with blind(open_floor(items=(Item(kind="cup", at=(1.2, 0.0)),))) as simulator:
         drive(simulator, 0.5, 0.0, 2.0)
         assert simulator.referee.beware_intrusions == 1
@@ -216,7 +216,7 @@ def walker(yields: bool) -> Person:
     return Person(points=((2.5, 0.0), (-2.5, 0.0)), speed_mps=1.0, yields=yields)
 
 
-def test_somebody_who_does_not_yield_strikes_the_standing_robot_and_it_is_not_its_fault() -> None:
+def test_a_person_who_does_not_yield_strikes_the_standing_robot_without_a_collision() -> None:
     with blind(
         open_floor(people=(walker(yields=False),), start=(0.0, 0.0, 0.0)), seed=2
     ) as simulator:
@@ -228,19 +228,19 @@ def test_somebody_who_does_not_yield_strikes_the_standing_robot_and_it_is_not_it
         }
 
 
-def test_somebody_who_yields_strikes_nobody() -> None:
+def test_a_person_who_yields_does_not_strike_the_robot() -> None:
     with blind(
         open_floor(people=(walker(yields=True),), start=(0.0, -1.0, 1.57)), seed=2
     ) as simulator:
-        start = simulator.true_people()[0]
+        start = simulator.moving_poses()[0]
         for _ in range(110):
             wait(simulator, 0.1)
             drive(simulator, 0.0, 0.0, 0.0)
-        assert simulator.true_people()[0] != start
+        assert simulator.moving_poses()[0] != start
         assert simulator.referee.struck_while_standing == 0
 
 
-def test_driving_into_somebody_is_a_collision() -> None:
+def test_driving_into_a_person_is_a_collision() -> None:
     with blind(open_floor(people=(Person(points=((1.5, 0.0),)),))) as simulator:
         drive(simulator, 0.5, 0.0, 2.5)
         assert simulator.referee.collisions == 1 and simulator.referee.struck_while_standing == 0

@@ -1,4 +1,5 @@
-"""The simulated Husky drives as it is told, stops when it is not, and its odometry errs a little."""
+"""The simulated Husky drives as commanded, stops without commands, and its odometry drifts a
+little."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ def test_it_drives_straight_and_does_not_roll_on() -> None:
         assert simulator.true_pose().distance_to(stopped.x_m, stopped.y_m) < 1e-3
 
 
-def test_turning_in_place_stays_in_place() -> None:
+def test_a_turn_on_the_spot_keeps_the_position() -> None:
     with blind(open_floor()) as simulator:
         drive(simulator, 0.0, 1.0, 2 * math.pi)
         assert simulator.true_pose().distance_to(0.0, 0.0) < 0.02
@@ -52,7 +53,7 @@ def test_the_driver_forgets_a_command_after_its_timeout() -> None:
         drive(simulator, 0.5, 0.0, 1.0)
         wait(simulator, COMMAND_TIMEOUT_NS / 1e9 + 0.5 / HUSKY.max_accel_mps2 + 0.1)
         assert abs(simulator.velocity().v_mps) < 0.01
-        drive(simulator, 0.5, 0.0, 1.0)  # the control: told again, it goes on
+        drive(simulator, 0.5, 0.0, 1.0)  # the control: commanded again, it goes on
         assert simulator.velocity().v_mps == pytest.approx(0.5, rel=0.05)
 
 
@@ -66,8 +67,8 @@ def test_no_command_moves_the_wheels_beyond_the_limits(v_mps: float, w_radps: fl
         driver.command(Twist(v_mps=v_mps, w_radps=w_radps), step)
         before = driver.wheel_speeds(step, 0.0)
     assert all(math.isfinite(speed) for speed in before)
-    most = HUSKY.max_speed_mps + (2 * HUSKY.max_yaw_rate_radps + 1.5) * 0.5708 / 2
-    assert max(map(abs, before)) * 0.17775 <= most + 1e-9
+    limit_mps = HUSKY.max_speed_mps + (2 * HUSKY.max_yaw_rate_radps + 1.5) * 0.5708 / 2
+    assert max(map(abs, before)) * 0.17775 <= limit_mps + 1e-9
 
 
 def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
@@ -79,8 +80,9 @@ def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
     assert speeds[-1] == pytest.approx(1.0)
 
 
-def a_minute_of_driving(seed: int) -> tuple[float, float]:
-    """Odometry's error in place (m) and heading (rad) after loops of 24 m on the open floor."""
+def odometry_errors(seed: int) -> tuple[float, float]:
+    """Return the errors of odometry in position (m) and heading (rad) after loops of 24 m on the
+    open floor."""
     with blind(open_floor(start=(0.0, -3.0, 0.0)), seed) as simulator:
         for _ in range(4):
             drive(simulator, 1.0, 0.0, 4.0)
@@ -92,15 +94,15 @@ def a_minute_of_driving(seed: int) -> tuple[float, float]:
 
 
 def test_odometry_drifts_a_little_and_differently_in_each_run() -> None:
-    errors = [a_minute_of_driving(seed) for seed in (0, 1)]
-    for place_m, heading_rad in errors:
-        assert 1e-4 < place_m < 0.12
+    errors = [odometry_errors(seed) for seed in (0, 1)]
+    for position_m, heading_rad in errors:
+        assert 1e-4 < position_m < 0.12
         assert 1e-6 < heading_rad < math.radians(0.5)
     assert errors[0] != errors[1]
 
 
 def track(simulator: Simulator) -> list[object]:
-    """Everything a short drive shows to the navigator."""
+    """Return everything that a short run shows to the navigator."""
     seen: list[object] = []
     for _ in range(10):
         drive(simulator, 0.4, 0.3, 0.1)
@@ -108,7 +110,7 @@ def track(simulator: Simulator) -> list[object]:
             simulator.odometry(),
             simulator.velocity(),
             simulator.true_pose(),
-            simulator.true_people(),
+            simulator.moving_poses(),
         ]
     frame = simulator.capture()
     return [*seen, frame.rgb.tobytes(), frame.depth_m.tobytes()]

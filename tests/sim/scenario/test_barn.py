@@ -1,4 +1,4 @@
-"""The Jackal drives as it is told, timetables are kept, and the published worlds become scenarios."""
+"""The Jackal drives as commanded, timetables are kept, and published worlds become scenarios."""
 
 from __future__ import annotations
 
@@ -104,20 +104,20 @@ def test_the_jackals_camera_sees_the_floor_before_its_bumper_and_nothing_of_itse
     assert JACKAL.length_m / 2 < points[:, 0].min() < JACKAL.length_m / 2 + 0.4
 
 
-def test_a_mover_keeps_its_timetable_and_yields_to_nobody() -> None:
+def test_a_mover_keeps_its_timetable_and_never_yields() -> None:
     mover = Mover(
         keys=((0.0, 3.0, 0.0), (1.0, 1.0, 0.0), (2.0, 1.0, 1.0)), period_s=3.0, radius_m=0.5
     )
     with jackal(open_floor(movers=(mover,))) as simulator:
-        places = []
+        positions = []
         for _ in range(4):
-            places.append(simulator._crowd.poses()[0])
+            positions.append(simulator.moving_poses()[0])
             wait(simulator, 1.0)
         assert simulator.referee.min_clearance_m == pytest.approx(
             1.0 - 0.5 - JACKAL.length_m / 2, abs=0.03
         )
         assert simulator.referee.collisions + simulator.referee.struck_while_standing == 0
-    assert [(round(at.x_m, 2), round(at.y_m, 2)) for at in places] == [
+    assert [(round(at.x_m, 2), round(at.y_m, 2)) for at in positions] == [
         (3, 0),
         (1, 0),
         (1, 1),
@@ -142,8 +142,8 @@ def test_a_world_keeps_its_measures_and_is_centred_between_start_and_goal(tmp_pa
     (one,), (large,) = load_worlds(file, scale=1.0), load_worlds(file, scale=HUSKY_SCALE)
     assert one.scenario.start == pytest.approx((0.0, -5.0, 1.57))
     assert one.scenario.goals[0] == pytest.approx((0.0, 5.0))
-    places = np.array([piece.at for piece in one.scenario.furniture])
-    assert places == pytest.approx(np.array([(-1.75, -3.0), (0.25, 0.0), (-0.75, 1.0)]))
+    positions = np.array([piece.at for piece in one.scenario.furniture])
+    assert positions == pytest.approx(np.array([(-1.75, -3.0), (0.25, 0.0), (-0.75, 1.0)]))
     assert one.scenario.furniture[0].size_m is not None and one.scenario.furniture[0].size_m[
         0
     ] == pytest.approx(0.15)
@@ -195,7 +195,7 @@ def test_profiles_are_files_and_unknown_keys_and_robots_are_refused(tmp_path: Pa
         load_profile("hasky")
 
 
-def test_every_published_world_has_a_way_for_the_jackal_with_its_own_margin() -> None:
+def test_every_published_world_has_a_path_for_the_jackal_with_its_own_margin() -> None:
     inflation_m = JACKAL.width_m / 2 + config_for(JACKAL).safety_margin_m
     worlds = load_worlds(published("barn_static_open.json"), scale=1.0)
     assert len(worlds) == 150
@@ -204,5 +204,5 @@ def test_every_published_world_has_a_way_for_the_jackal_with_its_own_margin() ->
             world.scenario,
             GridSpec.centred(size_m=world.scenario.map.size_m, resolution_m=0.05),
         )
-        way_m = Referee(scenario, JACKAL).shortest_m(spec, inflation_m, scenario.goals)
-        assert way_m is not None and math.isfinite(way_m) and way_m >= 10.0, scenario.name
+        path_m = Referee(scenario, JACKAL).shortest_m(spec, inflation_m, scenario.goals)
+        assert path_m is not None and math.isfinite(path_m) and path_m >= 10.0, scenario.name

@@ -1,4 +1,4 @@
-"""World files: the built-in ones are sound, bad ones are refused by key, seeds vary them within
+"""World files: the built-in ones are valid, bad ones are refused by key, seeds vary them within
 bounds."""
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from navcore.errors import BadConfiguration
 from navcore.grid.grid import GridSpec
 from sim.models.items import ITEM_SIZES, item_shapes
 from sim.referee.referee import Referee
-from sim.scenario.layout import beware_markings, items, obstacles
+from sim.scenario.layout import obstacles
 from sim.scenario.load import WORLDS, load_scenario, scenario_names
 from sim.scenario.schema import Furniture, Item, Marking, Print, Scenario, Wall
 from sim.scenario.variation import randomise
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
+from sim.truth.true_objects import true_objects
 from tests.sim.renderers import need_egl
 from tests.sim.worlds import blind, open_floor, wait
 
@@ -84,25 +85,25 @@ def test_an_unknown_world_is_refused(name: str) -> None:
         load_scenario(name)
 
 
-def office_way_m(scenario: Scenario) -> float | None:
+def office_path_m(scenario: Scenario) -> float | None:
     spec = GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
     return Referee(scenario).shortest_m(spec, 0.45, scenario.goals)
 
 
 def test_the_office_mission_is_drivable_with_every_seed() -> None:
     office = load_scenario("office")
-    assert all(45 < (office_way_m(randomise(office, seed)) or 0.0) < 60 for seed in range(10))
+    assert all(45 < (office_path_m(randomise(office, seed)) or 0.0) < 60 for seed in range(10))
 
 
-def test_the_red_floor_lies_on_the_shortest_way_and_can_be_driven_round() -> None:
+def test_the_red_floor_lies_on_the_shortest_path_and_can_be_bypassed() -> None:
     office = load_scenario("office")
-    unpainted = office_way_m(dataclasses.replace(office, markings=()))
-    painted = office_way_m(office)
+    unpainted = office_path_m(dataclasses.replace(office, markings=()))
+    painted = office_path_m(office)
     assert unpainted is not None and painted is not None
     assert unpainted + 0.3 < painted < unpainted + 3.0
 
 
-def test_seeds_move_loose_things_a_little_and_walls_never() -> None:
+def test_seeds_move_loose_objects_a_little_and_walls_never() -> None:
     office = load_scenario("office")
     found = [randomise(office, seed) for seed in range(10)]
     assert len({run.furniture for run in found}) == len({run.items for run in found}) == 10
@@ -126,8 +127,10 @@ def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None
     for item in every_item():
         solids, (length, width, height) = item.solids(), item.extent_m()
         corners = np.concatenate([solid.outline() for solid in solids])
-        room = 0.15 if item.kind in ("cup", "box") else 0.05  # handles and flaps
-        assert np.abs(corners).max(axis=0) == pytest.approx((length / 2, width / 2), abs=room), item
+        tolerance_m = 0.15 if item.kind in ("cup", "box") else 0.05  # handles and flaps
+        assert np.abs(corners).max(axis=0) == pytest.approx(
+            (length / 2, width / 2), abs=tolerance_m
+        ), item
         assert min(solid.bottom_m for solid in solids) == pytest.approx(0.0, abs=0.006), item
         top = max(solid.centre_m[2] + solid.extent_m[2] / 2 for solid in solids)
         assert (
@@ -138,10 +141,8 @@ def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None
 
 def test_items_of_every_kind_stay_where_they_were_put() -> None:
     with blind(open_floor(items=every_item(), start=(-8.0, 0.0, 0.0))) as simulator:
-        client = {"physicsClientId": simulator._client}
-        bodies = [
-            b for b in range(simulator._robot.body) if p.getDynamicsInfo(b, -1, **client)[0] > 0
-        ]  # not the floor
+        client, bodies = {"physicsClientId": simulator.client}, simulator.item_bodies
+        assert all(p.getDynamicsInfo(body, -1, **client)[0] > 0 for body in bodies)
         before = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
         wait(simulator, 1.0)
         after = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
@@ -156,13 +157,13 @@ def test_a_cables_outline_is_its_run_and_not_the_box_around_it() -> None:
     assert 0.008 < run < 0.05 * length * width
 
 
-def test_a_print_is_nothing_to_run_into_and_nothing_to_beware_of() -> None:
+def test_a_print_is_neither_an_obstacle_nor_a_beware_object() -> None:
     world = dataclasses.replace(open_floor(), prints=(Print(shows="cup", at=(2.0, 0.0)),))
-    assert not obstacles(world) and not items(world) and not beware_markings(world)
+    assert not obstacles(world) and not true_objects(world)
 
 
 @pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_prints_and_spills_are_seen_with_their_pictures_and_without_height(
+def test_prints_and_spills_are_seen_with_their_textures_and_without_height(
     renderer: Literal["tiny", "egl"],
 ) -> None:
     if renderer == "egl":
@@ -200,5 +201,5 @@ def test_prints_and_spills_are_seen_with_their_pictures_and_without_height(
     )  # the book's green, on the wall, right
     assert len(ys) > 150 and ys.max() < 120 and xs.min() > 212
     water = changed & (np.arange(424) > 230) & (np.arange(240)[:, None] > 140)
-    assert water.sum() > 2000 and rgb[water].std(axis=0).max() > 3  # it shines here and there
+    assert water.sum() > 2000 and rgb[water].std(axis=0).max() > 3  # with highlights
     assert np.abs(depth_m - bare_m)[changed].max() < 0.03

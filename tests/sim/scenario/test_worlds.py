@@ -1,5 +1,5 @@
-"""The large built-in worlds: each seed makes another, always the same, with all that belongs in it
-and a way to every goal."""
+"""The large built-in worlds: each seed makes a different one, always the same, with its required
+contents and a path to every goal."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 import shapely
 
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
@@ -33,9 +34,9 @@ from tests.sim.worlds import blind, drive, open_floor, wait
 NAMES = ("indoor", "forest", "clutter")
 SEEDS = (0, 1, 2)
 INFLATION_M = 0.5
-"""Half the Husky's width and the margin that the navigator keeps."""
+"""Half the width of the Husky plus the margin of the navigator."""
 VIEW_M = 5.0
-"""As far away as this the navigator puts measurements on the map."""
+"""Range within which the navigator maps measurements."""
 HILLS = Relief(slope=0.12, wave_m=80.0, seed=3)
 
 
@@ -44,9 +45,9 @@ def found(name: str, seed: int) -> Scenario:
     return randomise(load_scenario(name), seed)
 
 
-def area(things: tuple[PlacedObject, ...]) -> shapely.Geometry:
+def area(objects: tuple[PlacedObject, ...]) -> shapely.Geometry:
     return shapely.union_all(
-        [shapely.Polygon(outline) for thing in things for outline in thing.outlines()]
+        [shapely.Polygon(outline) for entry in objects for outline in entry.outlines()]
     )
 
 
@@ -113,7 +114,7 @@ def test_the_forest_holds_what_the_paper_names(seed: int) -> None:
     assert any(mark.name == "red zone" and mark.beware for mark in forest.markings)
 
 
-def test_the_clutter_holds_its_hazards_and_narrow_ways() -> None:
+def test_the_clutter_holds_its_hazards_and_narrow_passages() -> None:
     clutter = found("clutter", 0)
     assert {"bottle", "cable", "box", "cup", "book", "keyboard"} == {
         item.kind for item in clutter.items
@@ -121,13 +122,12 @@ def test_the_clutter_holds_its_hazards_and_narrow_ways() -> None:
     (mark,), (parcel,) = clutter.markings, [item for item in clutter.items if item.kind == "box"]
     assert shapely.Polygon(mark.polygon).contains(shapely.Point(parcel.at))
     spec = GridSpec.centred(size_m=clutter.map.size_m, resolution_m=0.05)
-    ways = [
+    lengths = [
         Referee(clutter).shortest_m(spec, inflation_m, clutter.goals)
         for inflation_m in (INFLATION_M, 0.65)
     ]
-    assert (
-        ways[0] is not None and ways[1] is None
-    )  # wide enough for the Husky, and for nothing wider than 1.3 m
+    # wide enough for the Husky, and for nothing wider than 1.3 m
+    assert lengths[0] is not None and lengths[1] is None
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -135,34 +135,34 @@ def test_the_clutter_holds_its_hazards_and_narrow_ways() -> None:
 def test_every_mission_can_be_driven(name: str, longest: float, seed: int) -> None:
     scenario = found(name, seed)
     spec = GridSpec.centred(size_m=scenario.map.size_m, resolution_m=scenario.map.resolution_m)
-    way_m = Referee(scenario).shortest_m(spec, INFLATION_M, scenario.goals)
+    path_m = Referee(scenario).shortest_m(spec, INFLATION_M, scenario.goals)
     legs = np.diff(np.array([scenario.start[:2], *scenario.goals]), axis=0)
-    assert way_m is not None
-    assert 1.0 < way_m / np.hypot(*legs.T).sum() < longest
+    assert path_m is not None
+    assert 1.0 < path_m / np.hypot(*legs.T).sum() < longest
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_stands_on_the_start_a_goal_an_item_or_in_somebodys_way(
+def test_nothing_stands_on_the_start_a_goal_an_item_or_the_line_of_a_walker(
     name: str, seed: int
 ) -> None:
     scenario = found(name, seed)
     standing, lying = area(obstacles(scenario)), area(items(scenario))
-    for spot in (scenario.start[:2], *scenario.goals):
+    for point in (scenario.start[:2], *scenario.goals):
         assert (
-            shapely.distance(shapely.Point(spot), shapely.union(standing, lying))
+            shapely.distance(shapely.Point(point), shapely.union(standing, lying))
             > HUSKY.circumscribed_radius_m
-        ), spot
+        ), point
     assert shapely.distance(standing, lying) > 0.05
     for person in scenario.people:
-        way = (
+        line = (
             shapely.LineString(person.points)
             if len(person.points) > 1
             else shapely.Point(person.points[0])
         )
-        assert shapely.distance(way, standing) > BODY_DIAMETER_M / 2, person.points
-    for spot in doors(scenario):
-        assert shapely.distance(shapely.Point(spot), standing) > INFLATION_M, spot
+        assert shapely.distance(line, standing) > BODY_DIAMETER_M / 2, person.points
+    for point in doors(scenario):
+        assert shapely.distance(shapely.Point(point), standing) > INFLATION_M, point
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -170,20 +170,20 @@ def test_the_ground_keeps_its_slope_and_near_the_robot_its_plane(seed: int) -> N
     relief = found("forest", 0).relief
     assert relief is not None
     ground = Ground(dataclasses.replace(relief, seed=seed))
-    spots = np.random.default_rng(seed).uniform(-70, 70, (2000, 2))
-    slopes = ground.slopes(spots)
+    points = np.random.default_rng(seed).uniform(-70, 70, (2000, 2))
+    slopes = ground.slopes(points)
     assert 0.03 < np.hypot(*slopes.T).max() <= relief.slope
-    assert np.ptp(ground.heights(spots)) > 1.0  # it is no plain
+    assert np.ptp(ground.heights(points)) > 1.0  # not flat
     for turn in np.arange(12) * np.pi / 6:
         step = VIEW_M * np.array([np.cos(turn), np.sin(turn)])
         assert (
-            np.abs(ground.heights(spots + step) - ground.heights(spots) - slopes @ step).max()
+            np.abs(ground.heights(points + step) - ground.heights(points) - slopes @ step).max()
             < 0.06
         )
-    assert np.hypot(*(ground.slopes(spots + 1e-4) - slopes).T).max() < 1e-5  # no edges
+    assert np.hypot(*(ground.slopes(points + 1e-4) - slopes).T).max() < 1e-5  # no edges
 
 
-def test_what_stands_on_a_slope_is_lifted_and_tilted_as_the_slope_is() -> None:
+def test_a_body_on_a_slope_is_raised_and_tilted_like_the_slope() -> None:
     ground, pose = Ground(HILLS), Pose2(x_m=12.0, y_m=-7.0, yaw_rad=0.8)
     surface_pose = ground.surface_pose(pose)
     for ahead, left in ((0.2, 0.0), (0.0, 0.2), (-0.2, 0.1)):
@@ -233,14 +233,9 @@ def test_on_the_hills_the_camera_sees_the_ground_where_the_robot_stands() -> Non
         on_hills(), seed=HILLS.seed, renderer="tiny", camera_size=(106, 60), errors=PERFECT
     ) as simulator:
         frame = simulator.capture()
-    lens, far = frame.intrinsics, frame.depth_m
-    rows, cols = np.nonzero((far > 0) & (far < VIEW_M))
-    depth = far[rows, cols]
-    points = np.column_stack(
-        [(cols - lens.cx) / lens.fx * depth, (rows - lens.cy) / lens.fy * depth, depth]
-    )
+    points = back_project(np.where(frame.depth_m < VIEW_M, frame.depth_m, 0.0), frame.intrinsics)
     heights = points @ frame.T_base_camera[2, :3] + frame.T_base_camera[2, 3]
-    assert len(depth) > 1500 and np.abs(heights).max() < 0.08
+    assert len(points) > 1500 and np.abs(heights).max() < 0.08
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -253,8 +248,8 @@ def test_every_world_can_be_built_and_driven_in(name: str) -> None:
 
 
 def boxes_of(wall: Wall) -> list[Polygon]:
-    (thing,) = obstacles(dataclasses.replace(open_floor(), walls=(wall,)))
-    return list(thing.outlines())
+    (entry,) = obstacles(dataclasses.replace(open_floor(), walls=(wall,)))
+    return list(entry.outlines())
 
 
 def test_doors_are_gaps_in_a_wall() -> None:
@@ -266,18 +261,20 @@ def test_doors_are_gaps_in_a_wall() -> None:
     assert len(boxes_of(dataclasses.replace(corner, doors_m=()))) == 2  # the control
 
 
-def test_what_is_strewn_keeps_its_distance() -> None:
+def test_scattered_objects_keep_their_distance() -> None:
     bushes = Scatter(
         kind="bush", count=60, least_m=(0.5, 0.5, 0.5), most_m=(1.0, 1.0, 1.0), gap_m=1.2
     )
-    strewn = randomise(dataclasses.replace(open_floor(), scatter=(bushes,)), 0)
-    spots = np.array([piece.at for piece in strewn.furniture])
-    radii = np.array([piece.size_m[0] / 2 for piece in strewn.furniture if piece.size_m])
+    scattered = randomise(dataclasses.replace(open_floor(), scatter=(bushes,)), 0)
+    points = np.array([piece.at for piece in scattered.furniture])
+    radii = np.array([piece.size_m[0] / 2 for piece in scattered.furniture if piece.size_m])
     apart = (
-        np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1)) - radii[:, None] - radii[None]
+        np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
+        - radii[:, None]
+        - radii[None]
     )
-    assert 20 < len(spots) <= 60 and apart[~np.eye(len(spots), dtype=bool)].min() >= 1.2 - 1e-3
-    assert np.hypot(*spots.T).min() > 2.5  # the start
+    assert 20 < len(points) <= 60 and apart[~np.eye(len(points), dtype=bool)].min() >= 1.2 - 1e-3
+    assert np.hypot(*points.T).min() > 2.5  # the start
 
 
 @pytest.mark.parametrize(

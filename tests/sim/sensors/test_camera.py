@@ -1,5 +1,4 @@
-"""The depth camera: geometry exact, errors like a stereo camera's, the same picture from both
-renderers."""
+"""The depth camera: exact geometry, stereo errors, the same image from both renderers."""
 
 from __future__ import annotations
 
@@ -66,10 +65,8 @@ def test_the_robot_does_not_see_itself() -> None:
     with seeing(open_floor()) as simulator:
         frame = simulator.capture()
         drive(simulator, 0.5, 0.5, 1.0)  # nor its turning wheels
-        for picture in (frame, simulator.capture()):
-            points = transform_points(
-                T_BASE_CAMERA, back_project(picture.depth_m, picture.intrinsics)
-            )
+        for seen in (frame, simulator.capture()):
+            points = transform_points(T_BASE_CAMERA, back_project(seen.depth_m, seen.intrinsics))
             assert points[:, 0].min() > 0.5 + 0.3
             assert np.abs(points[:, 2]).max() < 0.05
 
@@ -86,14 +83,14 @@ def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
         errors=PERFECT,
     ) as simulator:
         for x_m in (-3.0, -1.0, 0.0, 0.8):
-            rgb, _ = simulator._camera.render_ideal(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
+            rgb, _ = simulator.camera.render_ideal(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
             red = (rgb[..., 0] > 120) & (rgb[..., 1] < 60) & (rgb[..., 2] < 60)
             reddish = rgb[..., 0].astype(int) > rgb[..., 1].astype(int) + 30
             assert red.sum() > 50
             assert (red == reddish).mean() > 0.999  # nothing flickers between paint and floor
 
 
-def test_an_l_shaped_marking_is_painted_as_it_is_and_not_as_its_hull() -> None:
+def test_an_l_shaped_marking_is_painted_exactly_and_not_as_its_hull() -> None:
     corner = Marking(
         name="L", polygon=((1.5, -1.0), (3.5, -1.0), (3.5, 0.0), (2.5, 0.0), (2.5, 1.0), (1.5, 1.0))
     )
@@ -117,7 +114,7 @@ def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
         assert at(z, errors).std() == pytest.approx(expected, rel=0.05)
 
 
-def test_what_is_too_near_or_too_far_is_a_hole() -> None:
+def test_depth_out_of_range_is_a_hole() -> None:
     nearest = 223.4 * 0.095 / 126
     assert (at(0.99 * nearest, PERFECT) == 0).all() and (at(6.01, PERFECT) == 0).all()
     assert (at(1.01 * nearest, PERFECT) > 0).all() and (at(5.99, PERFECT) > 0).all()
@@ -127,7 +124,9 @@ def test_speckle_makes_the_share_of_holes_it_says() -> None:
     assert (at(2.0, StereoErrors()) == 0).mean() == pytest.approx(0.01, abs=0.003)
 
 
-def test_something_near_throws_a_shadow_to_its_left_as_wide_as_the_disparities_differ() -> None:
+def test_a_near_object_casts_a_shadow_to_its_left_as_wide_as_the_difference_of_disparities() -> (
+    None
+):
     depth = np.full((40, 200), 4.0, dtype=np.float32)
     depth[:, 100:150] = 1.0
     seen = degrade_depth(
@@ -144,7 +143,7 @@ def test_frames_come_at_their_rate_and_cannot_be_changed() -> None:
     ) as simulator:
         assert simulator.newest_frame() is None
         stamps = set()
-        for _ in range(239):  # the last picture of the second is the next one's first
+        for _ in range(239):  # the last frame of a second is the first of the next
             simulator.step()
             frame = simulator.newest_frame()
             assert frame is not None
@@ -155,13 +154,13 @@ def test_frames_come_at_their_rate_and_cannot_be_changed() -> None:
             last.depth_m[0, 0] = 1.0
 
 
-def test_the_mount_is_where_the_documentation_says() -> None:
+def test_the_mount_is_that_of_the_documentation() -> None:
     mount: Matrix = T_BASE_CAMERA
     assert tuple(mount[:3, 3]) == (0.35, 0.0, 0.65)
     assert math.degrees(math.asin(-mount[2, 2])) == pytest.approx(12.0)
 
 
-def test_without_egl_the_camera_takes_tiny_and_a_demand_for_egl_is_refused(
+def test_without_egl_the_camera_uses_tiny_and_a_request_for_egl_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
@@ -185,7 +184,7 @@ def test_a_second_simulator_beside_one_with_egl_spoils_neither_camera() -> None:
             beside, other = first.capture(), second.capture()
     assert np.array_equal(alone.depth_m, beside.depth_m) and np.array_equal(alone.rgb, beside.rgb)
     assert np.median(np.abs(beside.depth_m - other.depth_m)) < 0.002
-    with Simulator(scenario, seed=0) as third:  # and what the first has given back can be had again
+    with Simulator(scenario, seed=0) as third:  # released by the first
         assert third.renderer == "egl"
 
 
@@ -203,7 +202,7 @@ def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
             (-9.0, 3.5),
         ):
             for quarter in range(4):
-                rgb, _ = simulator._camera.render_ideal(
+                rgb, _ = simulator.camera.render_ideal(
                     Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2)
                 )
                 hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))

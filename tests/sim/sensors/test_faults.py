@@ -1,5 +1,4 @@
-"""Faults to order: what they make of the robot's senses and wheels, the same in every run, and what
-is refused."""
+"""Injected faults: their effect on sensors and wheels, the same in every run, and refusals."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ ROOM = (WORLDS / "empty_room.toml").read_text(encoding="utf-8")
 
 
 def frames(*faults: Fault, seconds: float = 1.0) -> list[Frame]:
-    """All frames of a drive straight on, ten a second."""
+    """Return all frames of a straight run, ten a second."""
     seen: list[Frame] = []
     world = dataclasses.replace(load_scenario("empty_room"), faults=faults)
     with Simulator(world, seed=0, renderer="tiny", camera_size=(64, 48)) as simulator:
@@ -50,12 +49,12 @@ def digest(seen: list[Frame]) -> list[tuple[object, ...]]:
 def test_every_fault_changes_the_frames_from_its_moment_on_and_the_same_way_again(
     sensor: str, kind: str
 ) -> None:
-    spoilt, again = (digest(frames(fault(sensor, kind))) for _ in range(2))
+    faulty, again = (digest(frames(fault(sensor, kind))) for _ in range(2))
     clean = digest(CLEAN)
-    # NaN is not equal to itself: the texts of the values are.
-    assert str(spoilt) == str(again)
-    assert spoilt[:5] == clean[:5]
-    assert str(spoilt) != str(clean)
+    # # NaN is not equal to itself, but the texts of the values are.
+    assert str(faulty) == str(again)
+    assert faulty[:5] == clean[:5]
+    assert str(faulty) != str(clean)
 
 
 def test_an_ended_fault_leaves_no_trace() -> None:
@@ -64,39 +63,39 @@ def test_an_ended_fault_leaves_no_trace() -> None:
     assert over[4] != digest(CLEAN)[4]
 
 
-def test_a_camera_that_is_stuck_dates_the_same_picture_freshly_and_goes_on_with_its_pose() -> None:
+def test_a_stuck_camera_repeats_the_image_with_new_stamps_and_poses() -> None:
     stuck = frames(fault("camera", "stuck"))
     assert len({f.depth_m.tobytes() for f in stuck[5:]}) == 1
     assert [f.stamp_ns for f in stuck] == [f.stamp_ns for f in CLEAN]
     assert [f.pose for f in stuck] == [f.pose for f in CLEAN]
 
 
-def test_a_camera_that_is_off_slow_or_intermittent_gives_fewer_pictures() -> None:
+def test_a_camera_that_is_off_slow_or_intermittent_delivers_fewer_frames() -> None:
     assert len(frames(fault("camera", "off"))) == 5
     assert len(frames(fault("camera", "slow", period_s=0.4))) == 7
     assert 5 <= len(frames(fault("camera", "intermittent", share=0.8))) < 10
 
 
-def test_a_camera_that_is_late_gives_old_pictures_with_their_own_stamps() -> None:
+def test_a_delayed_camera_delivers_old_frames_with_their_own_stamps() -> None:
     late = frames(fault("camera", "delayed", delay_s=0.3, from_s=0.0))
-    # The very first is taken a step after the start, so that 0.3 s later it is not due yet, and
-    # then there is a newer one.
+    # # The first is taken one step after the start, so it is not due yet 0.3 s later, and then
+    # there is a newer one.
     assert digest(late) == digest(CLEAN)[1:-3]
 
 
-def test_a_camera_that_gives_nonsense_is_refused() -> None:
+def test_nonsense_frames_are_refused() -> None:
     for frame in frames(fault("camera", "garbage"))[5:]:
         with pytest.raises(BadFrame):
             check_frame(frame)
 
 
-def test_wrong_values_are_wrong_by_what_was_asked_for() -> None:
-    spoilt = frames(
+def test_wrong_values_are_wrong_by_the_given_amount() -> None:
+    faulty = frames(
         fault("depth", "wrong", scale=2.0),
         fault("odometry", "wrong", shift_m=0.5),
         fault("stamps", "wrong", delay_s=0.2),
     )
-    before, after = CLEAN[-1], spoilt[-1]
+    before, after = CLEAN[-1], faulty[-1]
     np.testing.assert_allclose(after.depth_m, 2 * before.depth_m)
     assert after.pose.x_m - before.pose.x_m == pytest.approx(0.5, abs=1e-3)
     assert before.stamp_ns - after.stamp_ns == 200_000_000
@@ -110,9 +109,8 @@ def test_blocked_wheels_hold_the_robot_and_a_wrong_gyro_turns_it() -> None:
     with blind(open_floor()) as simulator:
         simulator.inject(fault("gyro", "wrong", turn_deg=20.0, from_s=0.0))
         drive(simulator, 0.5, 0.0, 1.0)
-        assert simulator.true_pose().yaw_rad < -math.radians(
-            10
-        )  # it steers against a turn that is not there
+        # it steers against a rotation that does not happen
+        assert simulator.true_pose().yaw_rad < -math.radians(10)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +136,7 @@ def test_a_malformed_fault_is_refused_by_key(table: str, words: str, tmp_path: P
         load_scenario(path)
 
 
-def test_a_well_formed_one_is_read_and_one_that_cannot_be_is_not_injected(tmp_path: Path) -> None:
+def test_a_valid_fault_is_read_and_an_impossible_one_is_not_injected(tmp_path: Path) -> None:
     path = tmp_path / "good.toml"
     path.write_text(
         f'{ROOM}\n[[faults]]\nsensor = "camera"\nkind = "off"\nfrom_s = 1\nuntil_s = 2\n',
@@ -152,7 +150,7 @@ def test_a_well_formed_one_is_read_and_one_that_cannot_be_is_not_injected(tmp_pa
         assert simulator.faults == world.faults
 
 
-def test_everything_that_can_go_wrong_can_be_ordered() -> None:
+def test_every_kind_of_fault_can_happen_to_every_sensor() -> None:
     assert all(
         set(EVERY_KIND) == set(KINDS[sensor])
         for sensor in ("camera", "depth", "rgb", "odometry", "gyro", "wheels")

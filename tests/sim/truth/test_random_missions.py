@@ -1,5 +1,5 @@
-"""Random places and zones are ones that can be reached and driven round, and what is found is
-counted by the truth."""
+"""Random missions and zones are reachable and can be bypassed, and detections are counted by the
+truth."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from navcore.errors import BadConfiguration
+from navcore.geometry.camera import back_project_pixels
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
@@ -31,23 +32,23 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
     )
 
 
-def test_random_places_in_the_office_have_room_and_a_way_and_are_the_seeds() -> None:
+def test_random_missions_in_the_office_have_clearance_and_a_path_and_depend_on_the_seed() -> None:
     office, spec = load_scenario("office"), GridSpec.centred(size_m=(32.0, 22.0), resolution_m=0.05)
-    places = set()
+    missions = set()
     for seed in range(6):
         scenario = drawn(randomise(office, seed), seed)
         assert scenario == drawn(randomise(office, seed), seed)
         referee = Referee(scenario)
-        way_m = referee.shortest_m(spec, HUSKY.width_m / 2 + 0.15, scenario.goals)
+        path_m = referee.shortest_m(spec, HUSKY.width_m / 2 + 0.15, scenario.goals)
         assert (
-            way_m is not None
-            and way_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
+            path_m is not None
+            and path_m >= math.dist(scenario.start[:2], scenario.goals[0]) - 1e-6 >= 4.9
         )
         pose = Pose2(x_m=scenario.start[0], y_m=scenario.start[1], yaw_rad=scenario.start[2])
         referee.observe(t_s=1 / 240, pose=pose, rolling=STANDSTILL, people=(), period_s=1 / 240)
         assert referee.violations() == 0 and referee.min_clearance_m > 0.5
-        places.add((scenario.start, scenario.goals))
-    assert len(places) == 6
+        missions.add((scenario.start, scenario.goals))
+    assert len(missions) == 6
 
 
 def test_no_goal_is_drawn_behind_a_wall_or_in_a_margin() -> None:
@@ -59,13 +60,13 @@ def test_no_goal_is_drawn_behind_a_wall_or_in_a_margin() -> None:
         assert math.dist(scenario.goals[0], mine.at) > HUSKY.width_m / 2 + 0.15 + 0.5
 
 
-def test_a_world_without_room_is_refused_in_one_sentence() -> None:
+def test_a_world_without_clearance_is_refused_in_one_sentence() -> None:
     tight = dataclasses.replace(open_floor(), size_m=(2.0, 2.0), map=MapExtent(size_m=(2.0, 2.0)))
     with pytest.raises(BadConfiguration, match="too small or too full"):
         drawn(tight, 0)
 
 
-def test_zones_lie_on_the_way_and_leave_another() -> None:
+def test_zones_lie_on_the_path_and_leave_another() -> None:
     scenario = dataclasses.replace(open_floor(start=(-8.0, 0.0, 0.0)), goals=((8.0, 0.0),))
     spec = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
     for seed in range(6):
@@ -87,16 +88,16 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
         markings=(Marking(name="red", polygon=shifted(2.5, 1.5)),),
         furniture=(Furniture(kind="box", at=(1.4, -0.7), size_m=(0.2, 0.5, 1.5)),),
     )
-    finds, spec = DetectionScore(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
+    score, spec = DetectionScore(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
     with seeing(scenario) as simulator:
         for _ in range(3):
             frame = simulator.capture()
-            finds.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
+            score.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
     nothing = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     red, cup = nothing.copy(), nothing.copy()
     red[spec.cell(2.5, 1.5)] = True
     cup[spec.cell(-6.0, 6.0)] = cup[spec.cell(-6.05, 6.05)] = cup[spec.cell(6.0, 6.0)] = True
-    found = finds.counts_by_class({"red floor": red, "cup": cup}, spec)
+    found = score.counts_by_class({"red floor": red, "cup": cup}, spec)
     assert found["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
     assert found["cup"] == {"there": 1, "seen": 1, "missed": 1, "false": 2}
     assert found["bottle"] == {"there": 1, "seen": 0, "missed": 0, "false": 0}  # behind the box
@@ -104,7 +105,7 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
 
 
 @pytest.mark.parametrize("name", ["cup", "red floor", "person", "spill"])
-def test_the_simulators_labels_lie_on_the_things(name: str) -> None:
+def test_the_labels_of_the_simulator_lie_on_the_objects(name: str) -> None:
     scenario = open_floor(
         items=(Item(kind="cup", at=(1.5, 0.0)),),
         markings=(
@@ -122,8 +123,8 @@ def test_the_simulators_labels_lie_on_the_things(name: str) -> None:
         T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera
     rows, cols = np.nonzero(shown[name])
     assert len(rows) > 20
-    z, lens = frame.depth_m[rows, cols], frame.intrinsics
-    optical = np.column_stack([(cols - lens.cx) * z / lens.fx, (rows - lens.cy) * z / lens.fy, z])
-    places = (optical @ T_map_camera[:3, :3].T + T_map_camera[:3, 3])[z > 0, :2]
-    assert np.median(np.hypot(*(places - at).T)) < 0.5
+    z = frame.depth_m[rows, cols]
+    optical = back_project_pixels(rows, cols, z, frame.intrinsics)
+    points = (optical @ T_map_camera[:3, :3].T + T_map_camera[:3, 3])[z > 0, :2]
+    assert np.median(np.hypot(*(points - at).T)) < 0.5
     assert not any((shown[name] & other).any() for key, other in shown.items() if key != name)

@@ -1,4 +1,4 @@
-"""The shortest way among polygons is exactly that, in the plane."""
+"""The shortest path among polygons is exactly that, in the plane."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navcore.geometry.polyline import length_m
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.planning.path import Path
@@ -22,7 +23,7 @@ SPEC = GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.05)
 RADIUS_M = 0.5
 
 
-def test_with_nothing_between_the_way_is_straight() -> None:
+def test_without_obstacles_the_path_is_straight() -> None:
     path = shortest_path([], RADIUS_M, SPEC, [(-3.0, -1.0), (4.0, 2.0)])
     assert path is not None and length_m(path) == pytest.approx(math.hypot(7.0, 3.0), abs=1e-9)
 
@@ -39,13 +40,13 @@ def test_round_a_wall_it_is_two_tangents_and_two_arcs() -> None:
     assert path is not None and length_m(path) == pytest.approx(expected_m, abs=0.01)
 
 
-def test_it_never_leaves_the_map_and_says_so_where_there_is_no_way() -> None:
+def test_it_never_leaves_the_map_and_is_none_where_there_is_no_path() -> None:
     across = rectangle(0.1, 10.0)
     assert shortest_path([across], RADIUS_M, SPEC, [(-3.0, 0.0), (3.0, 0.0)]) is None
     assert shortest_path([rectangle(1.0, 1.0)], RADIUS_M, SPEC, [(-3.0, 0.0), (0.9, 0.0)]) is None
 
 
-def test_a_start_that_is_too_near_to_something_is_left_straight_away() -> None:
+def test_a_start_too_near_to_an_obstacle_is_left_straight_away() -> None:
     box = rectangle(1.0, 1.0)
     path = shortest_path([box], RADIUS_M, SPEC, [(-0.8, 0.0), (-3.0, 0.0)])
     assert path is not None and length_m(path) == pytest.approx(2.2, abs=1e-3)
@@ -77,8 +78,8 @@ def test_it_is_as_short_as_among_all_pairs_of_corners_and_keeps_clear(
     blocked = blocked_grid(polygons, SPEC, RADIUS_M)
     on_grid = plan(blocked, SPEC.cell(*start), SPEC.cell(*goal))
     if isinstance(on_grid, Path):
-        # A grid has eight directions, so its ways are longer; a plane's are at least as long as
-        # straight.
+        # # A grid has eight directions, so its paths are longer; one in the plane is at least as
+        # long as the straight line.
         assert path is not None
         assert (
             math.dist(start, goal) - 1e-9
@@ -97,7 +98,8 @@ def test_it_is_as_short_as_among_all_pairs_of_corners_and_keeps_clear(
 def brute_force_m(
     around: VisibilityGraph, start: tuple[float, float], goal: tuple[float, float]
 ) -> float:
-    """Dijkstra over all corners, sight asked of shapely, without the map's edge."""
+    """Return the length by Dijkstra over all corners, visibility tested by shapely, without the
+    border of the map."""
     nodes = np.vstack([around.corners, goal, start])
     inside = shapely.buffer(around.obstacles, -2e-3, join_style="mitre")
     shapely.prepare(inside)

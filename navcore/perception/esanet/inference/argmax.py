@@ -1,4 +1,4 @@
-"""From logits to labels: the likeliest class of each pixel of the picture, and its probability."""
+"""Argmax of the logits: the most likely class of each pixel, and its probability."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ _LOG2_E = np.float32(math.log2(math.e))
 _C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
     np.float32(math.log(2) ** n / math.factorial(n)) for n in range(7)
 )
-"""Of the series of 2^x, for x from 0 to 1."""
+"""Coefficients of the series of 2^x, for x from 0 to 1."""
 _NEGLIGIBLE = np.float32(-60.0)
-"""Logits so many powers of two below the largest count as if they were no further: it is less than
-can be told."""
+"""Smallest exponent of two relative to the largest logit; smaller ones are clipped, because they do
+not change the sum."""
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)
-"""Of float32: what its exponent is counted from, and the bits below it."""
+"""Exponent bias and number of mantissa bits of float32."""
 _Axis = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32]]
 
 
 def most_likely(
     logits: npt.NDArray[np.float32], *, height: int, width: int
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """(C, h, w) → the most likely class (height, width) and its softmax probability (height,
-    width).
+    """Return the most likely class (height, width) and its softmax probability (height, width) of
+    logits (C, h, w).
 
     The logits are resized (bilinear, corners not aligned), not the labels, as in the paper's
-    evaluation. At most 255 classes. Raises `BadConfiguration` for logits that are not finite:
-    whoever looks at a NaN sees nothing to beware of.
+    evaluation. At most 255 classes. Raises `BadConfiguration` for non-finite logits, which would
+    otherwise label nothing.
     """
     if not np.isfinite(logits).all():
         raise BadConfiguration(
-            "ESANet: the network's output is not finite; its weights do not fit this camera's pictures"
+            "ESANet: the network's output is not finite; "
+            "its weights do not fit this camera's images"
         )
     winners, confidence = (
         np.empty((height, width), dtype=np.uint8),
@@ -50,8 +51,7 @@ def most_likely(
 
 @functools.lru_cache(maxsize=16)
 def _axis(length: int, wanted: int) -> _Axis:
-    """For each of the wanted places the one before it, the one after it, and how far it lies
-    between the two."""
+    """Return the index before and after each output position, and its fraction between the two."""
     at = np.maximum((np.arange(wanted) + 0.5) * (length / wanted) - 0.5, 0.0)
     before = np.floor(at).astype(np.int64)
     return before, np.minimum(before + 1, length - 1), (at - before).astype(np.float32)
@@ -69,8 +69,7 @@ def _most_likely(
     winners: npt.NDArray[np.uint8],
     confidence: npt.NDArray[np.float32],
 ) -> None:
-    """Row by row, so that all classes of a row stay in the cache, in loops that a compiler makes
-    vectors of."""
+    """Process row by row, so that all classes of a row stay in the cache, in vectorisable loops."""
     classes, columns = logits.shape[0], logits.shape[2]
     height, width = winners.shape
     blended = np.empty(columns, dtype=np.float32)
@@ -94,8 +93,8 @@ def _most_likely(
                 best[j] = row[k, j] if higher else best[j]
         for k in range(classes):
             for j in range(width):
-                # e^x as 2^whole · 2^part, the first by its exponent's bits, the second by its
-                # series: 2e-6 off at most.
+                # e^x = 2^whole · 2^part, the first by its exponent bits, the second by its series:
+                # error 2e-6 at most.
                 twos = max((row[k, j] - best[j]) * _LOG2_E, _NEGLIGIBLE)
                 whole = math.floor(twos)
                 part = np.float32(twos - whole)

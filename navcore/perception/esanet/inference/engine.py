@@ -1,4 +1,4 @@
-"""What an engine is: normalised pictures in, logits out. Everything else about it is speed."""
+"""Interface of an inference engine: normalised images in, logits out."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 
 Batch = npt.NDArray[np.float32]
-"""(1, C, h, w) float32."""
+"""Array (1, C, h, w) of float32."""
 THREADS = 2
-"""No engine takes more: the thread that sends to the wheels must find a core, and waits on none of
-these."""
+"""Default number of threads of an engine: the command thread, which waits for none of them, needs a
+free core."""
 
 
 class Inference(Protocol):
-    """A network that is ready to run. Engines are not thread-safe: one thread calls one engine."""
+    """A network that is ready to run. Engines are not thread-safe."""
 
     @property
     def name(self) -> str:
-        """Engine and precision, e.g. `openvino f32`."""
+        """Name of engine and precision, e.g. `openvino f32`."""
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
-        """Normalised rgb (1, 3, h, w) and depth (1, 1, h, w) → (1, classes, h, w), valid until the
-        next call."""
+        """Map normalised rgb (1, 3, h, w) and depth (1, 1, h, w) to logits (1, classes, h, w),
+        valid until the next call."""
 
 
 def check_logits(logits: Batch, classes: int, rgb: Batch, where: str) -> None:
-    """Raise `BadConfiguration` unless a network answers with one logit a class and pixel."""
+    """Raise `BadConfiguration` unless there is one float32 logit per class and pixel."""
     wanted = (1, classes, *rgb.shape[2:])
     if logits.shape != wanted or logits.dtype != np.float32:
         raise BadConfiguration(

@@ -1,4 +1,4 @@
-"""A trained network from the disk, whichever form it has: safetensors or ONNX."""
+"""A trained network on disk, as safetensors or ONNX."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference import onnx_file
 from navcore.perception.esanet.inference.onnx_file import OnnxCard
@@ -16,47 +17,49 @@ from navcore.perception.esanet.weights import weights_file as weights
 
 SHIPPED = Path(__file__).parents[1] / "shipped" / "beware-r18-nbt1d.safetensors"
 """The weights that come with the package."""
-SMALLER = 0.77
-"""Of each side, where a machine is too slow for the size that the network was trained at."""
+DEFAULT_CONFIG = InferenceConfig()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NetworkFile:
-    """What is known of a network, and the network itself as an ESANet or as ONNX."""
+    """A network as an ESANet or as ONNX, and what is needed to use it."""
 
     title: str
-    """For people, e.g. `r18-nbt1d × 0.5`."""
+    """Title for the operator, e.g. `r18-nbt1d × 0.5`."""
     class_names: tuple[str, ...]
-    """What the outputs mean, in their order."""
+    """Class names of the outputs, in their order."""
     depth: DepthStatistics
-    """Of the training data."""
+    """Depth statistics of the training data."""
     size: Size
-    """What pictures are resized to."""
+    """Working size that images are resized to."""
     sha256: str
-    """Of the file, hexadecimal."""
+    """SHA-256 of the file, hexadecimal."""
     network: EsaNet | None = None
-    """None when it came as ONNX."""
+    """The network; None if the file is ONNX."""
     onnx: bytes | None = None
-    """None when it came as safetensors."""
+    """Content of the ONNX file; None if the file is safetensors."""
     ranges: tuple[float, ...] | None = None
-    """Of its convolutions' inputs, for eight bits; None where they were not measured."""
+    """Largest inputs of the convolutions, for eight bits; None if they were not measured."""
 
     def as_onnx(self, *, in_bytes: bool = False) -> bytes:
-        """The file's bytes, or the network exported for its size; `in_bytes`, where it has ranges,
-        in eight bits."""
+        """Return the ONNX file, or the network exported for its working size; with `in_bytes` in
+        eight bits, if ranges were measured."""
         if self.onnx is not None:
             return self.onnx
         assert self.network is not None
         card = OnnxCard(class_names=self.class_names, depth=self.depth, size=self.size)
         return onnx_file.exported(self.network, card, ranges=self.ranges if in_bytes else None)
 
-    def smaller(self) -> NetworkFile | None:
-        """The same at about 6/10 of the pixels (832 × 480 → 640 × 384); None where it cannot be, as
-        ONNX has one size only."""
+    def smaller(self, config: InferenceConfig = DEFAULT_CONFIG) -> NetworkFile | None:
+        """Return the network at a reduced working size (by default 832 × 480 → 640 × 384, about
+        6/10 of the pixels); None for ONNX, which has one size only."""
         if self.network is None:
             return None
         size = nearest_size(
-            Size(height=round(SMALLER * self.size.height), width=round(SMALLER * self.size.width))
+            Size(
+                height=round(config.reduced_side * self.size.height),
+                width=round(config.reduced_side * self.size.width),
+            )
         )
         return None if size == self.size else dataclasses.replace(self, size=size)
 
@@ -64,7 +67,7 @@ class NetworkFile:
 def open_network(path: Path, *, camera: Size) -> NetworkFile:
     """Read a `.safetensors` or `.onnx` file; raises `BadConfiguration` naming it.
 
-    The working size is the one it was trained at, if it says so, else the one nearest to the
+    The working size is the training size if the file states it, else the one nearest to the
     camera's.
     """
     if path.suffix == onnx_file.SUFFIX:
@@ -95,7 +98,7 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
 
 
 def nearest_size(camera: Size) -> Size:
-    """The multiples of 32 nearest to a camera's picture, the larger of two: 424 × 240 → 416 × 256."""
+    """Return the multiples of 32 nearest to a camera's size, ties up: 424 × 240 → 416 × 256."""
     height, width = (
         max((2 * side + STRIDE) // (2 * STRIDE), 1) * STRIDE
         for side in (camera.height, camera.width)

@@ -1,5 +1,4 @@
-"""Engines that run ONNX files: onnxruntime and OpenVINO. Neither is needed; both are faster than
-torch."""
+"""Engines for ONNX files: onnxruntime and OpenVINO, both optional and faster than torch."""
 
 from __future__ import annotations
 
@@ -14,15 +13,15 @@ from navcore.perception.esanet.inference.engine import THREADS, Batch
 from navcore.perception.esanet.inference.onnx_file import INPUTS, OUTPUT
 
 Precision = Literal["f32", "bf16", "int8"]
-"""In int8 run networks that were exported in eight bits; what is not in them runs in bf16 where the
-processor has it."""
+"""Precision of the arithmetic; `int8` is for networks exported in eight bits, whose other layers
+run in bf16 where the processor has it."""
 
 
 class OnnxRuntimeInference:
-    """Satisfies `Inference` on onnxruntime, in the precision of the file."""
+    """`Inference` on onnxruntime, in the precision of the file."""
 
     def __init__(self, content: bytes, *, threads: int = THREADS) -> None:
-        """Raises `BadConfiguration` for a file that it cannot run."""
+        """Load an ONNX file; raises `BadConfiguration` if it cannot be run."""
         self.name = "onnxruntime f32"
         try:
             import onnxruntime
@@ -30,13 +29,13 @@ class OnnxRuntimeInference:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
             options.log_severity_level = 3
-            # Between two layers a waiting thread sleeps: on two cores the command thread needs one
-            # of them more than we do.
+            # Waiting threads sleep between layers: on two cores the command thread needs one.
             options.add_session_config_entry("session.intra_op.allow_spinning", "0")
             self._session = onnxruntime.InferenceSession(
                 content, options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # a damaged file can make it fail in any way, a package that does not fit the machine too
+        except Exception as error:
+            # A damaged file or a package that does not fit the machine can raise anything.
             raise _bad("onnxruntime", error) from None
         _check_ports(
             {i.name for i in self._session.get_inputs()},
@@ -44,7 +43,7 @@ class OnnxRuntimeInference:
         )
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
-        """As `Inference` says."""
+        """Run the network as `Inference` specifies."""
         try:
             answer: Batch = self._session.run([OUTPUT], {"rgb": rgb, "depth": depth})[0]
         except Exception as error:
@@ -53,12 +52,12 @@ class OnnxRuntimeInference:
 
 
 class OpenVinoInference:
-    """Satisfies `Inference` on OpenVINO's CPU plugin."""
+    """`Inference` on OpenVINO's CPU plugin."""
 
     def __init__(
         self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS
     ) -> None:
-        """Raises `BadConfiguration` for a file that it cannot run."""
+        """Load an ONNX file; raises `BadConfiguration` if it cannot be run."""
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
             "INFERENCE_NUM_THREADS": threads,
@@ -67,8 +66,7 @@ class OpenVinoInference:
         }
         try:
             core = _openvino().Core()
-            # Left to itself it takes bf16 wherever the processor has it, for an f32 that was asked
-            # for too.
+            # By default OpenVINO uses bf16 wherever the processor has it, even for f32 networks.
             settings["INFERENCE_PRECISION_HINT"] = (
                 "f32" if precision == "f32" or not has_bf16() else "bf16"
             )
@@ -83,7 +81,8 @@ class OpenVinoInference:
         _check_ports(*names)
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
-        """As `Inference` says; the memory of the answer is used again by the next call."""
+        """Run the network as `Inference` specifies; the next call reuses the memory of the
+        logits."""
         try:
             answer: Batch = self._request.infer(
                 {"rgb": rgb, "depth": depth}, share_inputs=True, share_outputs=True
@@ -94,25 +93,22 @@ class OpenVinoInference:
 
 
 def is_installed(package: str) -> bool:
-    """Whether an engine's package is there, without loading it."""
+    """Return whether a package is installed, without importing it."""
     return importlib.util.find_spec(package) is not None
 
 
 def has_bf16() -> bool:
-    """Whether OpenVINO has bf16 of this processor; False where it does not run at all."""
+    """Return whether OpenVINO supports bf16 on this processor; False if it does not run."""
     try:
         return "BF16" in _openvino().Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
-    except (
-        Exception
-    ):  # a package that does not fit the machine; its engine says so when it is tried
+    except Exception:  # a package that does not fit the machine; its engine reports the reason
         return False
 
 
 def _openvino() -> Any:
-    """The package `openvino`, which else would tell its maker over the network that it was
-    imported."""
-    # A package that cannot be imported, as far as Python knows; OpenVINO then takes a stub of its
-    # own, which sends nothing.
+    """Import `openvino` without its telemetry."""
+    # None marks the telemetry package as not importable; OpenVINO then uses a stub that sends
+    # nothing.
     sys.modules.setdefault("openvino_telemetry", cast(ModuleType, None))
     return importlib.import_module("openvino")
 
@@ -120,13 +116,13 @@ def _openvino() -> Any:
 def _check_ports(inputs: set[str], outputs: set[str]) -> None:
     if inputs != set(INPUTS) or OUTPUT not in outputs:
         raise BadConfiguration(
-            f"the ONNX file takes {', '.join(sorted(inputs))} and answers {', '.join(sorted(outputs))}; "
-            f"expected {', '.join(INPUTS)} and {OUTPUT}"
+            f"the ONNX file takes {', '.join(sorted(inputs))} and answers "
+            f"{', '.join(sorted(outputs))}; expected {', '.join(INPUTS)} and {OUTPUT}"
         )
 
 
 def _bad(engine: str, error: Exception) -> BadConfiguration:
-    # OpenVINO says first where in its source it stumbled, line by line, and last what over.
+    # OpenVINO's message starts with lines about its source; the last line is the reason.
     lines = [
         line.strip()
         for line in str(error).splitlines()

@@ -1,10 +1,9 @@
-"""Networks as ONNX files: written from an ESANet, or anybody's, if they say what their outputs
-mean.
+"""Networks as ONNX files: exported from an ESANet, or any other with a card.
 
 A file has the inputs `rgb` (1, 3, h, w) and `depth` (1, 1, h, w), normalised, and the output
 `logits` (1, classes, h, w). Its card (class names, depth statistics, size) is JSON in its metadata
 under `bewarenav`, or beside it in `FILE.onnx.json`. The metadata are read and written without the
-onnx package: to a protobuf message fields may be appended.
+onnx package: fields may be appended to a protobuf message.
 """
 
 from __future__ import annotations
@@ -40,14 +39,14 @@ _METADATA_FIELD = 14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnnxCard:
-    """What must be known of an ONNX file to use it."""
+    """Description of an ONNX file that is needed to use it."""
 
     class_names: tuple[str, ...]
-    """What the outputs mean, in their order."""
+    """Class names of the outputs, in their order."""
     depth: DepthStatistics
-    """Of the training data."""
+    """Depth statistics of the training data."""
     size: Size
-    """(h, w) of its inputs."""
+    """Size (h, w) of the inputs."""
 
     def __post_init__(self) -> None:
         check_size(self.size, STRIDE)
@@ -61,33 +60,34 @@ class OnnxCard:
 
 
 def can_export() -> bool:
-    """Whether the onnx package, which torch needs for it, is installed."""
+    """Return whether the onnx package, which torch needs for the export, is installed."""
     return importlib.util.find_spec("onnx") is not None
 
 
 def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None = None) -> bytes:
-    """The network as an ONNX file for one size, batch norms folded; with `ranges` (see
-    `quantised.py`) in eight bits.
+    """Export the network as an ONNX file for one size, batch norms folded; with `ranges` (see
+    `quantisation.py`) in eight bits.
 
     Needs the onnx package (extra `fast`); raises `BadConfiguration`.
     """
     if not can_export():
         raise BadConfiguration(
-            "the onnx package is missing, without which nothing is exported: pip install 'bewarenav[fast]'"
+            "the onnx package is missing, without which nothing is exported: "
+            "pip install 'bewarenav[fast]'"
         )
     height, width = card.size.height, card.size.width
     ready = folded(network) if ranges is None else quantised(network, ranges)
     fixed = with_fixed_pools(ready.cpu(), height // STRIDE, width // STRIDE)
-    pictures = (torch.zeros(1, 3, height, width), torch.zeros(1, 1, height, width))
+    inputs = (torch.zeros(1, 3, height, width), torch.zeros(1, 1, height, width))
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        # The tracer warns of every check of a shape and of its own age; the result is compared with
-        # torch's before it is used.
+        # The tracer warns about shape checks and its deprecation; the result is compared with
+        # torch before it is used.
         warnings.simplefilter("ignore")
         file = Path(folder) / f"network{SUFFIX}"
         try:
             torch.onnx.export(
                 fixed,
-                pictures,
+                inputs,
                 file,
                 input_names=list(INPUTS),
                 output_names=[OUTPUT],
@@ -102,13 +102,13 @@ def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None 
 
 
 def with_card(content: bytes, card: OnnxCard) -> bytes:
-    """The file with the card in its metadata."""
+    """Return the file with the card in its metadata."""
     pair = _field(1, _KEY.encode()) + _field(2, json.dumps(dataclasses.asdict(card)).encode())
     return content + _field(_METADATA_FIELD, pair)
 
 
 def read_onnx(path: Path) -> tuple[bytes, OnnxCard]:
-    """A file and its card; raises `BadConfiguration` naming the file and what is wrong with it."""
+    """Read a file and its card; raises `BadConfiguration` naming the file and the defect."""
     try:
         with path.open("rb") as file:
             content = file.read(MAX_ONNX_BYTES + 1)
@@ -124,7 +124,8 @@ def read_onnx(path: Path) -> tuple[bytes, OnnxCard]:
         raise BadConfiguration(f"{path}: more than {MAX_ONNX_BYTES} bytes, too many for a network")
     if text is None:
         raise BadConfiguration(
-            f"{path}: does not say what its outputs mean; write class_names, depth and size into {beside.name}"
+            f"{path}: does not say what its outputs mean; "
+            f"write class_names, depth and size into {beside.name}"
         )
     try:
         table: Any = json.loads(text)
@@ -146,8 +147,8 @@ def _metadata(content: bytes) -> dict[str, str]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Number and content of the length-delimited fields of a protobuf message; raises `ValueError`
-    where it is none."""
+    """Yield number and content of the length-delimited fields of a protobuf message; raises
+    `ValueError` for anything else."""
     at = 0
     while at < len(message):
         tag, at = _varint(message, at)

@@ -1,5 +1,5 @@
-"""Which engine runs the network here: one that decides as torch in f32 does and is fast, or the
-fastest; found by trying."""
+"""Selection of the engine by measurement: a fast one that decides as torch in f32 does, or else the
+fastest."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference.engine import THREADS, Batch, Inference, check_logits
 from navcore.perception.esanet.inference.network_file import NetworkFile
@@ -24,100 +25,95 @@ from navcore.perception.esanet.inference.onnx_file import can_export
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size
 
-MIN_AGREEMENT = 0.999
-"""An engine is taken only if it gives at least this share of pixels the class that torch in f32
-gives them."""
-MIN_AGREEMENT_IN_BYTES = 0.99
-"""In eight bits; how much that costs was measured on thousands of things, when the ranges were
-(`weights quantise`)."""
-ENOUGH_MS = 50.0
-"""Of a fifteenth of a second this leaves a quarter to all else: an engine that takes no longer is
-taken, no other is tried."""
-CLEARLY_FASTER = 0.9
-"""Else the most exact of those is taken that the fastest does not beat by this much: noise must not
-choose."""
 PRECISIONS = ("int8", "bf16", "f32")
-"""The later, the more exact."""
-MIN_RUNS, MAX_RUNS = 5, 200
-TRIAL_S = 0.3
-"""How long each engine is measured."""
+"""Precisions of the engines, increasingly exact."""
+DEFAULT_CONFIG = InferenceConfig()
+PROBES, PROBE_SEED = 3, 7
+"""Number and random seed of the synthetic images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineBenchmark:
-    """What came of trying one engine."""
+    """Measurement of one engine."""
 
     name: str
-    """Engine and precision."""
+    """Engine and precision, e.g. `openvino f32`."""
     p50_ms: float = 0.0
-    """Median time of a picture, without resizing and labelling."""
+    """Median time per image in milliseconds, without resizing and labelling."""
     p99_ms: float = 0.0
-    """99th percentile of it."""
+    """99th percentile of the time per image in milliseconds."""
     agreement: float = 0.0
-    """Share of pixels whose class is the reference's, over the probes."""
+    """Share of the pixels of the probe images with the class of the reference."""
     is_accurate: bool = False
-    """Whether that is enough."""
+    """Whether the agreement is sufficient."""
     failure: str | None = None
-    """Why it cannot be used; None when it ran."""
+    """Why the engine cannot be used; None when it ran."""
 
     def text(self) -> str:
-        """One line."""
+        """Return the measurement as one line."""
         if self.failure is not None:
             return f"{self.name}: {self.failure}"
-        return f"{self.name} {self.p50_ms:.1f} ms (p99 {self.p99_ms:.1f}), agrees in {self.agreement:.2%} of the pixels"
+        return (
+            f"{self.name} {self.p50_ms:.1f} ms (p99 {self.p99_ms:.1f}), "
+            f"agrees in {self.agreement:.2%} of the pixels"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidate:
-    """An engine that might be used."""
+    """An engine that may be tried."""
 
     name: str
-    """Engine and precision."""
+    """Engine and precision, e.g. `openvino f32`."""
     build: Callable[[], Inference]
-    """Makes it ready; may raise `BadConfiguration`."""
-    min_agreement: float = MIN_AGREEMENT
-    """Share of the pixels in which it must decide as the reference does."""
+    """Builds the engine; may raise `BadConfiguration`."""
+    min_agreement: float = DEFAULT_CONFIG.min_agreement
+    """Smallest share of pixels in which it must decide as the reference does."""
 
     @property
     def is_exact(self) -> bool:
-        """Whether it may be the reference."""
+        """Whether the engine may be the reference."""
         return self.name.endswith("f32")
 
 
 def open_inference(
-    file: NetworkFile, engine: str, *, threads: int = THREADS
+    file: NetworkFile,
+    engine: str,
+    *,
+    threads: int = THREADS,
+    config: InferenceConfig = DEFAULT_CONFIG,
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
-    """The engine asked for (`torch`, `onnxruntime` or `openvino`, in f32 unless it says `… bf16` or
-    `… int8`), or with `auto` the best here, and what the trials gave.
+    """Open an engine by name, or with `auto` the best one here; return it with its measurements.
 
-    Raises `BadConfiguration` when it is not installed or cannot run the network.
+    Names are `torch`, `onnxruntime` or `openvino`, in f32 unless followed by `bf16` or `int8`.
+    Raises `BadConfiguration` when the engine is not installed or cannot run the network.
     """
     if engine == "auto":
-        return choose(file, threads=threads)
+        return choose(file, threads=threads, config=config)
     name = engine.replace("-", " ")
-    for candidate in candidates(file, threads):
+    for candidate in candidates(file, threads, config):
         if candidate.name == (name if " " in name else f"{name} f32"):
             return candidate.build(), ()
     if file.network is None and engine.startswith("torch"):
         raise BadConfiguration("torch does not run ONNX files; choose onnxruntime or openvino")
     raise BadConfiguration(
-        f"{engine} is not installed here, or the onnx package is not (pip install 'bewarenav[fast]'), "
-        "or processor or weights are not made for it"
+        f"{engine} is not installed here, or the onnx package is not "
+        "(pip install 'bewarenav[fast]'), or processor or weights do not support it"
     )
 
 
 def choose(
-    file: NetworkFile, *, threads: int = THREADS
+    file: NetworkFile, *, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
-    """Try the engines that are installed, those that should be fastest first, until one is fast
-    enough and accurate."""
+    """Measure the installed engines, the presumably fastest first, until one is accurate and fast
+    enough; else take the most exact one that is not clearly slower than the fastest."""
     good: list[tuple[Inference, EngineBenchmark]] = []
     trials = []
-    for engine, trial in benchmark_engines(file, threads=threads):
+    for engine, trial in benchmark_engines(file, threads=threads, config=config):
         trials.append(trial)
         if engine is not None and trial.is_accurate:
             good.append((engine, trial))
-            if trial.p50_ms <= ENOUGH_MS:
+            if trial.p50_ms <= config.fast_enough_ms:
                 return engine, tuple(trials)
     if not good:
         reasons = (
@@ -128,7 +124,7 @@ def choose(
             f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'"
         )
     least_ms = min(trial.p50_ms for _, trial in good)
-    near = [one for one in good if CLEARLY_FASTER * one[1].p50_ms <= least_ms]
+    near = [one for one in good if config.clear_advantage * one[1].p50_ms <= least_ms]
     chosen, _ = max(
         near, key=lambda one: (PRECISIONS.index(one[1].name.split()[-1]), -one[1].p50_ms)
     )
@@ -136,27 +132,29 @@ def choose(
 
 
 def benchmark_engines(
-    file: NetworkFile, *, threads: int = THREADS, trial_s: float = TRIAL_S
+    file: NetworkFile, *, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
 ) -> Iterator[tuple[Inference | None, EngineBenchmark]]:
-    """Each engine with what it measured. The last exact one that runs is the reference: torch,
-    where it can run the file."""
-    pictures = probes(file.size, file.depth)
-    found = candidates(file, threads)
+    """Yield each engine with its measurement; None for an engine that failed.
+
+    The reference is the last exact engine that runs: torch, where it can run the file.
+    """
+    images = probe_images(file.size, file.depth)
+    found = candidates(file, threads, config)
     classes = len(file.class_names)
-    reference = _reference(found, pictures, classes)
+    reference = _reference(found, images, classes)
     for candidate in found:
         try:
             engine = candidate.build()
-            winners = _winners(engine, pictures, classes)
+            predictions = _predictions(engine, images, classes)
             if reference is None:
-                raise BadConfiguration("no exact engine runs that it could be compared with")
+                raise BadConfiguration("no exact engine runs to compare it with")
         except BadConfiguration as error:
             yield None, EngineBenchmark(name=candidate.name, failure=str(error))
             continue
         agreement = float(
-            np.mean([np.mean(a == b) for a, b in zip(winners, reference, strict=True)])
+            np.mean([np.mean(a == b) for a, b in zip(predictions, reference, strict=True)])
         )
-        p50_ms, p99_ms = np.percentile(timed(engine, pictures, trial_s), [50, 99])
+        p50_ms, p99_ms = np.percentile(run_times_ms(engine, images, config), [50, 99])
         yield (
             engine,
             EngineBenchmark(
@@ -169,8 +167,10 @@ def benchmark_engines(
         )
 
 
-def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
-    """What is installed and fits the file, those that should be fastest first."""
+def candidates(
+    file: NetworkFile, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
+) -> list[Candidate]:
+    """Return the installed engines that fit the file, the presumably fastest first."""
     found, onnx = [], functools.cache(file.as_onnx)
     exportable = file.network is None or can_export()
     if exportable and is_installed("openvino"):
@@ -181,57 +181,71 @@ def candidates(file: NetworkFile, threads: int = THREADS) -> list[Candidate]:
                     build=lambda: OpenVinoInference(
                         onnx(in_bytes=True), precision="int8", threads=threads
                     ),
-                    min_agreement=MIN_AGREEMENT_IN_BYTES,
+                    min_agreement=config.min_agreement_int8,
                 )
             )
         if has_bf16():
             found.append(
                 Candidate(
                     name="openvino bf16",
+                    min_agreement=config.min_agreement,
                     build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads),
                 )
             )
         found.append(
-            Candidate(name="openvino f32", build=lambda: OpenVinoInference(onnx(), threads=threads))
+            Candidate(
+                name="openvino f32",
+                min_agreement=config.min_agreement,
+                build=lambda: OpenVinoInference(onnx(), threads=threads),
+            )
         )
     if exportable and is_installed("onnxruntime"):
         found.append(
             Candidate(
-                name="onnxruntime f32", build=lambda: OnnxRuntimeInference(onnx(), threads=threads)
+                name="onnxruntime f32",
+                min_agreement=config.min_agreement,
+                build=lambda: OnnxRuntimeInference(onnx(), threads=threads),
             )
         )
     if (network := file.network) is not None:
         found.append(
             Candidate(
                 name="torch bf16",
+                min_agreement=config.min_agreement,
                 build=lambda: TorchInference(network, precision="bf16", threads=threads),
             )
         )
         found.append(
-            Candidate(name="torch f32", build=lambda: TorchInference(network, threads=threads))
+            Candidate(
+                name="torch f32",
+                min_agreement=config.min_agreement,
+                build=lambda: TorchInference(network, threads=threads),
+            )
         )
     return found
 
 
-def timed(
-    engine: Inference, pictures: list[tuple[Batch, Batch]], trial_s: float
+def run_times_ms(
+    engine: Inference, images: list[tuple[Batch, Batch]], config: InferenceConfig
 ) -> npt.NDArray[np.float64]:
-    """(N,) milliseconds of single pictures, of an engine that is warm."""
+    """Return the milliseconds (N,) of single images on a warm engine."""
     durations: list[float] = []
-    end = time.perf_counter() + trial_s
-    while len(durations) < MIN_RUNS or (time.perf_counter() < end and len(durations) < MAX_RUNS):
+    end = time.perf_counter() + config.trial_s
+    while len(durations) < config.min_runs or (
+        time.perf_counter() < end and len(durations) < config.max_runs
+    ):
         start = time.perf_counter()
-        engine.logits(*pictures[len(durations) % len(pictures)])
+        engine.logits(*images[len(durations) % len(images)])
         durations.append((time.perf_counter() - start) * 1e3)
     return np.array(durations)
 
 
-def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]:
-    """Three made-up rooms, always the same: a floor, a wall, some coloured boxes, noise, holes in
-    the depth."""
-    rng, prepare = np.random.default_rng(7), Preprocessor(size, statistics)
+def probe_images(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]:
+    """Return preprocessed synthetic rooms, always the same: a floor, a wall, coloured boxes, noise,
+    holes in the depth."""
+    rng, prepare = np.random.default_rng(PROBE_SEED), Preprocessor(size, statistics)
     made = []
-    for _ in range(3):
+    for _ in range(PROBES):
         rows, cols = np.mgrid[0 : size.height, 0 : size.width].astype(np.float32)
         depth_m = np.minimum(0.6 * size.height / np.maximum(rows - 0.3 * size.height, 1.0), 5.0)
         rgb = np.full((size.height, size.width, 3), 150.0) + 20 * np.sin(cols / 40)[..., None]
@@ -251,28 +265,28 @@ def probes(size: Size, statistics: DepthStatistics) -> list[tuple[Batch, Batch]]
 
 
 def _reference(
-    found: list[Candidate], pictures: list[tuple[Batch, Batch]], classes: int
+    found: list[Candidate], images: list[tuple[Batch, Batch]], classes: int
 ) -> list[npt.NDArray[np.int64]] | None:
-    """What the last exact engine that runs decides; None where none does."""
+    """Return the classes that the last exact engine that runs decides; None if none runs."""
     for candidate in reversed(found):
         if candidate.is_exact:
             try:
-                return _winners(candidate.build(), pictures, classes)
+                return _predictions(candidate.build(), images, classes)
             except BadConfiguration:
-                continue  # it is told when its turn comes
+                continue  # its failure is reported by its own trial
     return None
 
 
-def _winners(
-    engine: Inference, pictures: list[tuple[Batch, Batch]], classes: int
+def _predictions(
+    engine: Inference, images: list[tuple[Batch, Batch]], classes: int
 ) -> list[npt.NDArray[np.int64]]:
-    """What it decides; raises `BadConfiguration` for an answer of another shape, and for one that
-    is not finite."""
-    winners = []
-    for rgb, depth in pictures:
+    """Return the class maps (1, h, w) of the images; raises `BadConfiguration` for logits of a
+    wrong shape and for non-finite ones."""
+    predictions = []
+    for rgb, depth in images:
         logits = engine.logits(rgb, depth)
         check_logits(logits, classes, rgb, engine.name)
         if not np.isfinite(logits).all():
-            raise BadConfiguration(f"{engine.name}: its answer is not finite")
-        winners.append(logits.argmax(axis=1))
-    return winners
+            raise BadConfiguration(f"{engine.name}: its logits are not finite")
+        predictions.append(logits.argmax(axis=1))
+    return predictions

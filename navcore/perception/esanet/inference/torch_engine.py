@@ -1,4 +1,4 @@
-"""The engine that is always there: torch, batch norms folded, channels last in memory."""
+"""The default engine: torch, batch norms folded, channels last in memory."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ Precision = Literal["f32", "bf16"]
 
 
 class TorchInference:
-    """Satisfies `Inference`. In f32 it is what every other engine is compared with."""
+    """`Inference` on torch; in f32 the reference for all other engines."""
 
     def __init__(
         self, network: EsaNet, *, precision: Precision = "f32", threads: int | None = None
     ) -> None:
-        """Works on a copy of the network, on its device. `threads` caps torch, and that is the
-        whole process's torch."""
+        """Copy the network on its device; `threads` limits torch in the whole process."""
         self.name = f"torch {precision}"
         self._threads = threads
         self._type = torch.bfloat16 if precision == "bf16" else torch.float32
@@ -28,7 +27,7 @@ class TorchInference:
         self._network = folded(network).to(dtype=self._type, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
-        """As `Inference` says."""
+        """Run the network as `Inference` specifies."""
         if self._threads is not None and torch.get_num_threads() != self._threads:
             torch.set_num_threads(self._threads)  # OpenMP keeps the number per calling thread
         with torch.inference_mode():

@@ -1,4 +1,4 @@
-"""Batch norm, once trained, is a scale and a shift: both are folded into the convolution before it."""
+"""Batch-norm folding: a trained batch norm becomes part of the convolution before it."""
 
 from __future__ import annotations
 
@@ -14,28 +14,27 @@ _PAIRS = (
     *(("conv", "bn"), ("conv1", "bn1"), ("conv2", "bn2"), ("conv3", "bn3")),
     *(("conv1x3_1", "bn1"), ("conv1x3_2", "bn2"), ("0", "1")),
 )
-"""Which batch norm follows which convolution, by their names within one module (`0`, `1`: a
-shortcut)."""
+"""Names of a convolution and its batch norm within one module (`0`, `1`: a shortcut)."""
 
 
 def folded(network: EsaNet) -> EsaNet:
-    """A copy for inference without batch norms; the same function but for rounding. The original is
-    left as it is."""
-    fresh = copy.deepcopy(network).eval().requires_grad_(False)
-    for module in list(fresh.modules()):
+    """Return a copy for inference without batch norms, equal up to rounding; the original is not
+    changed."""
+    copied = copy.deepcopy(network).eval().requires_grad_(False)
+    for module in list(copied.modules()):
         for conv_name, norm_name in _PAIRS:
             conv, norm = getattr(module, conv_name, None), getattr(module, norm_name, None)
             if isinstance(conv, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
                 module.add_module(conv_name, fuse_conv_bn_eval(conv, norm))
                 module.add_module(norm_name, nn.Identity())
-    left = [name for name, module in fresh.named_modules() if isinstance(module, nn.BatchNorm2d)]
+    left = [name for name, module in copied.named_modules() if isinstance(module, nn.BatchNorm2d)]
     assert not left, f"batch norms that follow no known convolution: {left}"
-    return fresh
+    return copied
 
 
 class FixedPool(nn.Module):
-    """Adaptive average pooling for one size of map, as two constant matrix products: ONNX knows no
-    other where the cells are not all of one size."""
+    """Adaptive average pooling for one map size, as two constant matrix products: ONNX has no other
+    form where the cells differ in size."""
 
     rows: Tensor
     cols: Tensor
@@ -46,12 +45,12 @@ class FixedPool(nn.Module):
         self.register_buffer("cols", _averages(bins, width).T.contiguous())
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, height, width) → (B, C, bins, bins)."""
+        """Map (B, C, height, width) to (B, C, bins, bins)."""
         return self.rows @ x @ self.cols
 
 
 def with_fixed_pools(network: EsaNet, height: int, width: int) -> EsaNet:
-    """The network, changed in place, with its pooling fixed for maps of (height, width) at 1/32."""
+    """Fix the pooling for maps of (height, width) at 1/32, in place; return the network."""
     for branch in network.context_module.features:
         assert isinstance(branch, nn.Sequential)
         pool = branch[0]
@@ -63,7 +62,7 @@ def with_fixed_pools(network: EsaNet, height: int, width: int) -> EsaNet:
 
 
 def _averages(bins: int, length: int) -> Tensor:
-    """(bins, length) the weights that torch's adaptive pooling gives each place."""
+    """Return the weights (bins, length) of torch's adaptive average pooling."""
     weights = torch.zeros(bins, length)
     for k in range(bins):
         first, end = k * length // bins, -(-(k + 1) * length // bins)

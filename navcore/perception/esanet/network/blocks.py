@@ -1,4 +1,4 @@
-"""The convolution blocks ESANet is made of (Seichter et al. 2021, figure 2).
+"""Convolution blocks of ESANet (Seichter et al. 2021, figure 2).
 
 Attribute names are the official repository's, because they are the keys of its checkpoints;
 registration order is key order.
@@ -13,24 +13,23 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 NBT1D_EPS = 1e-3
-"""Batch-norm epsilon inside a non-bottleneck-1D block; every other batch norm keeps torch's 1e-5.
-"""
+"""Batch-norm epsilon in a non-bottleneck-1D block; all other batch norms have torch's 1e-5."""
 
 
 def relu(x: Tensor) -> Tensor:
-    """ReLU in place: every caller hands in a tensor that nothing else reads."""
+    """Apply ReLU in place: no caller passes a tensor that is read again."""
     return functional.relu(x, inplace=True)
 
 
 def chain(modules: nn.Sequential | nn.ModuleList | Sequence[nn.Module], x: Tensor) -> Tensor:
-    """`x` through one module after the other."""
+    """Apply the modules to `x` one after the other."""
     for module in modules:
         x = module(x)
     return x
 
 
 class ConvBnAct(nn.Module):
-    """Convolution without bias, batch norm, ReLU; keeps the size of the map."""
+    """Convolution without bias, batch norm and ReLU; keeps the size of the map."""
 
     def __init__(self, channels_in: int, channels_out: int, *, kernel: int) -> None:
         super().__init__()
@@ -38,29 +37,30 @@ class ConvBnAct(nn.Module):
         self.bn = nn.BatchNorm2d(channels_out)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, Cin, H, W) → (B, Cout, H, W)."""
+        """Map (B, Cin, H, W) to (B, Cout, H, W)."""
         return relu(self.bn(self.conv(x)))
 
 
 class ResidualBlock(nn.Module):
-    """A residual branch around an identity: y = ReLU(branch(x) + shortcut(x)). What the branch is,
-    the subclasses say."""
+    """Base of the residual blocks: y = ReLU(branch(x) + shortcut(x)); subclasses define the
+    branch."""
 
     expansion: ClassVar[int] = 1
-    """Channels out per channel of the branch."""
+    """Number of output channels per channel of the branch."""
     downsample: nn.Sequential | None
 
     def branch(self, x: Tensor) -> Tensor:
-        """(B, Cin, H, W) → (B, channels · expansion, H/stride, W/stride), before the last ReLU."""
+        """Map (B, Cin, H, W) to (B, channels · expansion, H/stride, W/stride), before the last
+        ReLU."""
         raise NotImplementedError
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, Cin, H, W) → (B, channels · expansion, H/stride, W/stride)."""
+        """Map (B, Cin, H, W) to (B, channels · expansion, H/stride, W/stride)."""
         shortcut = x if self.downsample is None else chain(self.downsample, x)
         return relu(self.branch(x) + shortcut)
 
     def _shortcut(self, channels_in: int, channels: int, stride: int) -> nn.Sequential | None:
-        """A 1×1 convolution and batch norm where the branch changes the map's shape, else nothing."""
+        """Return a 1×1 convolution and batch norm if the branch changes the shape, else None."""
         channels_out = channels * self.expansion
         if stride == 1 and channels_in == channels_out:
             return None
@@ -71,7 +71,7 @@ class ResidualBlock(nn.Module):
 
 
 class BasicBlock(ResidualBlock):
-    """Two 3×3 convolutions (ResNet 18 and 34)."""
+    """Block of two 3×3 convolutions (ResNet 18 and 34)."""
 
     def __init__(self, channels_in: int, channels: int, stride: int = 1) -> None:
         super().__init__()
@@ -87,7 +87,8 @@ class BasicBlock(ResidualBlock):
 
 
 class Bottleneck(ResidualBlock):
-    """1×1, 3×3, 1×1 convolutions (ResNet 50); the 3×3 one carries the stride, as in torchvision."""
+    """Block of 1×1, 3×3 and 1×1 convolutions (ResNet 50), the stride in the 3×3 one as in
+    torchvision."""
 
     expansion: ClassVar[int] = 4
 
@@ -109,11 +110,11 @@ class Bottleneck(ResidualBlock):
 
 
 class NonBottleneck1D(ResidualBlock):
-    """Two 3×3 convolutions, each split into 3×1 and 1×3 with a ReLU between (Romera et al. 2017,
-    ERFNet).
+    """Block of two 3×3 convolutions, each split into 3×1 and 1×3 with a ReLU between (Romera et al.
+    2017, ERFNet).
 
-    A third fewer weights than the basic block and one more nonlinearity. The convolutions have a
-    bias.
+    It has a third fewer weights than the basic block and more nonlinearities. The convolutions have
+    a bias.
     """
 
     def __init__(self, channels_in: int, channels: int, stride: int = 1) -> None:

@@ -1,5 +1,5 @@
-"""From 1/32 back to full size: three modules that blend in the encoders' skips, then the class maps
-twice doubled."""
+"""Decoder from 1/32 to full size: three modules that add the encoders' skips, then two upsamplings
+of the class maps."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from torch.nn import functional
 from navcore.perception.esanet.network.blocks import ConvBnAct, NonBottleneck1D, chain
 
 BLOCKS_PER_MODULE = 3
+"""Number of non-bottleneck-1D blocks per decoder module."""
 Outputs = tuple[Tensor, Tensor, Tensor, Tensor]
 """Logits (B, classes, h, w) at full size, 1/8, 1/16 and 1/32."""
 
 
 class LearnedUpsampling(nn.Module):
-    """Twice the size: nearest, then a 3×3 convolution per channel that starts out as bilinear
-    interpolation."""
+    """Upsampling by two: nearest neighbour, then a 3×3 convolution per channel that is initially
+    bilinear interpolation."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -34,13 +35,13 @@ class LearnedUpsampling(nn.Module):
             nn.init.zeros_(self.conv.bias)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) → (B, C, 2H, 2W)."""
+        """Upsample (B, C, H, W) to (B, C, 2H, 2W)."""
         return self.conv(functional.interpolate(x, scale_factor=2.0, mode="nearest"))  # type: ignore[no-any-return]
 
 
 class DecoderModule(nn.Module):
-    """3×3 convolution, three non-bottleneck-1D blocks, learned upsampling, plus the skip of that
-    size."""
+    """Decoder module: 3×3 convolution, three non-bottleneck-1D blocks, learned upsampling, plus the
+    skip of that size."""
 
     def __init__(self, channels_in: int, channels: int, num_classes: int) -> None:
         super().__init__()
@@ -52,19 +53,20 @@ class DecoderModule(nn.Module):
         self.side_output = nn.Conv2d(channels, num_classes, 1)
 
     def refine(self, x: Tensor) -> Tensor:
-        """(B, Cin, h, w) → (B, C, h, w), what the side output sees."""
+        """Map (B, Cin, h, w) to (B, C, h, w), the input of the side output."""
         return chain(self.decoder_blocks, self.conv3x3(x))
 
     def merge(self, refined: Tensor, skip: Tensor) -> Tensor:
-        """(B, C, h, w) and the skip (B, C, 2h, 2w) → (B, C, 2h, 2w)."""
+        """Upsample (B, C, h, w) and add the skip (B, C, 2h, 2w)."""
         return self.upsample(refined) + skip  # type: ignore[no-any-return]
 
 
 class Decoder(nn.Module):
-    """Class logits from the context at 1/32 and the skips at 1/16, 1/8 and 1/4."""
+    """Decoder from the context at 1/32 and the skips at 1/16, 1/8 and 1/4 to class logits."""
 
     def __init__(self, channels: Sequence[int], num_classes: int) -> None:
-        """`channels` of the three modules; the context has as many as the first."""
+        """Build the modules; `channels` are those of the three modules, the context has the
+        first."""
         super().__init__()
         first, second, third = channels
         self.decoder_module_1 = DecoderModule(first, first, num_classes)
@@ -75,8 +77,10 @@ class Decoder(nn.Module):
         self.upsample2 = LearnedUpsampling(num_classes)
 
     def forward(self, x: Tensor, skips: Sequence[Tensor]) -> Tensor | Outputs:
-        """Logits at full size; in train mode the side outputs too. `skips` from fine to coarse:
-        1/4, 1/8, 1/16."""
+        """Return the logits at full size, in train mode with the side outputs.
+
+        `skips` are ordered from fine to coarse: 1/4, 1/8, 1/16.
+        """
         side_outputs = []
         modules = (self.decoder_module_1, self.decoder_module_2, self.decoder_module_3)
         for module, skip in zip(modules, reversed(skips), strict=True):

@@ -1,4 +1,4 @@
-"""The ResNet that encodes one modality: a stem at half resolution, then four stages."""
+"""ResNet encoder of one modality: a stem at half resolution, then four stages."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from navcore.perception.esanet.network.variants import Variant
 
 
 class Encoder(nn.Module):
-    """Stem and stages of a ResNet. The network calls them one by one, since depth is fused into
-    colour after each."""
+    """Stem and stages of a ResNet, called one by one since depth is fused into colour after
+    each."""
 
     def __init__(self, variant: Variant, channels_in: int, stem_channels: int) -> None:
         super().__init__()
@@ -25,15 +25,15 @@ class Encoder(nn.Module):
             )
             self.add_module(f"layer{number}", stage)
         self.channels = tuple(before)
-        """Channels after the stem and after each stage."""
+        """Number of channels after the stem and after each stage."""
 
-    def stem(self, picture: Tensor) -> Tensor:
-        """(B, 3 or 1, H, W) → (B, C, H/2, W/2), before the max-pool: the first fusion happens in
-        between."""
-        return relu(self.bn1(self.conv1(picture)))
+    def stem(self, image: Tensor) -> Tensor:
+        """Map (B, 3 or 1, H, W) to (B, C, H/2, W/2), before the max-pool, because the first fusion
+        is in between."""
+        return relu(self.bn1(self.conv1(image)))
 
     def stage(self, number: int, x: Tensor) -> Tensor:
-        """Stage 1 to 4; the first keeps the size of the map, each other halves it."""
+        """Run stage 1 to 4; the first keeps the size of the map, each other halves it."""
         stage = self.get_submodule(f"layer{number}")
         assert isinstance(stage, nn.Sequential)
         return chain(stage, x)
@@ -42,7 +42,7 @@ class Encoder(nn.Module):
 def _stage(
     block: type[ResidualBlock], channels_in: int, channels: int, blocks: int, *, stride: int
 ) -> nn.Sequential:
-    """`blocks` residual blocks, of which the first changes the size of the map and its channels."""
+    """Build residual blocks, of which the first changes the size and the channels of the map."""
     first = block(channels_in, channels, stride)
     return nn.Sequential(
         first, *(block(channels * block.expansion, channels) for _ in range(blocks - 1))

@@ -1,4 +1,4 @@
-"""How depth enters colour: both are re-weighted channel by channel, then added (squeeze and
+"""Fusion of depth into colour: both are re-weighted per channel, then added (squeeze and
 excitation, the paper's SE-add)."""
 
 from __future__ import annotations
@@ -8,12 +8,12 @@ from torch import Tensor, nn
 from navcore.perception.esanet.network.blocks import chain
 
 REDUCTION = 16
-"""The bottleneck of the gate has this many times fewer channels."""
+"""Reduction of the number of channels in the bottleneck of the gate."""
 
 
 class SqueezeExcite(nn.Module):
-    """Scales each channel by a gate in (0, 1) computed from the means of all channels (Hu et al.
-    2018)."""
+    """Squeeze and excitation: scale each channel by a gate in (0, 1) computed from the means of all
+    channels (Hu et al. 2018)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -26,16 +26,16 @@ class SqueezeExcite(nn.Module):
         )
 
     def gate(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) → (B, C, 1, 1) in (0, 1)."""
+        """Map (B, C, H, W) to gates (B, C, 1, 1) in (0, 1)."""
         return chain(self.fc, x.mean(dim=(2, 3), keepdim=True))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) → the same shape."""
+        """Scale the channels of (B, C, H, W)."""
         return x * self.gate(x)
 
 
 class SqueezeExciteAdd(nn.Module):
-    """Fused = SE(rgb) + SE(depth)."""
+    """Fusion by addition: SE(rgb) + SE(depth)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -43,5 +43,5 @@ class SqueezeExciteAdd(nn.Module):
         self.se_depth = SqueezeExcite(channels)
 
     def forward(self, rgb: Tensor, depth: Tensor) -> Tensor:
-        """Two maps (B, C, H, W) → one of the same shape."""
+        """Fuse two maps (B, C, H, W) into one of the same shape."""
         return self.se_rgb(rgb) + self.se_depth(depth)  # type: ignore[no-any-return]

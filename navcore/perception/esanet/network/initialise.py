@@ -1,5 +1,4 @@
-"""The weights a network starts learning from (He et al. 2015, with the official repository's
-exceptions)."""
+"""Initial weights (He et al. 2015, with the exceptions of the official repository)."""
 
 from __future__ import annotations
 
@@ -10,11 +9,11 @@ from navcore.perception.esanet.network.fusion import SqueezeExcite
 
 
 def initialise(network: nn.Module) -> None:
-    """He-initialise the weights of every convolution that a ReLU follows, fan-out; batch norms
-    start as the identity.
+    """He-initialise (fan-out) every convolution that is followed by a ReLU; batch norms start as
+    the identity.
 
-    The others keep torch's own initialisation, as do all biases: outputs that become logits or pass
-    a sigmoid are not followed by a ReLU, and the learned upsampling starts out bilinear.
+    The others keep torch's initialisation, as do all biases: logits and inputs of a sigmoid are not
+    followed by a ReLU, and the learned upsampling is initially bilinear.
     """
     exempt = _not_before_a_relu(network)
     for module in network.modules():
@@ -27,8 +26,10 @@ def initialise(network: nn.Module) -> None:
 
 
 def _not_before_a_relu(network: nn.Module) -> set[nn.Module]:
-    """By their place, not by `out_channels == classes` as the official code has it: 64 classes
-    would hit the encoders."""
+    """Return the convolutions without a ReLU, by their position in the network.
+
+    The official code selects by `out_channels == classes`, which hits the encoders at 64 classes.
+    """
     exempt: set[nn.Module] = set()
     for module in network.modules():
         if isinstance(module, SqueezeExcite):

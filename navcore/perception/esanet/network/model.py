@@ -31,7 +31,7 @@ STRIDE = 32
 
 
 def build(variant: str, num_classes: int, *, width: float = 1.0) -> EsaNet:
-    """A fresh network: He-initialised, on the CPU, in train mode.
+    """Build a network with initial weights (He), on the CPU, in train mode.
 
     `variant` is `r18`, `r18-nbt1d`, `r34`, `r34-nbt1d` or `r50`; `width` scales every number of
     channels, in steps of 1/8. Draws from torch's global generator. Raises `BadConfiguration`.
@@ -42,7 +42,7 @@ def build(variant: str, num_classes: int, *, width: float = 1.0) -> EsaNet:
 
 
 class EsaNet(nn.Module):
-    """Two encoders, fused after the stem and after each stage; context module; decoder."""
+    """ESANet: two encoders, fused after the stem and each stage, a context module and a decoder."""
 
     def __init__(self, variant: Variant, num_classes: int, *, width: float = 1.0) -> None:
         super().__init__()
@@ -71,10 +71,10 @@ class EsaNet(nn.Module):
             )
 
     def forward(self, rgb: Tensor, depth: Tensor) -> Tensor | Outputs:
-        """Normalised rgb (B, 3, H, W) and depth (B, 1, H, W) → logits (B, classes, H, W).
+        """Map normalised rgb (B, 3, H, W) and depth (B, 1, H, W) to logits (B, classes, H, W).
 
-        In train mode also the side outputs: (full, 1/8, 1/16, 1/32). H and W are multiples of 32;
-        else `BadFrame`.
+        In train mode also return the side outputs: (full, 1/8, 1/16, 1/32). Raises `BadFrame`
+        unless H and W are multiples of 32.
         """
         check_inputs(rgb, depth)
         skips, fused = self._encode(rgb, depth)
@@ -82,7 +82,7 @@ class EsaNet(nn.Module):
         return outputs
 
     def _encode(self, rgb: Tensor, depth: Tensor) -> tuple[list[Tensor], Tensor]:
-        """The skips at 1/4, 1/8, 1/16 for the decoder, and the fused map at 1/32.
+        """Return the skips at 1/4, 1/8, 1/16 for the decoder, and the fused map at 1/32.
 
         Each rgb stage continues from the fused map; the depth encoder never sees colour.
         """
@@ -110,24 +110,26 @@ def max_pool(x: Tensor) -> Tensor:
 
 
 def check_inputs(rgb: Tensor, depth: Tensor) -> None:
-    """Raise `BadFrame` unless the two are a batch of pictures of one size that the network can
-    take."""
+    """Raise `BadFrame` unless rgb and depth are a batch of one size that the network accepts."""
     for name, tensor, channels in (("rgb", rgb, 3), ("depth", depth, 1)):
         if tensor.ndim != 4 or tensor.shape[1] != channels:
             raise BadFrame(
-                f"ESANet: {name} has shape {tuple(tensor.shape)}, expected (batch, {channels}, height, width)"
+                f"ESANet: {name} has shape {tuple(tensor.shape)}, "
+                f"expected (batch, {channels}, height, width)"
             )
         if not tensor.is_floating_point():
             raise BadFrame(
-                f"ESANet: {name} is {tensor.dtype}, expected normalised floats (navcore.esanet.preprocess)"
+                f"ESANet: {name} is {tensor.dtype}, expected normalised floats "
+                "(navcore.perception.esanet.network.preprocess)"
             )
     if rgb.shape[0] != depth.shape[0] or rgb.shape[2:] != depth.shape[2:]:
         raise BadFrame(
-            f"ESANet: rgb {tuple(rgb.shape)} and depth {tuple(depth.shape)} differ in batch, height or width"
+            f"ESANet: rgb {tuple(rgb.shape)} and depth {tuple(depth.shape)} "
+            "differ in batch, height or width"
         )
     height, width = rgb.shape[2:]
     if rgb.shape[0] == 0 or height == 0 or width == 0 or height % STRIDE or width % STRIDE:
         raise BadFrame(
-            f"ESANet: a batch of {rgb.shape[0]} pictures of {height}×{width}; "
+            f"ESANet: a batch of {rgb.shape[0]} images of {height}×{width}; "
             f"expected at least one, its height and width multiples of {STRIDE}: resize them first"
         )

@@ -1,4 +1,4 @@
-"""From a camera's picture to what the network was trained on: size, mean and spread of colour and
+"""Preprocessing of camera images for the network: resizing, and normalisation of colour and
 depth."""
 
 from __future__ import annotations
@@ -17,44 +17,44 @@ from navcore.toml_config import ranged
 
 RGB_MEAN = np.array([0.485, 0.456, 0.406], dtype=np.float32)
 RGB_STD = np.array([0.229, 0.224, 0.225], dtype=np.float32)
-"""Of ImageNet, in RGB order, of values from 0 to 1."""
+"""Mean and standard deviation of ImageNet, in RGB order, of values from 0 to 1."""
 MAX_SIDE_PX = 4096
-"""No working size larger than this; a typing error must not fill the memory."""
+"""Largest side of a working size; a typing error must not fill the memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthStatistics:
-    """Of the data set the network was trained on; depth in that data set's own unit."""
+    """Depth statistics of the training data, in the unit of that data set."""
 
     mean: float = ranged(0.0, 1e6)
-    """Mean depth, data set units."""
+    """Mean depth in data set units."""
     std: float = ranged(1e-6, 1e6)
-    """Standard deviation, data set units."""
+    """Standard deviation of the depth in data set units."""
     units_per_m: float = ranged(1e-3, 1e6)
-    """Data set units per metre."""
+    """Number of data set units per metre."""
     raw: bool = True
-    """Whether a depth of 0 means "not measured": set to the mean. Off for depth that was in-painted
-    ("refined")."""
+    """Whether a depth of 0 means "not measured" and is set to the mean; off for in-painted
+    ("refined") depth."""
 
 
 NYUV2_DEPTH = DepthStatistics(mean=2841.949, std=1417.259, units_per_m=1000.0)
 SUNRGBD_DEPTH = DepthStatistics(mean=19025.149, std=9880.916, units_per_m=8000.0)
-"""SUN RGB-D's files hold millimetres shifted left by three bits."""
+"""Statistics of SUN RGB-D, whose files hold millimetres shifted left by three bits."""
 SCENENET_DEPTH = DepthStatistics(mean=4006.928, std=2459.776, units_per_m=1000.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """Of a picture."""
+    """Size of an image."""
 
     height: int = ranged(32, MAX_SIDE_PX)
-    """Rows."""
+    """Number of rows."""
     width: int = ranged(32, MAX_SIDE_PX)
-    """Columns."""
+    """Number of columns."""
 
 
 def resize_rgb(rgb: npt.NDArray[np.uint8], size: Size) -> npt.NDArray[np.uint8]:
-    """(H, W, 3) → (h, w, 3), bilinear."""
+    """Resize (H, W, 3) to (h, w, 3), bilinear."""
     if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
         raise BadFrame(f"rgb is {rgb.dtype} {rgb.shape}, expected uint8 (height, width, 3)")
     return np.asarray(
@@ -63,7 +63,7 @@ def resize_rgb(rgb: npt.NDArray[np.uint8], size: Size) -> npt.NDArray[np.uint8]:
 
 
 def resize_depth(depth: npt.NDArray[np.float32], size: Size) -> npt.NDArray[np.float32]:
-    """(H, W) → (h, w), nearest: between a near and a far thing there is nothing in the middle."""
+    """Resize (H, W) to (h, w) by nearest neighbour: depth must not be mixed across edges."""
     if depth.ndim != 2 or depth.dtype != np.float32 or depth.size == 0:
         raise BadFrame(f"depth is {depth.dtype} {depth.shape}, expected float32 (height, width)")
     return np.asarray(
@@ -73,7 +73,7 @@ def resize_depth(depth: npt.NDArray[np.float32], size: Size) -> npt.NDArray[np.f
 
 
 def normalise_rgb(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """(H, W, 3) 0 … 255 → the same shape: (rgb / 255 − mean) / std."""
+    """Normalise (H, W, 3) from 0 … 255: (rgb / 255 − mean) / std."""
     scaled: npt.NDArray[np.float32] = rgb.astype(np.float32) / np.float32(255.0)
     return (scaled - RGB_MEAN) / RGB_STD
 
@@ -81,7 +81,7 @@ def normalise_rgb(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 def normalise_depth(
     depth: npt.NDArray[np.float32], statistics: DepthStatistics
 ) -> npt.NDArray[np.float32]:
-    """(H, W) in data set units → the same shape: (d − mean) / std, and exactly 0 where raw depth is
+    """Normalise (H, W) in data set units: (d − mean) / std, and exactly 0 where raw depth is
     missing."""
     normalised: npt.NDArray[np.float32] = (depth - np.float32(statistics.mean)) / np.float32(
         statistics.std
@@ -97,10 +97,10 @@ def to_tensors(
     size: Size,
     statistics: DepthStatistics,
 ) -> tuple[Tensor, Tensor]:
-    """(H, W, 3) colours and (H, W) depth in data set units → rgb (1, 3, h, w) and depth (1, 1, h,
-    w), float32.
+    """Preprocess colours (H, W, 3) and depth (H, W) in data set units to float32 rgb (1, 3, h, w)
+    and depth (1, 1, h, w).
 
-    rgb keeps its channels last in memory, as the convolutions like it. Raises `BadFrame`.
+    rgb keeps its channels last in memory, which is fast for convolutions. Raises `BadFrame`.
     """
     colours = normalise_rgb(resize_rgb(rgb, size))
     distances = normalise_depth(resize_depth(depth, size), statistics)
@@ -108,8 +108,7 @@ def to_tensors(
 
 
 class Preprocessor:
-    """Does what `to_tensors` does, to the last bit, with tables and without new memory: for the
-    loop."""
+    """`to_tensors` for the loop: bit-identical, with lookup tables and without new memory."""
 
     def __init__(self, size: Size, statistics: DepthStatistics) -> None:
         self._size, self._statistics = size, statistics
@@ -122,8 +121,8 @@ class Preprocessor:
     def __call__(
         self, rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32]
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """(H, W, 3) and (H, W) in data set units → (1, 3, h, w), valid until the next call, and (1,
-        1, h, w)."""
+        """Preprocess (H, W, 3) and (H, W) in data set units to (1, 3, h, w), valid until the next
+        call, and (1, 1, h, w)."""
         _look_up(resize_rgb(rgb, self._size), self._table, self._rgb[0])
         return self._rgb, normalise_depth(resize_depth(depth, self._size), self._statistics)[
             None, None
@@ -134,7 +133,7 @@ class Preprocessor:
 def _look_up(
     rgb: npt.NDArray[np.uint8], table: npt.NDArray[np.float32], planes: npt.NDArray[np.float32]
 ) -> None:
-    """(h, w, 3) levels through one table (3, 256) a channel into planes (3, h, w)."""
+    """Map levels (h, w, 3) through one table per channel (3, 256) into planes (3, h, w)."""
     for i in range(rgb.shape[0]):
         for j in range(rgb.shape[1]):
             for channel in range(3):
@@ -142,7 +141,7 @@ def _look_up(
 
 
 def check_size(size: Size, stride: int) -> None:
-    """Raise `BadConfiguration` unless both sides are multiples of `stride` and no larger than 4096."""
+    """Raise `BadConfiguration` unless both sides are multiples of `stride` up to 4096."""
     for name, value in (("height", size.height), ("width", size.width)):
         if (
             isinstance(value, bool)
@@ -151,5 +150,6 @@ def check_size(size: Size, stride: int) -> None:
             or value % stride
         ):
             raise BadConfiguration(
-                f"ESANet: working {name} {value!r:.40}: expected a multiple of {stride} from {stride} to {MAX_SIDE_PX}"
+                f"ESANet: working {name} {value!r:.40}: expected a multiple of {stride} "
+                f"from {stride} to {MAX_SIDE_PX}"
             )

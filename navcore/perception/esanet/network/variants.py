@@ -1,5 +1,4 @@
-"""Which networks of the ESANet family there are: kind of encoder block, and how many of them per
-stage."""
+"""Variants of ESANet: kind of encoder block, and number of blocks per stage."""
 
 from __future__ import annotations
 
@@ -14,26 +13,25 @@ from navcore.perception.esanet.network.blocks import (
 )
 
 BASE_CHANNELS = 64
-"""Channels of the stem at width 1; everything else is a multiple of it."""
+"""Channels of the stem at width 1; all other channels are multiples of it."""
 DECODER_CHANNELS = (8, 4, 2)
-"""Of the three decoder modules, in multiples of the stem: 512, 256, 128 at width 1."""
+"""Channels of the three decoder modules, in multiples of the stem: 512, 256, 128 at width 1."""
 WIDTH_STEP = 1 / 8
 MAX_WIDTH = 2.0
 MAX_CLASSES = 255
-"""Class ids are bytes."""
+"""Largest number of classes: class ids are bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """One encoder of the paper's Table I. The decoder is the same in all of them, with
-    non-bottleneck-1D blocks."""
+    """One encoder of the paper's Table I; the decoder is the same for all of them."""
 
     name: str
-    """As `build` takes it."""
+    """Name of the variant, as `build` takes it."""
     block: type[ResidualBlock]
-    """Kind of residual block of both encoders."""
+    """Type of the residual blocks of both encoders."""
     blocks: tuple[int, int, int, int]
-    """How many per stage."""
+    """Number of blocks per stage."""
 
 
 VARIANTS = (
@@ -46,7 +44,7 @@ VARIANTS = (
 
 
 def variant_named(name: str) -> Variant:
-    """The variant of that name; raises `BadConfiguration` naming the known ones."""
+    """Return the variant of a name; raises `BadConfiguration` with the known names."""
     for variant in VARIANTS:
         if variant.name == name:
             return variant
@@ -55,23 +53,25 @@ def variant_named(name: str) -> Variant:
 
 
 def stem_channels(width: float) -> int:
-    """Channels of the stem of a network slimmed by `width`; raises `BadConfiguration` where they
-    come out uneven."""
+    """Return the channels of the stem at a width; raises `BadConfiguration` unless the width is a
+    multiple of 1/8."""
     number = isinstance(width, int | float) and not isinstance(width, bool)
     if not number or not WIDTH_STEP <= width <= MAX_WIDTH or width % WIDTH_STEP:
         raise BadConfiguration(
-            f"ESANet: width {width!r:.40}: expected a multiple of {WIDTH_STEP:g} from it to {MAX_WIDTH:g}"
+            f"ESANet: width {width!r:.40}: expected a multiple of {WIDTH_STEP:g} "
+            f"from it to {MAX_WIDTH:g}"
         )
     return int(BASE_CHANNELS * width)
 
 
 def check_num_classes(num_classes: int) -> None:
-    """Raise `BadConfiguration` unless it is a whole number from 1 to 255."""
+    """Raise `BadConfiguration` unless the number of classes is a whole number from 1 to 255."""
     if (
         isinstance(num_classes, bool)
         or not isinstance(num_classes, int)
         or not 1 <= num_classes <= MAX_CLASSES
     ):
         raise BadConfiguration(
-            f"ESANet: num_classes is {num_classes!r:.40}, expected a whole number from 1 to {MAX_CLASSES}"
+            f"ESANet: num_classes is {num_classes!r:.40}, "
+            f"expected a whole number from 1 to {MAX_CLASSES}"
         )

@@ -1,5 +1,4 @@
-"""Which network a state dict belongs to: read from its keys and shapes, then compared with that
-network in full."""
+"""Architecture of a state dict: inferred from its keys and shapes, then checked in full."""
 
 from __future__ import annotations
 
@@ -25,31 +24,31 @@ from navcore.perception.esanet.network.variants import (
 )
 
 _SHOWN = 3
-"""So many of the keys that do not fit are named."""
+"""Number of mismatching keys that are named in an error."""
 _STEM = "encoder_rgb.conv1.weight"
 _OUTPUT = "decoder.conv_out.bias"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Architecture:
-    """What `build` takes."""
+    """The arguments of `build`."""
 
     variant: str
     """Name of the variant."""
     num_classes: int
-    """Outputs per pixel."""
+    """Number of outputs per pixel."""
     width: float
-    """Channels, relative to the paper's."""
+    """Number of channels relative to the paper."""
 
     def skeleton(self) -> EsaNet:
-        """The network without memory behind its weights (torch's meta device)."""
+        """Return the network without memory for its weights (torch's meta device)."""
         with torch.device("meta"):
             return EsaNet(variant_named(self.variant), self.num_classes, width=self.width)
 
 
-def infer(tensors: Mapping[str, Tensor], where: str) -> Architecture:
-    """The architecture of a state dict; raises `BadConfiguration` when it is no ESANet that `build`
-    can make."""
+def infer_architecture(tensors: Mapping[str, Tensor], where: str) -> Architecture:
+    """Return the architecture of a state dict; raises `BadConfiguration` unless `build` can make
+    it."""
     for key, dimensions in ((_STEM, 4), (_OUTPUT, 1)):
         if key not in tensors or tensors[key].ndim != dimensions:
             raise BadConfiguration(
@@ -57,7 +56,8 @@ def infer(tensors: Mapping[str, Tensor], where: str) -> Architecture:
             )
     if "context_module.features.0.conv.weight" in tensors:
         raise BadConfiguration(
-            f"{where}: its context module is `appm` (Cityscapes), which is not built here; expected `ppm`"
+            f"{where}: its context module is `appm` (Cityscapes), which is not supported; "
+            "expected `ppm`"
         )
     return Architecture(
         variant=_variant(tensors, where).name,
@@ -66,10 +66,10 @@ def infer(tensors: Mapping[str, Tensor], where: str) -> Architecture:
     )
 
 
-def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: str) -> EsaNet:
-    """The network with these tensors as its weights, in eval mode; no copy is made.
+def network_with(architecture: Architecture, tensors: Mapping[str, Tensor], where: str) -> EsaNet:
+    """Return the network with the tensors as its weights, in eval mode, without a copy.
 
-    Raises `BadConfiguration` naming what is missing, too much, of another shape or type, or not
+    Raises `BadConfiguration` naming what is missing, unknown, of another shape or type, or not
     finite.
     """
     try:
@@ -81,8 +81,8 @@ def fitting(architecture: Architecture, tensors: Mapping[str, Tensor], where: st
     wrong += [f"{key} is unknown" for key in tensors if key not in expected]
     wrong += [_mismatch(key, expected[key], tensors[key]) for key in expected if key in tensors]
     _refuse(where, architecture, [text for text in wrong if text])
-    # Only now: a hostile tensor of few bytes can claim a shape that fills the memory when it is
-    # looked through.
+    # Only after the shapes: a hostile tensor of few bytes can claim a shape that fills the memory
+    # when its values are checked.
     _refuse(
         where,
         architecture,
@@ -103,7 +103,10 @@ def _refuse(where: str, architecture: Architecture, wrong: list[str]) -> None:
 def _mismatch(key: str, expected: Tensor, given: Tensor) -> str:
     if (given.shape, given.dtype) == (expected.shape, expected.dtype):
         return ""
-    return f"{key} is {given.dtype} {tuple(given.shape)}, expected {expected.dtype} {tuple(expected.shape)}"
+    return (
+        f"{key} is {given.dtype} {tuple(given.shape)}, "
+        f"expected {expected.dtype} {tuple(expected.shape)}"
+    )
 
 
 def _is_finite(tensor: Tensor) -> bool:

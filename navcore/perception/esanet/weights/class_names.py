@@ -1,4 +1,4 @@
-"""What the classes of the public data sets are called, in the order of the network's outputs."""
+"""Class names of the public data sets, in the order of the network's outputs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SUNRGBD_CLASSES = (
     ),
     *("lamp", "bathtub", "bag"),
 )
-"""The 37 of SUN RGB-D (Song et al. 2015)."""
+"""The 37 classes of SUN RGB-D (Song et al. 2015)."""
 
 NYUV2_CLASSES = (
     *(
@@ -54,7 +54,8 @@ NYUV2_CLASSES = (
     ),
     *("other structure", "other furniture", "other prop"),
 )
-"""The 40 of NYUv2 (Gupta et al. 2013): SUN RGB-D took over the first 37 and shortened two names."""
+"""The 40 classes of NYUv2 (Gupta et al. 2013); SUN RGB-D uses the first 37 and shortens two names.
+"""
 
 ALIASES = {
     "books": "book",
@@ -66,12 +67,12 @@ ALIASES = {
     "mug": "cup",
     "wet floor sign": "wet-floor sign",
 }
-"""What data sets call things (left) that the beware list calls otherwise (right)."""
+"""Class names of data sets (left) with another name on the beware list (right)."""
 
 
 def aliases_for(class_names: tuple[str, ...]) -> dict[str, str]:
-    """The aliases of these classes of a network, but for those whose entry the network knows by its
-    own name too."""
+    """Return the aliases of a network's classes, without those whose entry is a class of the
+    network itself."""
     known = {name.casefold() for name in class_names}
     return {
         name: ALIASES[name.casefold()]

@@ -1,5 +1,5 @@
-"""Official checkpoints: pickles of tensors, from the internet. Read without executing anything that
-is in them."""
+"""Reader of official checkpoints: pickles from the internet, read without executing their
+content."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from navcore.errors import BadConfiguration
 
 MAX_CHECKPOINT_BYTES = 2 << 30
-"""An R50 with its optimiser's state is about a third of this."""
+"""Largest size of a checkpoint; an R50 with its optimiser's state is about a third of it."""
 MAX_TENSORS = 10_000
 _WRAPPERS = ("state_dict", "model")
 _PREFIXES = ("module.", "model.")
@@ -25,19 +25,19 @@ _ZIP_START = b"PK\x03\x04"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Checkpoint:
-    """The tensors of a checkpoint, not yet known to be an ESANet."""
+    """The tensors of a checkpoint, not yet checked to be an ESANet."""
 
     tensors: dict[str, Tensor]
-    """By key, without the prefixes that `DataParallel` and the like put before all of them."""
+    """Tensors by key, without the prefixes of `DataParallel` and similar wrappers."""
     sha256: str
-    """Of the file, hexadecimal."""
+    """SHA-256 of the file, hexadecimal."""
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Read a pickle made by `torch.save`: a state dict, bare or under `state_dict` or `model`.
+    """Read a state dict saved by `torch.save`, bare or under `state_dict` or `model`.
 
-    Raises `BadConfiguration` naming the file when it is missing, damaged, too large or holds
-    anything but plain values.
+    Raises `BadConfiguration` naming the file if it is missing, damaged, too large or holds anything
+    but plain values.
     """
     try:
         with path.open("rb") as file:
@@ -55,16 +55,17 @@ def read_checkpoint(path: Path) -> Checkpoint:
 def _unpickle(path: Path, file: BinaryIO) -> object:
     try:
         return torch.load(file, map_location="cpu", weights_only=True)
-    except Exception as error:  # a hostile or cut-off pickle can make the reader fail in any way; all of them mean one thing
+    except Exception as error:  # a hostile or truncated pickle can raise anything
         reason = str(error).strip().partition("\n")[0][:200]
         raise BadConfiguration(
-            f"{path}: not a checkpoint of plain tensors, nothing of it was executed. Expected what torch.save wrote of a "
-            f"state dict; the reader says: {type(error).__name__}: {reason}"
+            f"{path}: not a checkpoint of plain tensors, nothing of it was executed. "
+            "Expected a state dict written by torch.save; the reader says: "
+            f"{type(error).__name__}: {reason}"
         ) from None
 
 
 def _check_bytes(path: Path, file: BinaryIO) -> None:
-    """Refuse what would fill the memory: the file itself, or what a compressed archive unpacks to."""
+    """Refuse a file that would fill the memory, itself or unpacked from a compressed archive."""
     size = file.seek(0, 2)
     file.seek(0)
     if file.read(len(_ZIP_START)) == _ZIP_START:
@@ -76,18 +77,20 @@ def _check_bytes(path: Path, file: BinaryIO) -> None:
     file.seek(0)
     if size > MAX_CHECKPOINT_BYTES:
         raise BadConfiguration(
-            f"{path}: {size} bytes are too many for a checkpoint, at most {MAX_CHECKPOINT_BYTES} are read"
+            f"{path}: {size} bytes are too many for a checkpoint, "
+            f"at most {MAX_CHECKPOINT_BYTES} are read"
         )
 
 
 def _tensors(path: Path, content: object) -> dict[str, Tensor]:
-    """The state dict inside, unwrapped and with its prefixes cut."""
+    """Return the state dict of a checkpoint, without wrappers and prefixes."""
     for wrapper in _WRAPPERS:
         if isinstance(content, Mapping) and isinstance(content.get(wrapper), Mapping):
             content = content[wrapper]
     if not isinstance(content, Mapping) or not 0 < len(content) <= MAX_TENSORS:
         raise BadConfiguration(
-            f"{path}: expected a state dict of at most {MAX_TENSORS} tensors, got {_in_words(content)}"
+            f"{path}: expected a state dict of at most {MAX_TENSORS} tensors, "
+            f"got {_in_words(content)}"
         )
     for key, value in content.items():
         if not isinstance(key, str) or not _is_plain(value):

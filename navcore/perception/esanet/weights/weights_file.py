@@ -1,8 +1,7 @@
-"""Trained networks on the disk: safetensors files that say what they are and prove that they are
-whole.
+"""Weights files: trained networks as safetensors with a card and a checksum.
 
-A file's metadata is a card (variant, classes, width, depth statistics, where it came from) and the
-SHA-256 of the card and all tensors. Loading one executes nothing and takes nothing on trust.
+The metadata of a file is a card (variant, classes, width, depth statistics, source) and the SHA-256
+of the card and all tensors. Loading executes nothing and trusts nothing.
 """
 
 from __future__ import annotations
@@ -32,44 +31,47 @@ from navcore.perception.esanet.network.preprocess import (
 )
 from navcore.perception.esanet.network.quantisation import convolutions
 from navcore.perception.esanet.network.variants import MAX_CLASSES
-from navcore.perception.esanet.weights.architecture import Architecture, fitting, infer
+from navcore.perception.esanet.weights.architecture import (
+    Architecture,
+    infer_architecture,
+    network_with,
+)
 from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.perception.esanet.weights.official_checkpoint import read_checkpoint
 from navcore.toml_config import from_table, ranged
 
 MAX_WEIGHTS_BYTES = 2 << 30
-"""A width of 2 in the largest variant fits."""
+"""Largest size of a weights file; a width of 2 in the largest variant fits."""
 MAX_HEADER_BYTES = 1 << 20
 SUFFIX = ".safetensors"
 _FORMAT = "bewarenav-esanet-1"
 _KERNEL_DIMENSIONS = 4
 _DATA_SETS = {40: (NYUV2_CLASSES, NYUV2_DEPTH), 37: (SUNRGBD_CLASSES, SUNRGBD_DEPTH)}
-"""By number of classes: the public checkpoints do not say what they were trained on."""
+"""Class names and depth statistics by number of classes, because the public checkpoints do not
+state their data set."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightsCard:
-    """What must be known of trained weights to use them."""
+    """Description of trained weights that is needed to use them."""
 
     variant: str
-    """As `build` takes it."""
+    """Name of the variant, as `build` takes it."""
     num_classes: int = ranged(1, MAX_CLASSES)
-    """Outputs per pixel."""
+    """Number of outputs per pixel."""
     width: float = ranged(0.0, 8.0)
-    """Channels, relative to the paper's."""
+    """Number of channels relative to the paper."""
     class_names: tuple[str, ...]
-    """What the outputs mean, in their order."""
+    """Class names of the outputs, in their order."""
     depth: DepthStatistics
-    """Of the training data."""
+    """Depth statistics of the training data."""
     source_sha256: str
-    """Of the checkpoint it was converted from, or of the training run's configuration; hexadecimal.
-    """
+    """SHA-256 of the converted checkpoint, or identity of the training run; hexadecimal."""
     size: Size | None = None
-    """The working size it was trained at; files written before this was kept, and converted ones,
-    do not say."""
+    """Working size of the training; None in converted and older files."""
     ranges: tuple[float, ...] | None = ranged(0.0, 1e9, default=None)
-    """Of its convolutions' inputs, for eight bits (`backends/quantised.py`); None where they were
-    not measured."""
+    """Largest inputs of the convolutions, for eight bits (`network/quantisation.py`); None if they
+    were not measured."""
 
     def __post_init__(self) -> None:
         if len(self.class_names) != self.num_classes:
@@ -79,27 +81,29 @@ class WeightsCard:
         folded = [name.strip().casefold() for name in self.class_names]
         if "" in folded or len(set(folded)) != len(folded):
             raise BadConfiguration(
-                f"weights: class names must be unique and not empty, got {', '.join(self.class_names):.400}"
+                "weights: class names must be unique and not empty, "
+                f"got {', '.join(self.class_names):.400}"
             )
         if not re.fullmatch("[0-9a-f]{64}", self.source_sha256):
             raise BadConfiguration(
-                f"weights: source_sha256 is {self.source_sha256!r:.80}, expected 64 hexadecimal digits"
+                f"weights: source_sha256 is {self.source_sha256!r:.80}, "
+                "expected 64 hexadecimal digits"
             )
 
     @property
     def architecture(self) -> Architecture:
-        """What to build."""
+        """The architecture to build."""
         return Architecture(variant=self.variant, num_classes=self.num_classes, width=self.width)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainedNetwork:
-    """A network and what must be known to use it."""
+    """A network with its card."""
 
     network: EsaNet
-    """In eval mode."""
+    """The network, in eval mode."""
     card: WeightsCard
-    """Its classes and the depth statistics of its training data."""
+    """Classes, depth statistics and working size of the network."""
 
 
 def convert(
@@ -109,22 +113,21 @@ def convert(
     class_names: Sequence[str] | None = None,
     depth: DepthStatistics | None = None,
 ) -> WeightsCard:
-    """Write the official checkpoint `source` as the safetensors file `target`; returns what it
-    turned out to be.
+    """Convert the official checkpoint `source` to the safetensors file `target`; return its card.
 
-    Variant, classes and width are read from its keys and shapes. With 40 classes it is taken for
-    NYUv2's, with 37 for SUN RGB-D's, unless `class_names` and `depth` say otherwise. Raises
-    `BadConfiguration` or `StorageFailed`.
+    Variant, classes and width are inferred from keys and shapes. 40 classes are taken for NYUv2,
+    37 for SUN RGB-D, unless `class_names` and `depth` are given. Raises `BadConfiguration` or
+    `StorageFailed`.
     """
     checkpoint = read_checkpoint(source)
-    architecture = infer(checkpoint.tensors, str(source))
-    network = fitting(architecture, checkpoint.tensors, str(source))
+    architecture = infer_architecture(checkpoint.tensors, str(source))
+    network = network_with(architecture, checkpoint.tensors, str(source))
     known_names, known_depth = _DATA_SETS.get(architecture.num_classes, (None, None))
     names, statistics = class_names or known_names, depth or known_depth
     if names is None or statistics is None:
         raise BadConfiguration(
-            f"{source}: {architecture.num_classes} classes are those of no public data set (40: NYUv2, 37: SUN RGB-D); "
-            "say class_names and depth"
+            f"{source}: {architecture.num_classes} classes match no public data set "
+            "(40: NYUv2, 37: SUN RGB-D); give class_names and depth"
         )
     card = WeightsCard(
         variant=architecture.variant,
@@ -139,17 +142,17 @@ def convert(
 
 
 def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False) -> None:
-    """Write a network with its card; what was at `target` stays intact until the new file is whole.
+    """Write a network with its card, replacing `target` atomically.
 
-    With `half` the convolutions' kernels, nearly all of it, are kept in half precision: half the
-    size, for files to ship. Raises `BadConfiguration` when the two do not belong together,
-    `StorageFailed` when the disk does not take it.
+    With `half` the kernels of the convolutions, nearly all of the weights, are stored in half
+    precision. Raises `BadConfiguration` if network and card do not match, `StorageFailed` if the
+    file cannot be written.
     """
     check_name(target)
     tensors = {
         key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()
     }
-    fitting(card.architecture, tensors, str(target))
+    network_with(card.architecture, tensors, str(target))
     if half:
         tensors = {
             key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value
@@ -161,14 +164,14 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
 
 
 def check_name(target: Path) -> None:
-    """Raise `BadConfiguration` unless a file of weights may be called so."""
+    """Raise `BadConfiguration` unless the name ends in `.safetensors`."""
     if target.suffix != SUFFIX:
         raise BadConfiguration(f"{target}: expected a name ending in {SUFFIX}")
 
 
 def load(path: Path) -> TrainedNetwork:
-    """Read what `save` or `convert` wrote; raises `BadConfiguration` naming the file and what is
-    wrong with it."""
+    """Read a file of `save` or `convert`; raises `BadConfiguration` naming the file and the
+    defect."""
     content = read_whole(path, at_most=MAX_WEIGHTS_BYTES)
     metadata = _metadata(content, path)
     claimed = metadata.pop("sha256", "")
@@ -178,14 +181,15 @@ def load(path: Path) -> TrainedNetwork:
         raise BadConfiguration(f"{path}: the weights are damaged: {error!s:.200}") from None
     if digest(tensors, metadata) != claimed:
         raise BadConfiguration(
-            f"{path}: the weights are damaged: their SHA-256 is not the one in the file; convert them again"
+            f"{path}: the weights are damaged: their SHA-256 is not the one in the file; "
+            "convert them again"
         )
     card = _from_metadata(metadata, path)
     tensors = {
         key: value.float() if value.dtype is torch.float16 else value
         for key, value in tensors.items()
     }
-    network = fitting(card.architecture, tensors, str(path))
+    network = network_with(card.architecture, tensors, str(path))
     if card.ranges is not None and len(card.ranges) != (count := len(convolutions(network))):
         raise BadConfiguration(
             f"{path}: {len(card.ranges)} ranges for {count} convolutions; quantise it again"
@@ -194,8 +198,8 @@ def load(path: Path) -> TrainedNetwork:
 
 
 def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
-    """SHA-256 of the metadata and of every tensor's name, type, shape and bytes, in the order of
-    their names."""
+    """Return the SHA-256 of the metadata and of every tensor's name, type, shape and bytes, in the
+    order of the names."""
     hashed = hashlib.sha256(json.dumps(sorted(metadata.items())).encode())
     for key in sorted(tensors):
         tensor = tensors[key]
@@ -205,9 +209,10 @@ def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
 
 
 def _as_metadata(card: WeightsCard) -> dict[str, str]:
-    """Safetensors knows only strings, so each field is JSON; what is not known is left out."""
-    told = {key: value for key, value in dataclasses.asdict(card).items() if value is not None}
-    return {"format": _FORMAT, **{key: json.dumps(value) for key, value in told.items()}}
+    """Return the card as metadata: JSON per field, because safetensors stores only strings; fields
+    that are None are left out."""
+    known = {key: value for key, value in dataclasses.asdict(card).items() if value is not None}
+    return {"format": _FORMAT, **{key: json.dumps(value) for key, value in known.items()}}
 
 
 def _from_metadata(metadata: Mapping[str, str], path: Path) -> WeightsCard:
@@ -224,7 +229,7 @@ def _from_metadata(metadata: Mapping[str, str], path: Path) -> WeightsCard:
 
 
 def _metadata(content: bytes, path: Path) -> dict[str, str]:
-    """The strings of the file's header: eight bytes of length, little endian, then JSON."""
+    """Read the metadata of the header: eight bytes of length, little endian, then JSON."""
     length = int.from_bytes(content[:8], "little")
     if not 2 <= length <= min(MAX_HEADER_BYTES, len(content) - 8):
         raise BadConfiguration(

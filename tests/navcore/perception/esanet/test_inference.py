@@ -16,6 +16,7 @@ import pytest
 import torch
 from torch import nn
 
+from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.inference import selection as choice
@@ -28,14 +29,12 @@ from navcore.perception.esanet.inference.onnx_engines import (
 )
 from navcore.perception.esanet.inference.onnx_file import OnnxCard, exported, read_onnx, with_card
 from navcore.perception.esanet.inference.selection import (
-    ENOUGH_MS,
-    MIN_AGREEMENT,
-    MIN_AGREEMENT_IN_BYTES,
+    DEFAULT_CONFIG,
     Candidate,
     benchmark_engines,
     choose,
     open_inference,
-    probes,
+    probe_images,
 )
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.batchnorm_folding import FixedPool, folded
@@ -90,13 +89,13 @@ def onnx_bytes() -> bytes:
     return exported(network(), CARD)
 
 
-def picture() -> tuple[Batch, Batch]:
-    return probes(SIZE, NYUV2_DEPTH)[0]
+def image() -> tuple[Batch, Batch]:
+    return probe_images(SIZE, NYUV2_DEPTH)[0]
 
 
 def reference(variant: str = "r18-nbt1d") -> Batch:
     with torch.inference_mode():
-        answer: Batch = network(variant)(*(torch.from_numpy(batch) for batch in picture())).numpy()
+        answer: Batch = network(variant)(*(torch.from_numpy(batch) for batch in image())).numpy()
     return answer
 
 
@@ -115,12 +114,12 @@ def test_folding_batch_norms_changes_nothing_but_rounding_and_leaves_the_origina
     )
     # In doubles, so that the tolerance is one of the folding and not of how far a CPU's single
     # precision is off in 50 layers.
-    exact, pictures = (
+    exact, images = (
         copy.deepcopy(network(variant)).double(),
-        [torch.from_numpy(batch).double() for batch in picture()],
+        [torch.from_numpy(batch).double() for batch in image()],
     )
     with torch.inference_mode():
-        expected, answer = exact(*pictures), folded(exact)(*pictures)
+        expected, answer = exact(*images), folded(exact)(*images)
     torch.testing.assert_close(answer, expected, atol=1e-11 * float(expected.std()), rtol=0)
     assert all(
         torch.equal(value, before[key]) for key, value in network(variant).state_dict().items()
@@ -128,7 +127,7 @@ def test_folding_batch_norms_changes_nothing_but_rounding_and_leaves_the_origina
 
 
 def test_torch_answers_as_the_network_does() -> None:
-    assert_close(TorchInference(network()).logits(*picture()), reference())
+    assert_close(TorchInference(network()).logits(*image()), reference())
 
 
 @pytest.mark.parametrize(("height", "width"), [(3, 4), (5, 10), (8, 13), (1, 1), (17, 6)])
@@ -139,7 +138,7 @@ def test_pooling_by_constant_matrices_is_adaptive_pooling(height: int, width: in
     )
 
 
-def test_the_fast_preparation_of_pictures_is_the_plain_one_to_the_last_bit() -> None:
+def test_the_fast_preprocessing_is_the_plain_one_to_the_last_bit() -> None:
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 256, (120, 212, 3), dtype=np.uint8)
     depth = rng.uniform(0, 9000, (120, 212)).astype(np.float32)
@@ -151,12 +150,12 @@ def test_the_fast_preparation_of_pictures_is_the_plain_one_to_the_last_bit() -> 
 
 @needs_onnx
 def test_onnxruntime_answers_as_torch_does() -> None:
-    assert_close(OnnxRuntimeInference(onnx_bytes(), threads=1).logits(*picture()), reference())
+    assert_close(OnnxRuntimeInference(onnx_bytes(), threads=1).logits(*image()), reference())
 
 
 @needs_openvino
 def test_openvino_answers_as_torch_does() -> None:
-    assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*picture()), reference())
+    assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*image()), reference())
 
 
 @needs_onnx
@@ -170,25 +169,31 @@ def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.syspath_prepend(tmp_path)
-    trials = [trial for _, trial in benchmark_engines(network_file(), threads=1, trial_s=0.0)]
+    trials = [
+        trial
+        for _, trial in benchmark_engines(
+            network_file(), threads=1, config=InferenceConfig(trial_s=0.0)
+        )
+    ]
     failed = {trial.name.partition(" ")[0] for trial in trials if trial.failure}
     assert failed == ({"onnxruntime", "openvino"} if package == "onnx" else {package})
     engine, _ = choose(network_file(), threads=1)
-    assert engine.logits(*picture()).shape == reference().shape
+    assert engine.logits(*image()).shape == reference().shape
 
 
 @needs_openvino
-def test_openvino_tells_nobody_that_it_is_used(tmp_path: Path) -> None:
-    """Imported plainly it writes `~/intel` and sends events to its maker."""
+def test_openvino_sends_no_telemetry(tmp_path: Path) -> None:
+    """By default OpenVINO writes `~/intel` and sends events to its maker."""
     program = """
 import socket, sys, threading
 from navcore.errors import BadConfiguration
-from navcore.esanet.backends.onnx_engines import OpenVinoInference
-def refuse(*_): raise SystemExit("it called somebody")
+from navcore.perception.esanet.inference.onnx_engines import OpenVinoInference
+def refuse(*_): raise SystemExit("it opened a connection")
 socket.socket.connect = socket.getaddrinfo = refuse
 try: OpenVinoInference(b"junk")
 except BadConfiguration: pass
-assert not [name for name, module in sys.modules.items() if name.startswith("openvino_telemetry") and module]
+telemetry = [name for name in sys.modules if name.startswith("openvino_telemetry")]
+assert not [name for name in telemetry if sys.modules[name]]
 assert "openvino" in sys.modules
 """
     home = {**os.environ, "HOME": str(tmp_path)}
@@ -200,18 +205,20 @@ assert "openvino" in sys.modules
 
 
 @needs_onnx
-def test_an_onnx_file_carries_its_card_and_a_side_car_goes_before_it(tmp_path: Path) -> None:
+def test_an_onnx_file_carries_its_card_and_a_file_beside_it_takes_precedence(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "network.onnx"
     path.write_bytes(onnx_bytes())
     assert read_onnx(path) == (onnx_bytes(), CARD)
     opened = open_network(path, camera=Size(height=240, width=424))
     assert (opened.class_names, opened.size, opened.network) == (NAMES, SIZE, None)
     beside = path.with_name("network.onnx.json")
-    text = '{"class_names": ["a", "b", "c", "d"], "depth": {"mean": 1, "std": 1, "units_per_m": 1}, "size": '
-    beside.write_text(text + '{"height": 96, "width": 128}}')
+    text = '{"class_names": ["a", "b", "c", "d"], "depth": {"mean": 1, "std": 1, "units_per_m": 1}'
+    beside.write_text(text + ', "size": {"height": 96, "width": 128}}')
     assert read_onnx(path)[1].class_names == ("a", "b", "c", "d")
     engine, _ = open_inference(opened, "onnxruntime", threads=1)
-    assert_close(engine.logits(*picture()), reference())
+    assert_close(engine.logits(*image()), reference())
     with pytest.raises(BadConfiguration, match="torch does not run ONNX"):
         open_inference(opened, "torch")
 
@@ -311,7 +318,7 @@ class Slow:
 def installed(
     monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]
 ) -> list[Candidate]:
-    """Only these: name, milliseconds, share of wrong pixels; in eight bits 1 % of them may be."""
+    """Install only these engines: name, milliseconds, share of wrong pixels."""
     clock = [0.0]
     monkeypatch.setattr(
         "navcore.perception.esanet.inference.selection.time.perf_counter", lambda: clock[0]
@@ -320,16 +327,18 @@ def installed(
         Candidate(
             name=name,
             build=functools.partial(Slow, name, ms, wrong, clock),
-            min_agreement=MIN_AGREEMENT_IN_BYTES if name.endswith("int8") else MIN_AGREEMENT,
+            min_agreement=DEFAULT_CONFIG.min_agreement_int8
+            if name.endswith("int8")
+            else DEFAULT_CONFIG.min_agreement,
         )
         for name, ms, wrong in engines
     ]
-    monkeypatch.setattr(choice, "candidates", lambda file, threads: made)
+    monkeypatch.setattr(choice, "candidates", lambda file, threads, config: made)
     return made
 
 
 def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) -> tuple[str, int]:
-    """Which, and how many were tried for it."""
+    """Return the chosen engine and the number of engines tried."""
     installed(monkeypatch, *engines)
     engine, trials = choose(network_file())
     return engine.name, len(trials)
@@ -338,9 +347,16 @@ def chosen(monkeypatch: pytest.MonkeyPatch, *engines: tuple[str, float, float]) 
 def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bad, slow, torch_slow = 2 * (1 - MIN_AGREEMENT), 2 * ENOUGH_MS, ("torch f32", 4 * ENOUGH_MS, 0)
+    bad, slow, torch_slow = (
+        2 * (1 - DEFAULT_CONFIG.min_agreement),
+        2 * DEFAULT_CONFIG.fast_enough_ms,
+        ("torch f32", 4 * DEFAULT_CONFIG.fast_enough_ms, 0),
+    )
     assert chosen(
-        monkeypatch, ("ort f32", 0.9 * ENOUGH_MS, 0.0005), ("other f32", 1, 0), torch_slow
+        monkeypatch,
+        ("ort f32", 0.9 * DEFAULT_CONFIG.fast_enough_ms, 0.0005),
+        ("other f32", 1, 0),
+        torch_slow,
     ) == ("ort f32", 1)
     assert chosen(monkeypatch, ("wild bf16", 5, bad), ("ort f32", 20, 0), torch_slow) == (
         "ort f32",
@@ -351,7 +367,10 @@ def test_the_first_engine_that_is_fast_enough_and_agrees_with_the_reference_is_t
         3,
     )
     assert chosen(monkeypatch, ("wild bf16", 5, bad), torch_slow) == ("torch f32", 2)
-    just, quick = ("ort f32", 1.04 * ENOUGH_MS, 0), ("torch bf16", 0.96 * ENOUGH_MS, 0)
+    just, quick = (
+        ("ort f32", 1.04 * DEFAULT_CONFIG.fast_enough_ms, 0),
+        ("torch bf16", 0.96 * DEFAULT_CONFIG.fast_enough_ms, 0),
+    )
     assert chosen(monkeypatch, just, quick, torch_slow) == ("torch bf16", 2)
 
 
@@ -382,14 +401,14 @@ def test_what_is_not_exact_is_no_reference_and_eight_bits_may_differ_by_more(
         2,
     )  # the last exact one is right
     for wrong, expected in (
-        (0.5 * (1 - MIN_AGREEMENT_IN_BYTES), "ov int8"),
-        (2 * (1 - MIN_AGREEMENT_IN_BYTES), "torch f32"),
+        (0.5 * (1 - DEFAULT_CONFIG.min_agreement_int8), "ov int8"),
+        (2 * (1 - DEFAULT_CONFIG.min_agreement_int8), "torch f32"),
     ):
         assert chosen(monkeypatch, ("ov int8", 5, wrong), ("torch f32", 90, 0))[0] == expected
 
 
 @needs_openvino
-def test_torch_comes_last_so_that_it_is_the_reference_and_only_eight_bits_may_differ_by_a_hundredth(
+def test_torch_comes_last_as_the_reference_and_only_eight_bits_may_differ_by_a_hundredth(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     of_files = network_file(ranges=(0.0,))
@@ -400,10 +419,10 @@ def test_torch_comes_last_so_that_it_is_the_reference_and_only_eight_bits_may_di
         }
         assert list(found)[-1] == "torch f32"
         assert ("openvino bf16" in found) == has_bf16
-        assert {name for name, least in found.items() if least != MIN_AGREEMENT} == {
+        assert {name for name, least in found.items() if least != DEFAULT_CONFIG.min_agreement} == {
             "openvino int8"
         }
-        assert found["openvino int8"] == MIN_AGREEMENT_IN_BYTES
+        assert found["openvino int8"] == DEFAULT_CONFIG.min_agreement_int8
 
 
 @pytest.mark.parametrize(
@@ -433,7 +452,7 @@ def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.Monkey
     (torch_f32,) = installed(monkeypatch, ("torch f32", 40, 0))
     broken = Candidate(name="broken f32", build=fail)
     for made in ([broken, torch_f32], [torch_f32, broken]):
-        monkeypatch.setattr(choice, "candidates", lambda file, threads, made=made: made)
+        monkeypatch.setattr(choice, "candidates", lambda file, threads, config, made=made: made)
         trials = [trial for _, trial in benchmark_engines(network_file())]
         assert {trial.name: trial.failure for trial in trials} == {
             "torch f32": None,

@@ -149,9 +149,7 @@ def test_of_sure_answers_the_jaccard_loss_is_what_lacks_to_the_mean_iou(
     assert float(loss) == pytest.approx(1 - np.mean(ious), abs=1e-9)
 
 
-def test_in_doubt_the_jaccard_loss_names_a_rare_thing_that_cross_entropy_leaves_to_the_background() -> (
-    None
-):
+def test_in_doubt_the_jaccard_loss_finds_a_rare_class_and_cross_entropy_does_not() -> None:
     """Of 100 pixels that look alike 40 are cable, and 1000 more are surely none."""
     labels = torch.ones(1, 1, 1100, dtype=torch.uint8)
     labels[0, 0, :40] = 2
@@ -239,10 +237,10 @@ def test_a_class_without_true_pixels_does_not_enter_the_mean() -> None:
 
 
 def test_a_class_that_never_occurs_weighs_nothing_and_moves_no_other() -> None:
-    picture = np.array([[1, 1, 1, 2]])
-    np.testing.assert_allclose(median_frequency_weights(count_pixels([picture], 2)), [2 / 3, 2.0])
+    image = np.array([[1, 1, 1, 2]])
+    np.testing.assert_allclose(median_frequency_weights(count_pixels([image], 2)), [2 / 3, 2.0])
     np.testing.assert_allclose(
-        median_frequency_weights(count_pixels([picture], 3)), [2 / 3, 2.0, 0.0]
+        median_frequency_weights(count_pixels([image], 3)), [2 / 3, 2.0, 0.0]
     )
     np.testing.assert_array_equal(median_frequency_weights(count_pixels([], 3)), [0.0, 0.0, 0.0])
 

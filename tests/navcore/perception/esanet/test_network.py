@@ -22,7 +22,7 @@ SLIM = 1 / 8
 NAMES = [variant.name for variant in VARIANTS]
 
 
-def pictures(count: int, height: int, width: int) -> tuple[Tensor, Tensor]:
+def images(count: int, height: int, width: int) -> tuple[Tensor, Tensor]:
     random = torch.Generator().manual_seed(height * width)
     return torch.randn(count, 3, height, width, generator=random), torch.randn(
         count, 1, height, width, generator=random
@@ -47,7 +47,7 @@ def test_every_variant_takes_every_multiple_of_32(
 ) -> None:
     height, width = 32 * rows, 32 * cols
     with torch.inference_mode():
-        logits = slim(variant, num_classes)(*pictures(count, height, width))
+        logits = slim(variant, num_classes)(*images(count, height, width))
     assert logits.shape == (count, num_classes, height, width)
     assert bool(torch.isfinite(logits).all())
 
@@ -55,7 +55,7 @@ def test_every_variant_takes_every_multiple_of_32(
 @pytest.mark.parametrize("variant", NAMES)
 def test_in_training_the_side_outputs_come_too_and_every_weight_learns(variant: str) -> None:
     network = slim(variant).train()
-    outputs = network(*pictures(2, 64, 96))
+    outputs = network(*images(2, 64, 96))
     assert [tuple(output.shape) for output in outputs] == [
         (2, 4, 64, 96),
         (2, 4, 8, 12),
@@ -67,7 +67,7 @@ def test_in_training_the_side_outputs_come_too_and_every_weight_learns(variant: 
 
 
 def test_a_picture_is_labelled_alike_alone_and_in_a_batch() -> None:
-    network, (rgb, depth) = slim(), pictures(3, 96, 64)
+    network, (rgb, depth) = slim(), images(3, 96, 64)
     with torch.inference_mode():
         together = network(rgb, depth)
         for number in range(3):
@@ -86,9 +86,7 @@ def test_the_encoders_are_torchvisions(variant: str, parameters: int, keys: int)
     assert len(encoder.state_dict()) == keys
 
 
-def test_the_bottlenecks_middle_convolution_carries_the_stride_and_the_rest_follows_its_channels() -> (
-    None
-):
+def test_the_middle_convolution_of_a_bottleneck_carries_the_stride() -> None:
     network = slim("r50")
     for number, stride in ((1, 1), (2, 2), (3, 2), (4, 2)):
         first = network.encoder_rgb.get_submodule(f"layer{number}.0")

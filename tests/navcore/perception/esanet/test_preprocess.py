@@ -1,4 +1,4 @@
-"""What the network is shown is what the official one is shown, from the picture file to the labels."""
+"""Preprocessing equals the official code, from the image file to the labels."""
 
 from __future__ import annotations
 

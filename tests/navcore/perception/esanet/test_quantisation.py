@@ -14,7 +14,7 @@ from torch import nn
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference.network_file import open_network
 from navcore.perception.esanet.inference.onnx_engines import OpenVinoInference
-from navcore.perception.esanet.inference.selection import open_inference, probes
+from navcore.perception.esanet.inference.selection import open_inference, probe_images
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.batchnorm_folding import folded
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
@@ -45,10 +45,11 @@ CARD = WeightsCard(
 
 
 def ranges() -> tuple[float, ...]:
-    pictures = [
-        (torch.from_numpy(rgb), torch.from_numpy(depth)) for rgb, depth in probes(SIZE, NYUV2_DEPTH)
+    images = [
+        (torch.from_numpy(rgb), torch.from_numpy(depth))
+        for rgb, depth in probe_images(SIZE, NYUV2_DEPTH)
     ]
-    return measured_ranges(network(), pictures)
+    return measured_ranges(network(), images)
 
 
 def test_only_what_follows_a_relu_works_on_bytes() -> None:
@@ -99,7 +100,7 @@ def test_a_range_leaves_out_the_few_largest_inputs(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(
         "navcore.perception.esanet.network.quantisation.KEPT", 0.99
     )  # the maps of this network are small
-    rgb, depth = (torch.from_numpy(batch) for batch in probes(SIZE, NYUV2_DEPTH)[0])
+    rgb, depth = (torch.from_numpy(batch) for batch in probe_images(SIZE, NYUV2_DEPTH)[0])
     folded_network = folded(network())
     convolution = folded_network.get_submodule("skip_layer1.0.conv")
     seen: list[torch.Tensor] = []
@@ -117,8 +118,8 @@ def test_openvino_computes_in_eight_bits_and_rounds_no_more_than_that() -> None:
     engine, _ = open_inference(network_file(ranges=ranges()), "openvino int8", threads=1)
     assert isinstance(engine, OpenVinoInference)
     as_if, exact = TorchInference(quantised(network(), ranges())), TorchInference(network())
-    for picture in probes(SIZE, NYUV2_DEPTH):
-        answer, expected, plain = (one.logits(*picture).copy() for one in (engine, as_if, exact))
+    for image in probe_images(SIZE, NYUV2_DEPTH):
+        answer, expected, plain = (one.logits(*image).copy() for one in (engine, as_if, exact))
         lost = [
             float(np.abs(rounded - plain).mean() / plain.std()) for rounded in (expected, answer)
         ]

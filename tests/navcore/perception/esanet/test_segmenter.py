@@ -96,9 +96,7 @@ def test_labels_are_the_likeliest_class_by_name_and_confidence_its_probability()
     np.testing.assert_array_equal(labels.class_ids[clear], expected[clear])
 
 
-def test_a_class_the_list_does_not_name_is_nothing_and_one_switched_off_is_labelled_all_the_same() -> (
-    None
-):
+def test_an_unlisted_class_is_nothing_and_a_disabled_one_is_labelled_anyway() -> None:
     segmenter = EsaNetSegmenter(trained(), size=WORKING)
     assert set(np.unique(segmenter.segment(FRAME, BewareList(classes=())).class_ids)) == {NOTHING}
     everything = BewareList(

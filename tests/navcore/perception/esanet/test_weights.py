@@ -27,7 +27,7 @@ from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
 from navcore.perception.esanet.network.variants import VARIANTS
 from navcore.perception.esanet.weights import official_checkpoint as checkpoint
 from navcore.perception.esanet.weights import weights_file as weights
-from navcore.perception.esanet.weights.architecture import Architecture, infer
+from navcore.perception.esanet.weights.architecture import Architecture, infer_architecture
 from navcore.perception.esanet.weights.official_checkpoint import read_checkpoint
 from navcore.perception.esanet.weights.weights_file import WeightsCard, convert, load, save
 from tests.navcore.laws import law
@@ -107,7 +107,7 @@ def test_the_architecture_is_read_from_keys_and_shapes(
     variant: str, num_classes: int, width: float
 ) -> None:
     architecture = Architecture(variant=variant, num_classes=num_classes, width=width)
-    assert infer(architecture.skeleton().state_dict(), "here") == architecture
+    assert infer_architecture(architecture.skeleton().state_dict(), "here") == architecture
 
 
 class Bomb:
@@ -393,7 +393,9 @@ def test_weights_that_are_missing_or_too_large_are_refused_by_name(
         load(tmp_path / "missing.safetensors")
     (tmp_path / "large.safetensors").write_bytes(weights_bytes())
     monkeypatch.setattr(weights, "MAX_WEIGHTS_BYTES", 1_000)
-    with pytest.raises(BadConfiguration, match=r"large\.safetensors: larger than the 1000 bytes"):
+    with pytest.raises(
+        BadConfiguration, match=r"large\.safetensors: larger than the allowed 1000 bytes"
+    ):
         load(tmp_path / "large.safetensors")
 
 

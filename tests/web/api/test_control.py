@@ -1,0 +1,214 @@
+"""Who drives, as pages and programs hear of it, and a hand on the robot."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+
+from navcore.geometry.transform import Twist
+from navcore.mission.mission import Phase
+from tests.web.conftest import Accounts
+from tests.web.fake_operations import FakeOperations
+from web.api.control import LATE_S, Hand
+from web.auth.access import Access
+from web.auth.control_lease import LAPSE_S, Control
+from web.auth.presence import Attendance
+from web.auth.roles import Role, Visitor
+from web.schemas.teleop import Drive
+from web.server import ConsoleServer
+
+AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}
+
+
+def live(server: ConsoleServer, **headers: str) -> Connection:
+    """A page's sign of life."""
+    return connect(
+        server.url.replace("http", "ws") + "/api/v1/control/live",
+        proxy=None,
+        additional_headers=headers,
+    )
+
+
+def news(socket: Connection, **wanted: Any) -> dict[str, Any]:
+    """The next message in which all of this holds."""
+    for _ in range(200):
+        message: dict[str, Any] = json.loads(socket.recv(timeout=60))
+        if all(message.get(key) == value for key, value in wanted.items()):
+            return message
+    raise AssertionError(f"it was never said that {wanted}")
+
+
+def push(socket: Connection, at_ms: float, **changes: Any) -> None:
+    """A velocity, sent at a time of the page's clock."""
+    socket.send(json.dumps({**AHEAD, "t_ms": at_ms, **changes}))
+
+
+def eventually(holds: Any) -> None:
+    """Wait for something."""
+    deadline = time.monotonic() + 60
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow machine is no silent operator."""
+    monkeypatch.setattr("web.auth.control_lease.LAPSE_S", 60.0)
+
+
+@contextmanager
+def page_of(server: ConsoleServer) -> Iterator[httpx.Client]:
+    """A browser that has opened the page of an open console."""
+    with httpx.Client(base_url=server.url, trust_env=False, timeout=60) as page:
+        assert page.get("/").status_code == 200 and len(page.cookies) == 1
+        yield page
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(
+    server: ConsoleServer,
+) -> None:
+    with page_of(server) as first, page_of(server) as second:
+        assert second.get("/api/v1/control").json()["holder"] is None
+        assert first.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+        refused = second.post("/api/v1/mission/start")
+        assert refused.status_code == 409 and refused.json()["error"]["code"] == "not_in_control"
+        assert "console" in refused.json()["error"]["message"]
+        ring = [[4, -1], [5, -1], [5, 1]]
+        zone = {"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}}
+        assert second.post("/api/v1/zones", json=zone).status_code == 201
+        assert second.post("/api/v1/control/take").json()["yours"]
+        lost = first.get("/api/v1/control").json()
+        assert (lost["yours"], lost["was_yours"], lost["taken"]) == (False, True, True)
+        assert second.post("/api/v1/mission/start").status_code == 200
+        assert first.post("/api/v1/stop").json()["stop_latched"]
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    bearer = {
+        name: {"Authorization": f"Bearer {accounts.tokens[name]}"} for name in ("admin", "operator")
+    }
+    with live(locked, **bearer["admin"]) as admin, live(locked, **bearer["operator"]) as operator:
+        assert news(admin, yours=False)["holder"] is None
+        httpx.post(f"{locked.url}/api/v1/control/take", headers=bearer["admin"], trust_env=False)
+        assert news(operator, yours=False, serial=1)["holder"]["name"] == "admin"
+        httpx.post(f"{locked.url}/api/v1/control/ask", headers=bearer["operator"], trust_env=False)
+        assert news(admin, serial=2)["asking"]["name"] == "operator"
+        httpx.post(f"{locked.url}/api/v1/control/give", headers=bearer["admin"], trust_env=False)
+        assert news(operator, yours=True)["taken"] is False
+        assert news(admin, yours=False, was_yours=True)["holder"]["name"] == "operator"
+
+
+def test_a_hand_moves_the_robot_and_lets_go_when_the_page_goes(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
+    with live(server) as page:
+        push(page, 0.0)
+        eventually(lambda: operations.hand == Twist(v_mps=0.3, w_radps=0.0))
+        push(page, 80.0, v_mps=0.0)
+        eventually(lambda: operations.hand is None)
+        push(page, 160.0)
+        eventually(lambda: operations.hand is not None)
+    eventually(lambda: operations.hand is None)
+
+
+def test_a_viewers_hand_moves_nothing(
+    locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    with live(locked, Authorization=f"Bearer {accounts.tokens['viewer']}") as page:
+        push(page, 0.0)
+        push(page, 10.0)
+        news(page, type="control")
+        news(page, type="control")
+    assert operations.hands == []
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
+    with page_of(server) as other, live(server) as page:
+        other.post("/api/v1/control/take")
+        push(page, 0.0)
+        assert "is in control" in news(page, type="refused")["message"]
+    assert operations.hands == []
+
+
+def test_velocities_that_were_held_up_on_the_way_are_not_driven() -> None:
+    operations = FakeOperations()
+    visitor = Visitor(name="anna", role=Role.OPERATOR, seat="page anna")
+    hand, sent_s = Hand(operations, Control(), visitor), time.monotonic()
+    assert hand.move(Drive(**AHEAD, t_ms=sent_s * 1000))  # type: ignore[arg-type]
+    late_s = sent_s - LATE_S - 0.05
+    assert not hand.move(Drive(**AHEAD, t_ms=late_s * 1000))  # type: ignore[arg-type]
+    assert len(operations.hands) == 1
+    hand.let_go()
+    assert operations.hands[-1] is None
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "",
+        "[]",
+        '{"type":"drive","v_mps":NaN,"w_radps":0,"t_ms":0}',
+        '{"type":"drive","v_mps":99,"w_radps":0,"t_ms":0}',
+    ],
+)
+def test_a_hand_that_speaks_nonsense_is_cut_off(
+    server: ConsoleServer, operations: FakeOperations, message: str
+) -> None:
+    with live(server) as page:
+        page.send(message)
+        with pytest.raises(ConnectionClosed):
+            for _ in range(20):
+                page.recv(timeout=60)
+    assert operations.hands == []
+
+
+@pytest.mark.parametrize(
+    ("unattended", "phase"), [("pause", Phase.PAUSED), ("go on", Phase.DRIVING)]
+)
+def test_when_the_operator_goes_silent_the_mission_does_as_configured(
+    unattended: Any, phase: Phase
+) -> None:
+    now_s = [0.0]
+    operations, control = FakeOperations(), Control(clock=lambda: now_s[0])
+    attendance = Attendance(operations, Access(control=control), unattended)
+    control.claim(Visitor(name="anna", role=Role.OPERATOR, seat="page anna"))
+    operations.goals.add(3, 0)
+    operations.mission("start")
+    attendance.look()
+    now_s[0] += LAPSE_S - 0.1
+    attendance.look()
+    assert operations.state().phase is Phase.DRIVING
+    now_s[0] += 0.2
+    attendance.look()
+    assert operations.state().phase is phase
+    attendance.look()
+    assert operations.state().phase is phase
+
+
+@pytest.mark.parametrize("who", ["viewer", "operator"])
+def test_the_stop_is_heard_on_the_sign_of_life_too_once_and_from_everybody(
+    who: str, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    with live(locked, Authorization=f"Bearer {accounts.tokens[who]}") as page:
+        for _ in range(2):
+            page.send(json.dumps({"type": "stop", "by": "console key"}))
+        eventually(lambda: operations.state().stop_latched)
+        news(page, type="control")
+    assert operations.stops == [f"{who} (console key)"]

@@ -1,0 +1,432 @@
+"""Logging in, roles, sessions, and that no clock but the monotonic one counts."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+import msgspec
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from app.bench.viser_client import camera
+from navcore.errors import BadConfiguration, Refused
+from tests.web.conftest import PASSWORD, Accounts
+from tests.web.fake_operations import FakeOperations
+from tests.web.test_server import PAGE, scene, viewer_of
+from web.auth.control_lease import LAPSE_S, PROGRAM_LAPSE_S, Control, NotInControl
+from web.auth.permissions import need_of
+from web.auth.roles import Role, Visitor
+from web.auth.sessions import IDLE_S, LONGEST_S, Sessions
+from web.auth.users import User, hash_password, is_password, new_user
+from web.gateway.rate_limit import AT_ONCE, EVERY_S, Throttle
+from web.server import ConsoleServer
+
+ANNA = User(name="anna", role=Role.OPERATOR, password_hash="-")
+
+
+class Clock:
+    """Time that passes when the test says so."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@contextmanager
+def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Client]:
+    """A browser, logged in as somebody."""
+    accepts = {"Accept": "text/html"}
+    with httpx.Client(
+        base_url=server.url, trust_env=False, headers=accepts, follow_redirects=True, timeout=60
+    ) as client:
+        if name is not None:
+            assert (
+                client.post("/login", data={"name": name, "password": PASSWORD}).status_code == 200
+            )
+        yield client
+
+
+def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    with httpx.Client(base_url=locked.url, trust_env=False) as program:
+        assert program.get("/api/v1/state").status_code == 401
+        assert (
+            program.get("/api/v1/state", headers={"Authorization": "Bearer wrong"}).status_code
+            == 401
+        )
+        token = {"Authorization": f"Bearer {accounts.tokens['viewer']}"}
+        assert program.get("/api/v1/me", headers=token).json() == {
+            "name": "viewer",
+            "role": "viewer",
+            "logged_in": True,
+        }
+    address = locked.url.replace("http", "ws") + "/api/v1/events"
+    with pytest.raises(InvalidStatus), connect(address, proxy=None):
+        pass
+    with connect(address, proxy=None, additional_headers=token) as socket:
+        assert "state" in str(socket.recv(timeout=5))
+
+
+def test_a_browser_logs_in_by_the_form_keeps_a_strict_cookie_and_logs_out(
+    locked: ConsoleServer,
+) -> None:
+    with browser(locked) as client:
+        page = client.get("/")
+        assert (
+            page.status_code == 401
+            and "<form" in page.text
+            and "script" not in page.headers["content-security-policy"]
+        )
+        for name, password in (("operator", "wrong"), ("nobody", PASSWORD), ("", "")):
+            refused = client.post("/login", data={"name": name, "password": password})
+            assert (
+                refused.status_code == 401
+                and "wrong" in refused.text
+                and "set-cookie" not in refused.headers
+            )
+        answer = client.post(
+            "/login", data={"name": "operator", "password": PASSWORD}, follow_redirects=False
+        )
+        cookie = answer.headers["set-cookie"]
+        assert answer.status_code == 303 and "HttpOnly" in cookie and "SameSite=strict" in cookie
+        assert (
+            client.get("/").status_code == 200
+            and client.get("/api/v1/me").json()["name"] == "operator"
+        )
+        client.post("/logout")
+        assert client.get("/api/v1/state").status_code == 401
+
+
+def test_a_login_from_another_page_is_refused(locked: ConsoleServer) -> None:
+    with browser(locked) as client:
+        form = {"name": "operator", "password": PASSWORD}
+        answer = client.post("/login", data=form, headers={"Origin": "http://evil.example"})
+        assert answer.status_code == 403 and "set-cookie" not in answer.headers
+
+
+def test_whoever_guesses_has_to_wait(
+    locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "web.gateway.rate_limit.EVERY_S", 600.0
+    )  # so that a slow machine gets no try more
+    with browser(locked) as client:
+        statuses = [
+            client.post("/login", data={"name": "admin", "password": "no"}).status_code
+            for _ in range(AT_ONCE + 1)
+        ]
+        assert statuses == [401] * AT_ONCE + [429]
+        late = client.post("/login", data={"name": "admin", "password": PASSWORD})
+        assert late.status_code == 429 and 0 < int(late.headers["retry-after"]) <= 600
+
+
+def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address_by_itself() -> (
+    None
+):
+    clock = Clock()
+    throttle = Throttle(clock=clock)
+    assert [throttle.wait_s("a") for _ in range(AT_ONCE + 2)] == [0] * AT_ONCE + [6, 6]
+    assert throttle.wait_s("b") == 0
+    clock.now_s += EVERY_S
+    assert [throttle.wait_s("a"), throttle.wait_s("a")] == [0, 6]
+    throttle.forgive("a")
+    assert throttle.wait_s("a") == 0
+    assert sum(throttle.wait_s(f"address {n}") == 0 for n in range(1000)) <= 10 * AT_ONCE
+
+
+def test_a_password_is_kept_as_a_salted_hash_and_known_again() -> None:
+    kept = [hash_password(PASSWORD) for _ in range(2)]
+    assert kept[0] != kept[1] and PASSWORD not in kept[0]
+    assert is_password(PASSWORD, kept[0]) and not is_password(PASSWORD + " ", kept[0])
+    with pytest.raises(BadConfiguration, match="10 to 200"):
+        hash_password("short")
+    with pytest.raises(BadConfiguration, match="user name"):
+        new_user("a b\n", Role.VIEWER, PASSWORD)
+
+
+@pytest.mark.parametrize("wall_s", [-3600.0, 0.0, 3600.0])
+def test_a_session_ends_by_idleness_by_age_and_by_log_out_whatever_the_wall_clock_does(
+    wall_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, began = Clock(), time.time()
+    sessions = Sessions(clock=clock)
+    cookie = sessions.begin(ANNA)
+    monkeypatch.setattr(time, "time", lambda: began + wall_s)
+    monkeypatch.setattr(time, "time_ns", lambda: int((began + wall_s) * 1e9))
+    assert sessions.of(cookie) is not None and sessions.of("another") is None
+    clock.now_s += IDLE_S - 1
+    assert sessions.of(cookie) is not None
+    clock.now_s += IDLE_S + 1
+    assert sessions.of(cookie) is None
+    cookie = sessions.begin(ANNA)
+    for _ in range(int(LONGEST_S / IDLE_S)):
+        clock.now_s += IDLE_S - 1
+        assert sessions.of(cookie) is not None
+    clock.now_s += IDLE_S - 1
+    assert sessions.of(cookie) is None
+    cookie = sessions.begin(ANNA)
+    sessions.end(cookie)
+    assert sessions.of(cookie) is None
+
+
+def test_a_session_by_the_wall_clock_would_end_when_it_jumps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The control of the test above."""
+    sessions, began = Sessions(clock=lambda: time.time()), time.time()
+    cookie = sessions.begin(ANNA)
+    monkeypatch.setattr(time, "time", lambda: began + 13 * 3600)
+    assert sessions.of(cookie) is None
+
+
+def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
+    locked: ConsoleServer,
+) -> None:
+    with browser(locked, "admin") as admin, browser(locked, "viewer") as viewer:
+        assert viewer.get("/api/v1/users").status_code == 403
+        added = admin.post(
+            "/api/v1/users", json={"name": "bob", "role": "operator", "password": "long enough"}
+        )
+        assert added.json() == {"name": "bob", "role": "operator", "has_token": False}
+        assert (
+            admin.post(
+                "/api/v1/users", json={"name": "bob", "role": "viewer", "password": "long enough"}
+            ).status_code
+            == 409
+        )
+        token = admin.post("/api/v1/users/bob/token").json()["token"]
+        bearer = {"Authorization": f"Bearer {token}"}
+        assert (
+            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).json()["name"]
+            == "bob"
+        )
+        assert admin.delete("/api/v1/users/bob").status_code == 204
+        assert (
+            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).status_code == 401
+        )
+        refused = admin.put("/api/v1/users/admin/role", json={"role": "viewer"})
+        assert refused.status_code == 409 and "last admin" in refused.text
+        assert viewer.get("/api/v1/me").status_code == 200
+        own = {"present": PASSWORD, "password": "another long one"}
+        assert (
+            viewer.put("/api/v1/me/password", json={**own, "present": "wrong"}).status_code == 409
+        )
+        assert viewer.put("/api/v1/me/password", json=own).status_code == 204
+        assert viewer.get("/api/v1/me").status_code == 401
+        assert PASSWORD not in admin.get("/api/v1/audit").text
+
+
+def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    headers = {"Authorization": f"Bearer {accounts.tokens['viewer']}"}
+    with connect(
+        locked.url.replace("http", "ws") + "/api/v1/events", proxy=None, additional_headers=headers
+    ) as socket:
+        socket.recv(timeout=5)
+        accounts.store.users.remove("viewer")
+        with pytest.raises(ConnectionClosed):
+            for _ in range(1000):
+                socket.recv(timeout=5)
+
+
+def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
+    locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    click: dict[str, Any] = {
+        "type": "ScenePointerMessage",
+        "event_type": "click",
+        "modifier": None,
+        "screen_pos": [[0.5, 0.5]],
+    }
+    click |= {"ray_origin": [0.0, 0.0, 10.0], "ray_direction": [0.1, 0.2, -1.0]}
+    heard: dict[str, dict[str, Any] | None] = {}
+    for name in ("operator", "viewer"):
+        headers = {"Authorization": f"Bearer {accounts.tokens[name]}"}
+        link = locked.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}"
+        with (
+            connect(link, proxy=None, additional_headers=headers) as page,
+            viewer_of(locked, f"/viewer/{PAGE}", additional_headers=headers) as viewer,
+        ):
+            viewer.send(camera())
+            while not json.loads(page.recv(timeout=10)).get("connected"):
+                pass  # the one before has the same page and may leave it only now
+            scene(viewer, {"/floor/0_0"})
+            page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
+            page.send(json.dumps({"type": "show", "cloud_colour": "camera", "hidden": ["cloud"]}))
+            time.sleep(0.2)
+            viewer.send(msgspec.msgpack.encode(click))
+            heard[name] = _next_or_none(page)
+    assert heard["operator"] is not None and heard["operator"]["type"] == "click"
+    assert heard["viewer"] is None
+
+
+def _next_or_none(page: Any) -> dict[str, Any] | None:
+    try:
+        message: dict[str, Any] = json.loads(page.recv(timeout=1.5))
+    except TimeoutError:
+        return None
+    return message
+
+
+def test_every_change_is_put_down_with_who_made_it_and_how_it_ended(locked: ConsoleServer) -> None:
+    ring = [[4, -1], [5, -1], [5, 1]]
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        zone = {"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}}
+        operator.post("/api/v1/zones", json=zone)
+        viewer.post("/api/v1/zones", json=zone)
+        viewer.post("/api/v1/stop?by=test")
+        operator.get("/api/v1/state")
+        entries = operator.get("/api/v1/audit").json()
+        assert viewer.get("/api/v1/audit").status_code == 403
+        said = [
+            (entry["who"], entry["method"], entry["path"], entry["status"])
+            for entry in reversed(entries)
+        ]
+        assert said[2:] == [
+            ("operator", "POST", "/api/v1/zones", 201),
+            ("viewer", "POST", "/api/v1/zones", 403),
+            ("viewer", "POST", "/api/v1/stop?by=test", 200),
+        ]
+        assert next(entry for entry in entries if entry["status"] == 201)["detail"] == zone
+        older = operator.get(f"/api/v1/audit?count=1&before={entries[0]['id']}").json()
+        assert [entry["id"] for entry in older] == [entries[1]["id"]]
+
+
+def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        for program in (operator, viewer, operator):
+            program.post("/api/v1/stop?by=test")
+
+        def ids(**asked: str) -> list[int]:
+            return [entry["id"] for entry in operator.get("/api/v1/audit", params=asked).json()]
+
+        entries = operator.get("/api/v1/audit").json()
+        hers = [entry for entry in entries if entry["who"] == "viewer"]
+        assert len(hers) == 2 and ids(who="viewer") == [entry["id"] for entry in hers]
+        at = hers[0]["at"]
+        assert ids(since=at, until=at) == [entry["id"] for entry in entries if entry["at"] == at]
+        assert ids(since=at) + ids(until=at) == [
+            *(entry["id"] for entry in entries if entry["at"] >= at),
+            *ids(until=at),
+        ]
+        assert (
+            ids(since="2020-01-01T02:00:00+02:00") == ids()
+            and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+        )
+        for wrong in ({"since": "yesterday"}, {"until": "2020-01-01T00:00:00"}, {"who": "x" * 61}):
+            assert operator.get("/api/v1/audit", params=wrong).status_code == 422
+
+
+def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() -> None:
+    drives = [
+        ("POST", "/api/v1/goals"),
+        ("PUT", "/api/v1/goals/3"),
+        ("POST", "/api/v1/mission/start"),
+    ]
+    drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
+    assert all(need_of(*request).control for request in drives)
+    frees = [
+        ("POST", "/api/v1/mission/pause"),
+        ("POST", "/api/v1/stop"),
+        ("POST", "/api/v1/zones"),
+        ("GET", "/api/v1/goals"),
+    ]
+    assert not any(need_of(*request).control for request in frees)
+    assert need_of("POST", "/api/v1/something/new").role is Role.OPERATOR
+    assert need_of("POST", "/api/v1/stop").role is Role.VIEWER
+
+
+def seat(name: str, kind: str = "page") -> Visitor:
+    return Visitor(name=name, role=Role.OPERATOR, seat=f"{kind} {name}")
+
+
+def test_the_first_who_acts_has_control_and_it_lapses_when_he_goes_silent() -> None:
+    clock = Clock()
+    control, anna, bob = Control(clock=clock), seat("anna"), seat("bob")
+    assert control.now.holder is None
+    control.claim(anna)
+    with pytest.raises(NotInControl, match="anna is in control"):
+        control.claim(bob)
+    clock.now_s += LAPSE_S - 0.1
+    control.note_life(anna)
+    control.note_life(bob)
+    clock.now_s += LAPSE_S - 0.1
+    assert control.is_held_by(anna)
+    clock.now_s += 0.2
+    assert control.now.holder is None and control.now.before == anna
+    control.claim(bob)
+    assert control.is_held_by(bob)
+    program = seat("robot", "program")
+    control.take(program)
+    clock.now_s += PROGRAM_LAPSE_S - 0.1
+    assert control.is_held_by(program)
+
+
+def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
+    control, anna, bob = Control(), seat("anna"), seat("bob")
+    control.claim(anna)
+    serials = [control.now.serial]
+    act: Callable[[Visitor], None]
+    for act, visitor in (
+        (control.ask, bob),
+        (control.give, anna),
+        (control.take, anna),
+        (control.give, anna),
+    ):
+        act(visitor)
+        serials.append(control.now.serial)
+    assert serials == sorted(set(serials))
+    control.claim(anna)
+    control.ask(bob)
+    assert (control.now.holder, control.now.asking) == (anna, bob)
+    control.give(anna)
+    assert (control.now.holder, control.now.before, control.now.taken) == (bob, anna, False)
+    control.take(anna)
+    assert (control.now.holder, control.now.before, control.now.taken) == (anna, bob, True)
+    with pytest.raises(NotInControl, match="hand it over"):
+        control.give(bob)
+    control.give(anna)
+    assert control.now.holder is None
+
+
+def test_what_nests_too_deep_is_put_down_as_that_and_the_audit_stays_readable(
+    locked: ConsoleServer,
+) -> None:
+    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+        for depth in (5, 300, 900):
+            headers = {"Content-Type": "application/json"}
+            assert (
+                viewer.post(
+                    "/api/v1/stop", content="[" * depth + "]" * depth, headers=headers
+                ).status_code
+                == 200
+            )
+        audit = operator.get("/api/v1/audit")
+        assert audit.status_code == 200
+        details = [entry["detail"] for entry in audit.json() if entry["path"] == "/api/v1/stop"]
+        assert details == ["1800 bytes, nested too deep", "600 bytes, nested too deep", [[[[[]]]]]]
+
+
+def test_an_admins_change_is_not_undone_by_one_that_began_before_it(accounts: Accounts) -> None:
+    users = accounts.store.users
+    (before,) = (user for user in users.all() if user.name == "operator")
+    users.change("operator", role=Role.VIEWER)
+    after = users.change(
+        "operator", password_hash=hash_password("another password"), instead_of=before.password_hash
+    )
+    assert after.role is Role.VIEWER and after.token_hash == before.token_hash
+    with pytest.raises(Refused, match="meanwhile"):
+        users.change(
+            "operator", password_hash=before.password_hash, instead_of=before.password_hash
+        )
+    assert users.change("operator", token_hash="f" * 64).password_hash == after.password_hash

@@ -1,0 +1,136 @@
+"""The one door: every route the app itself knows refuses strangers before its handler runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.reliability.routes import FOREIGN_HEADERS, response_status, routes_of
+from tests.web.conftest import Accounts
+from tests.web.fake_operations import FakeOperations
+from web.server import create_app
+
+
+class Untouchable(FakeOperations):
+    """Fails the test when a handler is reached."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._watched = True
+
+    def __getattribute__(self, name: str) -> Any:
+        if not name.startswith("_") and "_watched" in self.__dict__:
+            raise AssertionError(f"a handler ran and asked for {name}")
+        return super().__getattribute__(name)
+
+
+@pytest.mark.parametrize("stranger", FOREIGN_HEADERS)
+def test_every_route_refuses_a_stranger_before_its_handler_runs(stranger: str) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"])
+    routes = routes_of(app)
+    assert len(routes) > 30
+    refused = {route: response_status(app, *route, FOREIGN_HEADERS[stranger]) for route in routes}
+    assert {route: status for route, status in refused.items() if status not in (403, 421)} == {}
+
+
+def test_without_the_guard_the_same_requests_reach_the_handlers() -> None:
+    app = create_app(FakeOperations(), allowed_hosts=["console"])
+    app.user_middleware.clear()
+    assert response_status(app, "GET", "/api/v1/state", FOREIGN_HEADERS["foreign origin"]) == 200
+    assert response_status(app, "GET", "/healthz", FOREIGN_HEADERS["foreign host"]) == 200
+
+
+def test_every_route_asks_for_the_login_of_whoever_is_not_known(accounts: Accounts) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
+    statuses = {
+        route: response_status(app, *route, {"Host": "console"}) for route in routes_of(app)
+    }
+    assert {route: status for route, status in statuses.items() if status not in (401, 403)} == {}
+
+
+ACTS = ("POST", "PUT", "PATCH", "DELETE")
+MAY_BE_ASKED_BY_VIEWERS = {
+    ("POST", "/api/v1/stop"),
+    ("POST", "/api/v1/preview"),
+    ("PUT", "/api/v1/me/password"),
+}
+
+
+def test_a_viewer_gets_past_the_door_to_look_and_to_stop_and_for_nothing_else(
+    accounts: Accounts,
+) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
+    acts = [route for route in routes_of(app) if route[0] in ACTS]
+    assert len(acts) > 15 and set(acts) >= MAY_BE_ASKED_BY_VIEWERS
+    refused = {
+        route
+        for route in acts
+        if response_status(app, *route, accounts.headers("viewer"), quiet=True) == 403
+    }
+    assert refused == set(acts) - MAY_BE_ASKED_BY_VIEWERS
+    assert response_status(app, "GET", "/api/v1/users", accounts.headers("operator")) == 403
+    assert response_status(app, "GET", "/api/v1/audit", accounts.headers("viewer")) == 403
+
+
+def test_what_drives_the_robot_is_refused_to_whoever_is_not_in_control(accounts: Accounts) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
+    accounts.access.control.take(accounts.visitor("admin"))
+    acts = [route for route in routes_of(app) if route[0] in ACTS]
+    refused = {
+        route
+        for route in acts
+        if response_status(app, *route, accounts.headers("operator"), quiet=True) == 409
+    }
+    expected = {
+        ("POST", "/api/v1/goals"),
+        ("DELETE", "/api/v1/goals/xxxxxxxxxxxxxxxx"),
+        ("PATCH", "/api/v1/goals/xxxxxxxxxxxxxxxx"),
+    }
+    expected |= {("PUT", "/api/v1/goals/order"), ("PUT", "/api/v1/mission/loop")}
+    expected |= {("POST", "/api/v1/missions/xxxxxxxxxxxxxxxx/load")}
+    expected |= {("POST", "/api/v1/mission/xxxxxxxxxxxxxxxx"), ("POST", "/api/v1/stop/reset")}
+    assert refused == expected
+
+
+@pytest.mark.parametrize("host", ["console", "CONSOLE:8000", "127.0.0.1:1", "[::1]:8000"])
+def test_the_console_answers_to_its_own_names(host: str) -> None:
+    app = create_app(FakeOperations(), allowed_hosts=["console", "127.0.0.1", "[::1]"])
+    assert (
+        response_status(app, "GET", "/healthz", {"Host": host, "Origin": f"http://{host}"}) == 200
+    )
+    assert (
+        response_status(app, "WS", "/api/v1/events", {"Host": host, "Origin": f"http://{host}"})
+        == 101
+    )
+
+
+def test_every_answer_carries_the_headers_that_keep_browsers_honest(client: httpx.Client) -> None:
+    for path in ("/", "/viewer/", "/api/v1/state", "/nowhere"):
+        headers = client.get(path).headers
+        assert (
+            headers["x-content-type-options"] == "nosniff"
+            and "frame-ancestors 'self'" in headers["content-security-policy"]
+        )
+    assert "unsafe" not in client.get("/").headers["content-security-policy"]
+    assert client.get("/healthz", headers={"Host": "evil.example"}).status_code == 421
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\x00", "\x7f"])
+def test_no_route_is_reached_by_a_path_that_only_a_router_takes_for_its_own(
+    end: str, accounts: Accounts
+) -> None:
+    app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
+    accounts.access.control.take(accounts.visitor("admin"))
+    reached = {
+        (method, path): status
+        for method, path in routes_of(app)
+        if (
+            status := response_status(
+                app, method, path + end, accounts.headers("operator"), quiet=True
+            )
+        )
+        not in (403, 404)
+    }
+    assert reached == {}

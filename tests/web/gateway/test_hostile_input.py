@@ -1,0 +1,257 @@
+"""Whatever is sent, the answer is a refusal with its reason; nothing stored is lost, and nothing is
+echoed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.web.api.test_api import wrong, zone
+from tests.web.fake_operations import FakeOperations
+from web.gateway.request_body import MAX_BODY_BYTES
+from web.server import ConsoleServer
+
+JSON = {"Content-Type": "application/json"}
+WRITES = [
+    ("POST", "/api/v1/goals"),
+    ("POST", "/api/v1/zones"),
+    ("PUT", "/api/v1/zones/z1"),
+    ("PUT", "/api/v1/beware"),
+    ("PATCH", "/api/v1/beware/cup"),
+    ("POST", "/api/v1/preview"),
+    ("PATCH", "/api/v1/goals/1"),
+    ("PUT", "/api/v1/goals/order"),
+    ("PUT", "/api/v1/mission/loop"),
+    ("POST", "/api/v1/zones/import"),
+    ("POST", "/api/v1/zones/import-mask"),
+    ("POST", "/api/v1/camera/region"),
+]
+KEYS = [
+    "x_m",
+    "y_m",
+    "name",
+    "geometry",
+    "type",
+    "coordinates",
+    "properties",
+    "enabled",
+    "margin_m",
+    "classes",
+    "colour",
+]
+KEYS += [
+    "hue_deg",
+    "goal",
+    "polygon",
+    "class_id",
+    "version",
+    "min_confidence",
+    "yaw_rad",
+    "features",
+    "drawn",
+    "kind",
+    "ids",
+    "\ud800",
+    "x" * 300,
+]
+
+numbers = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.integers(min_value=-(10**400), max_value=10**400),
+    st.sampled_from([0, -1, 1e308, 2**63, -0.0]),
+)
+words = st.one_of(
+    st.text(st.characters(), max_size=20),
+    st.sampled_from(
+        ["\ud800", "\x00", "Feature", "Polygon", "Point", "FeatureCollection", "é" * 100, "‮"]
+    ),
+)
+leaves = st.one_of(st.none(), st.booleans(), numbers, words)
+keys = st.one_of(st.sampled_from(KEYS), words)
+values = st.recursive(
+    leaves,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=5),
+        st.dictionaries(st.one_of(st.sampled_from(KEYS), words), inner, max_size=5),
+    ),
+    max_leaves=20,
+)
+
+
+@pytest.fixture(scope="module")
+def lasting() -> Iterator[tuple[httpx.Client, FakeOperations]]:
+    """One console for a thousand requests."""
+    operations = FakeOperations()
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    with httpx.Client(base_url=console.url, trust_env=False) as program:
+        program.post("/api/v1/zones", json=zone("kept"))
+        yield program, operations
+    console.stop()
+
+
+def dumped(value: Any) -> bytes:
+    """JSON as a careless or hostile client writes it: NaN, Infinity and lone surrogates included."""
+    return json.dumps(value, allow_nan=True, ensure_ascii=True).encode("ascii")
+
+
+@settings(
+    max_examples=120,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+@given(request=st.sampled_from(WRITES), value=values)
+def test_no_json_value_makes_the_console_fail(
+    lasting: tuple[httpx.Client, FakeOperations], request: tuple[str, str], value: Any
+) -> None:
+    answer = lasting[0].request(*request, content=dumped(value), headers=JSON)
+    assert answer.status_code < 500, (request, value, answer.text)
+    answer.json()
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+@given(x=numbers, y=numbers)
+def test_no_number_makes_a_goal_that_is_not_on_the_map(
+    lasting: tuple[httpx.Client, FakeOperations], x: float, y: float
+) -> None:
+    program, operations = lasting
+    answer = program.post("/api/v1/goals", content=dumped({"x_m": x, "y_m": y}), headers=JSON)
+    assert answer.status_code in (201, 400, 422), answer.text
+    assert all(abs(goal.x_m) <= 8 and abs(goal.y_m) <= 6 for goal in operations.state().queue)
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+@given(ring=st.lists(st.tuples(numbers, numbers), max_size=8), name=words, margin=numbers)
+def test_no_polygon_and_no_name_make_the_console_fail(
+    lasting: tuple[httpx.Client, FakeOperations],
+    ring: list[tuple[float, float]],
+    name: str,
+    margin: float,
+) -> None:
+    body = {
+        "name": name,
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "margin_m": margin,
+    }
+    program, operations = lasting
+    for method, path in (("POST", "/api/v1/zones"), ("PUT", "/api/v1/zones/z1")):
+        assert program.request(method, path, content=dumped(body), headers=JSON).status_code < 500
+    listed = program.get("/api/v1/zones")
+    assert listed.status_code == 200 and "z1" in listed.text
+    for entry in listed.json()["features"][1:]:
+        program.delete(f"/api/v1/zones/{entry['id']}")
+    assert all(entry.name.isprintable() for entry in operations.zones.stored)
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+@given(body=st.binary(max_size=200), request=st.sampled_from(WRITES))
+def test_no_bytes_make_the_console_fail(
+    lasting: tuple[httpx.Client, FakeOperations], body: bytes, request: tuple[str, str]
+) -> None:
+    assert lasting[0].request(*request, content=body, headers=JSON).status_code < 500
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ('{"x_m": NaN, "y_m": 0}', "body.x_m: Input should be a finite number"),
+        ('{"x_m": 0, "y_m": 1e999}', "body.y_m: Input should be a finite number"),
+        ('{"x_m": true, "y_m": 0}', "body.x_m"),
+        ('{"x_m": "1", "y_m": 0}', "body.x_m"),
+        ('{"x_m": 1, "y_m": 0, "z_m": 0}', "body.z_m: unknown key"),
+        ('{"x_m": 1}', "body.y_m"),
+        ('{"x_m": 1e300, "y_m": 0}', "body.x_m"),
+        ('{"x_m": 1, "y_m": 0, "\\ud800": 1}', ""),
+        ('{"x_m": 1,', "not JSON"),
+    ],
+)
+def test_a_refusal_names_the_place_and_the_reason(
+    client: httpx.Client, body: str, says: str
+) -> None:
+    assert says in wrong(client.post("/api/v1/goals", content=body, headers=JSON), 422)["message"]
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    ["[" * 100_000, '{"a":' * 100_000, "9" * 100_000, '{"x_m": ' + "9" * 5000 + ', "y_m": 1}'],
+)
+def test_bombs_of_depth_and_digits_are_refused(client: httpx.Client, bomb: str) -> None:
+    assert client.post("/api/v1/goals", content=bomb, headers=JSON).status_code in (400, 422)
+
+
+def test_a_name_with_a_lone_surrogate_is_refused_and_the_list_still_reads(
+    client: httpx.Client,
+) -> None:
+    body = dumped(zone("\ud800"))
+    assert "name" in str(
+        wrong(client.post("/api/v1/zones", content=body, headers=JSON), 422)["where"]
+    )
+    assert client.get("/api/v1/zones").json()["features"] == []
+
+
+def test_a_secret_in_the_input_is_not_echoed(client: httpx.Client) -> None:
+    answer = client.post("/api/v1/goals", json={"x_m": "hunter2", "y_m": ["hunter2"]})
+    assert answer.status_code == 422 and "hunter2" not in answer.text
+
+
+def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
+    client: httpx.Client,
+) -> None:
+    large = b" " * (MAX_BODY_BYTES + 1)
+
+    def chunks() -> Iterator[bytes]:
+        for start in range(0, len(large), 50_000):
+            yield large[start : start + 50_000]
+
+    assert (
+        wrong(client.post("/api/v1/goals", content=large, headers=JSON), 413)["code"] == "too_large"
+    )
+    assert (
+        wrong(client.post("/api/v1/goals", content=chunks(), headers=JSON), 413)["code"]
+        == "too_large"
+    )
+    assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/page/%2e%2e%2fserver.py",
+        "/page/..%2f..%2fetc%2fpasswd",
+        "/viewer/..%2f..%2fetc/",
+        "/api/v1/runs/..%2f..%2fzones.db",
+        "/api/v1/runs/.hidden",
+    ],
+)
+def test_no_path_leaves_its_folder(client: httpx.Client, path: str) -> None:
+    assert client.get(path).status_code in (404, 422)
+
+
+@pytest.mark.parametrize("version", ["3", 'W/"3"', '"x"', '"1", "2"', '"' + "9" * 50 + '"'])
+def test_an_if_match_that_is_no_version_is_refused(client: httpx.Client, version: str) -> None:
+    client.post("/api/v1/zones", json=zone())
+    answer = client.delete("/api/v1/zones/z1", headers={"If-Match": version})
+    assert wrong(answer, 400)["message"].startswith("If-Match")
+    assert len(client.get("/api/v1/zones").json()["features"]) == 1

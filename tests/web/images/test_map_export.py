@@ -1,0 +1,88 @@
+"""The map that the console hands out, read by our own reader of Nav2's format."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import httpx
+import numpy as np
+
+from navcore.costmap.costmap import Costmap
+from navcore.formats.nav2_map import Nav2Map, State, load
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mission.zone import rasterise
+from tests.web.fake_operations import SPEC, FakeOperations
+from web.images.encode import map_pgm, map_yaml
+from web.interface.snapshots import Picture
+
+CORNERS = ((-6.0, -5.0), (-5.0, -5.0), (-5.0, -3.5))
+
+
+def handed_out(folder: Path, pgm: bytes, yaml: str) -> Nav2Map:
+    (folder / "map.pgm").write_bytes(pgm)
+    (folder / "map.yaml").write_text(yaml)
+    return load(folder / "map.yaml")
+
+
+def with_grid(picture: Picture, grid: OccupancyGrid) -> Picture:
+    return dataclasses.replace(picture, occupancy=Costmap.of(grid, picture.blocked, version=0))
+
+
+def assert_says_the_same(nav2_map: Nav2Map, picture: Picture) -> None:
+    occupied = picture.grid.occupied()
+    for _, mask in picture.grid.wide_zones:
+        occupied = occupied | mask
+    assert nav2_map.spec == picture.grid.spec
+    np.testing.assert_array_equal(nav2_map.cells(State.OCCUPIED), occupied)
+    np.testing.assert_array_equal(nav2_map.cells(State.FREE), picture.seen & ~occupied)
+    np.testing.assert_array_equal(nav2_map.cells(State.UNKNOWN), ~picture.seen & ~occupied)
+
+
+def test_the_map_over_http_is_read_back_cell_by_cell(
+    client: httpx.Client, operations: FakeOperations, tmp_path: Path
+) -> None:
+    nav2_map = handed_out(
+        tmp_path, client.get("/api/v1/map.pgm").content, client.get("/api/v1/map.yaml").text
+    )
+    picture = operations.picture()
+    assert picture is not None
+    assert {int(state) for state in np.unique(nav2_map.states())} == {
+        State.FREE,
+        State.OCCUPIED,
+        State.UNKNOWN,
+    }
+    assert_says_the_same(nav2_map, picture)
+    assert nav2_map.cells(State.OCCUPIED)[SPEC.cell(4.0, 2.5)]
+    assert not nav2_map.cells(State.OCCUPIED)[
+        SPEC.cell(4.0, -2.5)
+    ]  # control: it is not upside down
+
+
+def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(
+    tmp_path: Path, operations: FakeOperations
+) -> None:
+    picture = operations.picture()
+    assert picture is not None
+    mask = rasterise(CORNERS, SPEC)
+    picture = with_grid(picture, dataclasses.replace(picture.grid, wide_zones=((0.3, mask),)))
+    nav2_map = handed_out(tmp_path, map_pgm(picture), map_yaml(picture))
+    assert mask.any()
+    assert nav2_map.cells(State.OCCUPIED)[mask].all()
+    assert_says_the_same(nav2_map, picture)
+
+
+def test_a_place_that_is_no_round_number_is_handed_out_exactly(
+    tmp_path: Path, operations: FakeOperations
+) -> None:
+    picture = operations.picture()
+    assert picture is not None
+    spec = GridSpec(
+        resolution_m=0.1 + 1e-12,
+        rows=SPEC.rows,
+        cols=SPEC.cols,
+        origin_x_m=1e-17,
+        origin_y_m=-1 / 3,
+    )
+    picture = with_grid(picture, dataclasses.replace(picture.grid, spec=spec))
+    assert handed_out(tmp_path, map_pgm(picture), map_yaml(picture)).spec == spec

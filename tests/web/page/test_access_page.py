@@ -1,0 +1,232 @@
+"""Several people at one robot, each in a real Chromium: who may what, who drives, and how they hear
+of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Error, Page, expect
+
+from tests.web.conftest import PASSWORD, Accounts
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from web.auth.users import hash_token, is_password
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+Opener = Callable[[ConsoleServer, str | None], Page]
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Opener]:  # noqa: F811
+    """Opens the console as somebody, in a browser of his own."""
+    contexts = []
+    expect.set_options(timeout=PATIENCE_MS)
+
+    def opened(server: ConsoleServer, name: str | None) -> Page:
+        context = browser.new_context(viewport={"width": 1280, "height": 720})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(f"{server.url}/#map")
+        if name is not None:
+            page.get_by_test_id("login-name").fill(name)
+            page.get_by_test_id("login-password").fill(PASSWORD)
+            page.get_by_test_id("log-in").click()
+            expect(page.get_by_test_id("connection")).to_have_text("live")
+            page.goto("about:blank")
+            page.goto(f"{server.url}/#map")
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+def test_a_viewer_watches_and_stops_and_does_nothing_else(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
+) -> None:
+    operator, viewer = open_page(locked, "operator"), open_page(locked, "viewer")
+    expect(viewer.get_by_test_id("control-text")).to_contain_text("you watch")
+    expect(viewer.get_by_test_id("who-am-i")).to_have_text("viewer")
+    operator.get_by_test_id("goal-input").fill("3, 0")
+    operator.get_by_test_id("goal-add").click()
+    operator.get_by_test_id("start").click()
+    expect(viewer.get_by_test_id("control-text")).to_contain_text("operator drives")
+    expect(viewer.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    expect(viewer.get_by_test_id("control-take")).to_be_hidden()
+    with pytest.raises(Error, match="Timeout"):
+        viewer.get_by_test_id("pause").click(timeout=500)
+    viewer.get_by_test_id("stop").click()
+    expect(operator.get_by_test_id("reasons")).to_contain_text("viewer (console button)")
+    viewer.get_by_test_id("log-out").click()
+    expect(viewer.get_by_test_id("login-name")).to_be_visible()
+    assert [
+        entry["status"] for entry in accounts.store.audit.newest() if entry["who"] == "viewer"
+    ] == [303, 200, 200]
+
+
+def test_control_is_asked_for_taken_over_and_everybody_is_told(
+    open_page: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    first, second = open_page(server, None), open_page(server, None)
+    expect(first.get_by_test_id("control-text")).to_have_text("○ Nobody drives")
+    first.get_by_test_id("goal-input").fill("3, 0")
+    first.get_by_test_id("goal-add").click()
+    expect(first.get_by_test_id("control-text")).to_have_text("● You drive")
+    expect(second.get_by_test_id("control-text")).to_contain_text("console")
+    second.get_by_test_id("start").click()
+    expect(second.get_by_test_id("toasts")).to_contain_text("is in control")
+    second.get_by_test_id("control-ask").click()
+    expect(first.get_by_test_id("toasts")).to_contain_text("asks for control")
+    second.get_by_test_id("control-take").click()
+    expect(first.get_by_test_id("toasts")).to_contain_text("has taken over control")
+    expect(second.get_by_test_id("control-text")).to_have_text("● You drive")
+    second.get_by_test_id("start").click()
+    expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+
+
+def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
+    for name in ("viewer", "operator"):
+        other = open_page(locked, name)
+        expect(other.get_by_test_id("who-am-i")).to_have_text(name)
+        other.keyboard.press("u")
+        expect(other.get_by_test_id("house-button")).to_be_hidden()
+        expect(other.get_by_test_id("house")).to_be_hidden()
+    page = open_page(locked, "admin")
+    expect(page.get_by_test_id("house-button")).to_be_visible()
+    page.keyboard.press("u")
+    expect(page.get_by_test_id("user")).to_have_count(3)
+    page.get_by_test_id("new-user-name").focus()
+    page.keyboard.type("anna")
+    page.keyboard.press("Tab")
+    page.keyboard.type("with a space")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("user")).to_have_count(4)
+    anna = page.locator('[data-testid="user"][data-name="anna"]')
+    expect(anna.get_by_test_id("user-role")).to_have_value("operator")
+    anna.get_by_test_id("user-role").select_option("viewer")
+    eventually(
+        page,
+        lambda: any(
+            user.name == "anna" and user.role == "viewer" for user in accounts.store.users.all()
+        ),
+    )
+    anna.get_by_test_id("user-password-open").press("Enter")
+    page.keyboard.type("another secret")
+    page.keyboard.press("Enter")
+    expect(anna.get_by_test_id("user-password")).to_be_hidden()
+    known = {user.name: user for user in accounts.store.users.all()}
+    assert is_password("another secret", known["anna"].password_hash)
+    anna.get_by_test_id("user-remove").press("Enter")
+    expect(anna.get_by_test_id("user-remove")).to_have_text("Really remove?")
+    assert "anna" in {user.name for user in accounts.store.users.all()}
+    anna.get_by_test_id("user-remove").press("Enter")
+    expect(page.get_by_test_id("user")).to_have_count(3)
+    page.locator('[data-name="admin"]').get_by_test_id("user-role").select_option("viewer")
+    expect(page.get_by_test_id("toasts")).to_contain_text("last admin")
+    expect(page.locator('[data-name="admin"]').get_by_test_id("user-role")).to_have_value("admin")
+    page.keyboard.press("Escape")
+    expect(page.get_by_test_id("house")).to_be_hidden()
+
+
+def test_an_admin_makes_a_token_and_it_is_shown_once(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
+    page = open_page(locked, "admin")
+    page.keyboard.press("u")
+    row = page.locator('[data-testid="user"][data-name="operator"]')
+    row.get_by_test_id("user-token-make").click()
+    shown = row.get_by_test_id("user-token").locator("code")
+    expect(shown).not_to_be_empty()
+    kept = {user.name: user.token_hash for user in accounts.store.users.all()}
+    assert kept["operator"] == hash_token(str(shown.text_content()))
+
+
+def test_one_changes_ones_own_password_and_logs_in_with_it(
+    open_page: Opener, locked: ConsoleServer
+) -> None:
+    page = open_page(locked, "viewer")
+    page.get_by_test_id("who-am-i").click()
+    page.get_by_test_id("account-present").fill("not this one")
+    page.get_by_test_id("account-new").fill("a better secret")
+    page.get_by_test_id("account-save").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("another")
+    page.get_by_test_id("account-present").fill(PASSWORD)
+    page.get_by_test_id("account-save").click()
+    page.get_by_test_id("login-name").fill("viewer")
+    page.get_by_test_id("login-password").fill("a better secret")
+    page.get_by_test_id("log-in").click()
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+
+
+def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
+    open_page: Opener, locked: ConsoleServer, accounts: Accounts
+) -> None:
+    for number in range(130):
+        accounts.store.audit.add(
+            {"who": "operator", "role": "operator", "method": "POST", "path": f"/api/v1/x{number}"}
+        )
+    page = open_page(locked, "admin")
+    page.get_by_test_id("house-button").click()
+    page.get_by_test_id("house-audit-tab").click()
+    entries = page.get_by_test_id("audit-entry")
+    expect(entries).to_have_count(100)
+    page.get_by_test_id("audit-who").fill("operator")
+    page.get_by_test_id("audit-show").click()
+    expect(entries.first).to_contain_text("POST /x129")
+    page.get_by_test_id("audit-older").click()
+    expect(entries).to_have_count(130)
+    expect(page.get_by_test_id("audit-older")).to_be_hidden()
+    page.get_by_test_id("audit-until").fill("2020-01-01T00:00")
+    page.get_by_test_id("audit-show").click()
+    expect(entries).to_have_count(0)
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+
+
+def eventually(page: Page, holds: Callable[[], bool]) -> None:
+    for _ in range(100):
+        if holds():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("it never came to hold")
+
+
+def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
+    open_page: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = open_page(server, None)
+    page.keyboard.down("ArrowUp")
+    page.wait_for_timeout(200)
+    page.keyboard.up("ArrowUp")
+    assert operations.hands == []  # the pad is shut
+    page.keyboard.press("b")
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("ArrowLeft")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    # A browser that draws the 3D view in software may be silent for longer than a velocity lives:
+    # some arrive, and are both.
+    eventually(
+        page,
+        lambda: any(
+            hand is not None and hand.v_mps > 0 and hand.w_radps > 0 for hand in operations.hands
+        ),
+    )
+    page.keyboard.up("ArrowUp")
+    page.keyboard.up("ArrowLeft")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+    assert operations.hands[-1] is None
+    box = page.get_by_test_id("hand-back").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    page.mouse.down()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    page.close()
+    page = open_page(server, None)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+    assert operations.hands[-1] is None

@@ -1,0 +1,231 @@
+"""Drawing on the page in a real Chromium: shapes, undo, previews, sets, files, headings, and the
+picture."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from navcore.mission.zone import ZoneKind
+from navcore.mission.zone_shapes import Circle, Corridor
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_page import NO_BROWSER, await_map, browser, click_map, page
+from web.interface.drafts import ZoneDraft
+
+__all__ = ["browser", "page"]
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+
+
+def on_page(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a place of the world is on the page."""
+    canvas = page.get_by_test_id("map-canvas")
+    scale, middle_x, middle_y = (
+        float(part) for part in (canvas.get_attribute("data-place") or "").split()
+    )
+    box = canvas.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2 + (x - middle_x) * scale, box["y"] + box["height"] / 2 - (
+        y - middle_y
+    ) * scale
+
+
+def drag(page: Page, *places: tuple[float, float]) -> None:
+    """Press at the first place of the world, move along, let go at the last."""
+    page.mouse.move(*on_page(page, *places[0]))
+    page.mouse.down()
+    for place in places[1:]:
+        page.mouse.move(*on_page(page, *place), steps=3)
+    page.mouse.up()
+
+
+def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_away(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("o")
+    click_map(page, -3.0, -3.0)
+    click_map(page, -2.0, -3.0)
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    page.keyboard.press("l")
+    for place in ((-6.0, 3.0), (-4.0, 3.0), (-4.0, 4.5)):
+        click_map(page, *place)
+    page.get_by_test_id("zone-size").fill("0.5")
+    page.get_by_test_id("zone-kind").select_option("speed-limit")
+    page.get_by_test_id("zone-limit").fill("0.25")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(2)
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    page.keyboard.press("h")
+    drag(page, (-5.0, -4.0), (-4.0, -4.0), (-4.0, -5.0), (-5.0, -5.0), (-5.0, -4.1))
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(3)
+    ring, strip, hand = operations.zones.stored
+    assert isinstance(ring.drawn, Circle) and ring.drawn.radius_m == pytest.approx(1.0, abs=0.1)
+    assert isinstance(strip.drawn, Corridor) and strip.drawn.width_m == 0.5
+    assert (strip.kind, strip.max_speed_mps) == (ZoneKind.SPEED_LIMIT, 0.25)
+    assert hand.drawn is None and 4 <= len(hand.polygon) <= 12
+
+
+def test_what_is_begun_before_a_slow_answer_comes_is_begun_after_it_and_nothing_is_stored_twice(
+    page: Page, operations: FakeOperations
+) -> None:
+    def late(route: Route) -> None:
+        page.wait_for_timeout(400)
+        route.continue_()
+
+    await_map(page)
+    page.route("**/api/v1/zones", late)
+    page.keyboard.press("o")
+    click_map(page, -3.0, -3.0)
+    click_map(page, -2.0, -3.0)
+    for key in ("Enter", "Enter", "l"):
+        page.keyboard.press(key)
+    expect(page.get_by_test_id("hint")).to_contain_text("Click along the line")
+    for place in ((-6.0, 3.0), (-4.0, 3.0)):
+        click_map(page, *place)
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(2)
+    ring, strip = operations.zones.stored
+    assert isinstance(ring.drawn, Circle) and isinstance(strip.drawn, Corridor)
+
+
+def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.zones.add(
+        ZoneDraft(name="box", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0), (-5.0, -3.0)))
+    )
+    page.get_by_test_id("zone-edit").click()
+    corners = page.get_by_test_id("zone-corners")
+    stored = corners.input_value()
+    drag(page, (-4.0, -3.0), (-3.0, -2.0))
+    expect(corners).to_have_value(re.compile(r"^-5, -4\n-4, -4\n-[23][.\d]*, -[12][.\d]*\n"))
+    drag(page, (-4.5, -4.0), (-4.5, -5.0))
+    expect(page.get_by_test_id("draft-note")).to_contain_text("5 corners")
+    page.keyboard.press("Delete")
+    expect(page.get_by_test_id("draft-note")).to_contain_text("4 corners")
+    drag(page, (-4.3, -3.3), (-4.3, -2.3))
+    expect(corners).to_have_value(re.compile(r"^-[45][.\d]*, -[23][.\d]*\n"))
+    for _ in range(4):
+        page.keyboard.press("Control+z")
+    expect(corners).to_have_value(stored)
+    for _ in range(4):
+        page.keyboard.press("Control+Shift+z")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    assert operations.zones.stored[0].version == 2
+    page.keyboard.press("Control+z")
+    expect(page.get_by_test_id("zones-redo")).to_be_enabled()
+    assert operations.zones.stored[0].polygon[0] == (-5.0, -4.0)
+
+
+def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(
+    page: Page, operations: FakeOperations
+) -> None:
+    operations.goals.add(6.0, 0.5)
+    page.keyboard.press("z")
+    page.get_by_test_id("zone-name").fill("Fence")
+    page.get_by_test_id("zone-corners").fill("-4, -5.9; -3, -5.9; -3, 5.9; -4, 5.9")
+    page.get_by_test_id("zone-margin").focus()
+    expect(page.get_by_test_id("draft-note")).to_contain_text("cut off by “Fence”")
+    page.get_by_test_id("zone-corners").fill("3, -2; 3.5, -2; 3.5, 2.2; 3, 2.2")
+    page.get_by_test_id("zone-margin").focus()
+    expect(page.get_by_test_id("draft-note")).to_contain_text(
+        re.compile(r"the path would be .* m, about .* s \(\+\d")
+    )
+    assert operations.zones.stored == ()
+
+
+def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refused(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("g")
+    drag(page, (-3.0, 3.0), (-3.0, 4.5))
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    assert operations.state().queue[0].yaw_rad == pytest.approx(1.571, abs=0.1)
+    page.get_by_test_id("goal-name").fill("Window")
+    page.get_by_test_id("goal-name").press("Enter")
+    click_map(page, 4.0, 2.5)
+    page.locator('[data-testid="remedy"]').click()
+    expect(page.get_by_test_id("goal")).to_have_count(2)
+    page.get_by_test_id("goal-up").last.click()
+    expect(page.get_by_test_id("goal-name").last).to_have_value("Window")
+    page.get_by_test_id("loop").check()
+    page.get_by_test_id("missions").click()
+    page.get_by_test_id("missions-name").fill("rounds")
+    page.get_by_test_id("missions-save").click()
+    expect(page.get_by_test_id("missions-entry")).to_contain_text("2 goals, again and again")
+    assert operations.goals.missions()["rounds"].loop and operations.state().loop
+
+
+def test_sets_and_files_bring_zones_and_one_key_takes_them_back(
+    page: Page, operations: FakeOperations, tmp_path: Path
+) -> None:
+    operations.zones.add(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    page.get_by_test_id("zone-sets").click()
+    page.get_by_test_id("zone-sets-name").fill("night")
+    page.get_by_test_id("zone-sets-save").click()
+    expect(page.get_by_test_id("zone-sets-entry")).to_contain_text("1 zone")
+    page.get_by_test_id("zone-files").click()
+    with page.expect_download() as exported:
+        page.get_by_test_id("zones-geojson").click()
+    exported.value.save_as(tmp_path / "zones.geojson")
+    assert (
+        json.loads((tmp_path / "zones.geojson").read_text())["features"][0]["properties"]["name"]
+        == "desk"
+    )
+    page.get_by_test_id("zones-file").set_input_files(tmp_path / "zones.geojson")
+    expect(page.get_by_test_id("zone")).to_have_count(2)
+    page.get_by_test_id("map-canvas").focus()
+    page.keyboard.press("Control+z")
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    page.get_by_test_id("zone-delete").click()
+    expect(page.get_by_test_id("zone")).to_have_count(0)
+    page.get_by_test_id("zone-sets").click()
+    page.get_by_test_id("zone-sets-entry").get_by_role("button", name="Use").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+
+
+def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(
+    page: Page, operations: FakeOperations
+) -> None:
+    expect(page.get_by_test_id("camera")).to_have_attribute("src", re.compile("camera.jpg"))
+    box = page.get_by_test_id("camera").bounding_box()
+    assert box is not None
+    page.get_by_test_id("camera").click(
+        position={"x": 0.5 * box["width"], "y": 0.7 * box["height"]}
+    )
+    expect(page.get_by_test_id("zone-name")).to_have_value("Red floor")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    assert operations.zones.stored[0].name == "Red floor"
+
+
+def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page: Page) -> None:
+    page.set_viewport_size({"width": 1024, "height": 768})
+    await_map(page)
+    assert page.evaluate(
+        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    ) == [1024, 768]
+    shot = page.get_by_test_id("map-canvas").screenshot()
+    page.get_by_test_id("map-layers-menu").click()
+    for layer in ("free", "inflation", "obstacle", "class-1"):
+        page.get_by_test_id(f"layer-{layer}").uncheck()
+    page.get_by_test_id("map-layers-menu").click()
+    assert page.get_by_test_id("map-canvas").screenshot() != shot
+    theme = page.evaluate("document.documentElement.dataset.theme")
+    page.keyboard.press("d")
+    assert page.evaluate("document.documentElement.dataset.theme") != theme
+    page.keyboard.press("?")
+    expect(page.get_by_test_id("help")).to_contain_text("stop, anywhere")
+    page.keyboard.press("Escape")
+    expect(page.get_by_test_id("help")).to_be_hidden()

@@ -1,0 +1,193 @@
+# ruff: noqa: F811
+"""The drawer of the page in a real Chromium: log and jump, why this way, sightings, plots, ages,
+runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from app.insight.event_log import EventLog
+from app.storage import Store
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_page import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures
+from web.interface.drafts import ZoneDraft
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+HERE = (-3.0, 1.0)
+WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
+
+
+def place_of(page: Page) -> list[float]:
+    """Scale and middle of the map, metres."""
+    return [
+        float(part)
+        for part in (page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()
+    ]
+
+
+def test_the_log_is_filtered_and_a_click_goes_to_the_place(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.insight.event_log.note(1.0, "stopped", "Somebody is in the way.", (-3.0, 1.0))
+    operations.insight.event_log.note(2.0, "seen", "First sight of “cup” here.", (2.5, 1.5))
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 2 new")
+    page.get_by_test_id("tab-log").click()
+    expect(page.get_by_test_id("log-entry")).to_have_count(2)
+    page.get_by_test_id("filter-seen").click()
+    expect(page.get_by_test_id("log-entry")).to_have_count(1)
+    page.get_by_test_id("jump").click()
+    expect(page.get_by_test_id("map-canvas")).to_have_attribute(
+        "data-place", re.compile(r" 2\.5 1\.5$")
+    )
+    assert place_of(page)[0] >= 60
+    page.get_by_test_id("filter-seen").click()
+    expect(page.get_by_test_id("log-entry").first).to_contain_text("cup")
+    expect(page.get_by_test_id("log-entry")).to_have_count(2)
+
+
+def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
+    page: Page,
+    operations: FakeOperations,
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path)
+    past = EventLog(store.events)
+    for number in range(320):
+        past.note(float(number), "seen", f"earlier {number}")
+    past.write()
+    operations.insight.event_log = EventLog(store.events)
+    operations.insight.event_log.note(0.0, "stopped", "Somebody is in the way.", HERE)
+    page.reload()
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
+    page.get_by_test_id("tab-log").click()
+    entries = page.get_by_test_id("log-entry")
+    expect(entries).to_have_count(300)
+    expect(entries.nth(0)).not_to_have_class("earlier")
+    expect(entries.nth(1)).to_have_class("earlier")
+    expect(entries.nth(1)).to_have_attribute(
+        "data-before", re.compile("before the console was started anew")
+    )
+    expect(page.locator("[data-before]")).to_have_count(1)
+    page.get_by_test_id("log-older").click()
+    expect(entries).to_have_count(321)
+    expect(entries.last).to_contain_text("earlier 0")
+    expect(page.get_by_test_id("log-older")).to_be_hidden()
+    store.close()
+
+
+def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(
+    page: Page, operations: FakeOperations
+) -> None:
+    page.get_by_test_id("tab-why").click()
+    expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
+    zone = operations.zones.add(WET)
+    operations.goals.add(4.4, -0.5)
+    rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
+    expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
+    rule.get_by_test_id("why-without").click()
+    expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
+    operations.zones.add(
+        ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7)))
+    )
+    expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
+    assert operations.zones.stored[0].enabled
+
+
+def test_candidates_are_asked_for_only_while_their_layer_is_on(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+
+    def after_a_tick() -> bool:
+        asked.clear()
+        with page.expect_response(re.compile("/api/v1/path$")):
+            operations.step()
+        page.wait_for_timeout(500)
+        return any("/candidates" in url for url in asked)
+
+    assert not after_a_tick()
+    page.get_by_test_id("map-layers-menu").click()
+    with page.expect_response(re.compile("/api/v1/candidates$")):
+        page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").check()
+    assert after_a_tick()
+    page.get_by_test_id("map-layers").get_by_test_id("layer-candidates").uncheck()
+    page.wait_for_timeout(500)
+    assert not after_a_tick()
+
+
+def test_a_wrong_sighting_and_a_missed_thing_are_taught(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("tab-seen").click()
+    expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × cup")
+    page.get_by_test_id("wrong-choice").select_option("book")
+    expect(page.get_by_test_id("labelling")).to_contain_text("1 of at most 500")
+    page.get_by_test_id("teach-open").click()
+    frozen = page.get_by_test_id("teach-picture")
+    expect(frozen).to_have_js_property("complete", True)
+    box = frozen.bounding_box()
+    assert box is not None
+    page.get_by_test_id("teach-class").select_option("cup")
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.4 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.65 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
+    page.mouse.up()
+    page.get_by_test_id("teach-add").click()
+    expect(page.get_by_test_id("labelling")).to_contain_text("2 of at most 500")
+    (said, none), (missed, drawn) = operations.insight.taught
+    assert (said, none, missed) == ("book", None, "cup") and drawn is not None
+    assert all(abs(a - b) <= 4 for a, b in zip(drawn, (128, 72, 208, 144), strict=True))
+
+
+def test_curves_ages_and_the_page_of_runs(
+    page: Page, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    await_map(page)
+    expect(page.get_by_test_id("age-picture")).to_have_text(re.compile(r"^picture 0\.\d s$"))
+    page.get_by_test_id("tab-plots").click()
+    for name in ("speed_mps", "distance_m", "explored_m2", "explored_m3", "tick_ms"):
+        expect(page.get_by_test_id(f"chart-{name}").locator(".curve")).to_have_count(1)
+    page.goto(f"{server.url}/runs")
+    expect(page.get_by_test_id("run")).to_have_count(1)
+    expect(page.get_by_test_id("report")).to_contain_text("fake hall")
+
+
+CONTRAST = """([part, property, ground]) => {
+  const colour = (element, name) => getComputedStyle(element)[name].match(/[0-9.]+/g).slice(0, 3).map((value) => value / 255);
+  const linear = (value) => (value <= 0.04 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+  const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  const pair = [[part, property], [ground, "backgroundColor"]];
+  const [low, high] = pair.map(([one, name]) => light(colour(document.querySelector(one), name))).sort((a, b) => a - b);
+  return (high + 0.05) / (low + 0.05);
+}"""
+"""Contrast of a colour with the background of another element, as the WCAG has it: 1 to 21."""
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_the_page_of_runs_has_its_theme_and_its_curves_are_seen(
+    theme: str,
+    browser: Browser,  # noqa: F811
+    server: ConsoleServer,
+) -> None:
+    context = browser.new_context(color_scheme=theme)  # type: ignore[arg-type]
+    page = context.new_page()  # noqa: F811
+    page.goto(f"{server.url}/runs")
+    expect(page.get_by_test_id("chart-speed_mps").locator(".curve")).to_have_count(1)
+    assert page.evaluate("document.documentElement.dataset.theme") == theme
+    assert page.locator(".curve").evaluate("(curve) => getComputedStyle(curve).stroke") != "none"
+    assert page.evaluate(CONTRAST, [".curve", "stroke", ".chart"]) >= 3
+    assert page.evaluate(CONTRAST, [".chart text", "fill", ".chart"]) >= 4.5
+    for text, ground in (("h1", "body"), ("td", ".card"), ("figcaption", ".chart")):
+        assert page.evaluate(CONTRAST, [text, "color", ground]) >= 4.5, text
+    page.get_by_test_id("theme").click()
+    assert page.evaluate("document.documentElement.dataset.theme") != theme
+    context.close()

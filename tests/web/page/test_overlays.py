@@ -1,0 +1,155 @@
+"""Menus, dialogs and sheets of the page in a real Chromium: opened by the mouse, seen as a whole,
+never over the stop."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.web.conftest import PASSWORD, Accounts
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from web.pages import FOLDER
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+SIZES = {"desktop": (1440, 900), "laptop": (1280, 720), "tablet": (1024, 768), "phone": (390, 844)}
+OPENED_BY = {
+    "missions": "missions",
+    "zone-sets": "zone-sets",
+    "zone-files": "zone-files",
+    "layers-map": "map-layers-menu",
+    "help": "help-button",
+    "house": "house-button",
+    "account": "who-am-i",
+    "layers-3d": "layers",
+}
+"""Id of every overlay of the page → test id of its button."""
+IS_TOPMOST = """(element) => {
+  const { left, right, top, bottom } = element.getBoundingClientRect();
+  const hit = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+  return element.contains(hit);
+}"""
+IS_WITHIN_VIEWPORT = """(element) => {
+  const { left, right, top, bottom } = element.getBoundingClientRect();
+  return right > left && bottom > top && left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+}"""
+Opener = Callable[[str], Page]
+
+
+@pytest.fixture
+def open_page(browser: Browser, locked: ConsoleServer, accounts: Accounts) -> Iterator[Opener]:  # noqa: F811
+    """Open the console at a size, logged in as an admin, for whom every overlay is there."""
+    contexts = []
+    expect.set_options(timeout=PATIENCE_MS)
+
+    def opened(size: str) -> Page:
+        width, height = SIZES[size]
+        is_phone = size == "phone"
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, is_mobile=is_phone, has_touch=is_phone
+        )
+        contexts.append(context)
+        context.request.post(f"{locked.url}/login", form={"name": "admin", "password": PASSWORD})
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(f"{locked.url}/#map")
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        expect(page.get_by_test_id("who-am-i")).to_be_visible()
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+def press(button: Locator) -> None:
+    """Click the middle of a button by mouse; fails where something else lies over it."""
+    button.scroll_into_view_if_needed()
+    assert button.evaluate(IS_WITHIN_VIEWPORT) and button.evaluate(IS_TOPMOST), button
+    box = button.bounding_box()
+    assert box is not None
+    button.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+
+def show_place_of(button: Locator) -> None:
+    """Turn to the view, and on a phone to the tab, that the button is in."""
+    page = button.page
+    tab = button.evaluate("(button) => button.closest('[data-on]')?.dataset.on.split(' ')[0]")
+    if tab and page.get_by_test_id(f"page-tab-{tab}").is_visible():
+        press(page.get_by_test_id(f"page-tab-{tab}"))
+    for view in ("3d", "map"):
+        if button.evaluate("(button, view) => button.closest(`.only-${view}`) !== null", view):
+            press(page.get_by_test_id(f"view-{view}"))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_menu_and_dialog_opens_by_mouse_is_seen_as_a_whole_and_leaves_the_stop_free(
+    size: str, open_page: Opener, operations: FakeOperations
+) -> None:
+    page = open_page(size)
+    on_page = page.evaluate(
+        "[...document.querySelectorAll('[popover], dialog')].map((overlay) => overlay.id)"
+    )
+    assert set(on_page) == set(OPENED_BY)
+    for overlay_id, opener in OPENED_BY.items():
+        button, overlay = page.get_by_test_id(opener), page.locator(f"#{overlay_id}")
+        show_place_of(button)
+        press(button)
+        expect(overlay).to_be_visible()
+        assert overlay.evaluate(IS_TOPMOST), f"{overlay_id} is covered"
+        assert overlay.evaluate(IS_WITHIN_VIEWPORT), f"{overlay_id} sticks out of the window"
+        press(page.get_by_test_id("stop"))
+        expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+        assert operations.stops.pop() == "admin (console button)", overlay_id
+        operations.reset_stop()
+        expect(page.get_by_test_id("reset")).to_be_disabled()
+        if overlay.is_visible():
+            page.keyboard.press("Escape")
+        expect(overlay).to_be_hidden()
+
+
+@pytest.mark.parametrize(
+    "overlay_id", [name for name in OPENED_BY if name not in ("house", "account", "layers-3d")]
+)
+def test_escape_and_a_click_elsewhere_close_a_menu_and_give_the_focus_back(
+    overlay_id: str, open_page: Opener
+) -> None:
+    page = open_page("desktop")
+    button, overlay = page.get_by_test_id(OPENED_BY[overlay_id]), page.locator(f"#{overlay_id}")
+    page.get_by_test_id("mode-goal").click()
+    press(button)
+    expect(overlay).to_be_visible()
+    field = overlay.locator("input, button").first
+    field.focus()
+    page.keyboard.press("Escape")
+    expect(overlay).to_be_hidden()
+    expect(button).to_be_focused()
+    # Escape closed the menu and nothing else.
+    expect(page.get_by_test_id("mode-goal")).to_have_attribute("aria-checked", "true")
+    press(button)
+    expect(overlay).to_be_visible()
+    page.mouse.click(1200, 880)
+    expect(overlay).to_be_hidden()
+    expect(button).to_be_focused()
+
+
+def test_a_class_of_the_page_is_styled_in_one_style_sheet() -> None:
+    sheets: dict[str, set[str]] = {}
+    for path in FOLDER.glob("*.css"):
+        if path.name in (
+            "docs.css",
+            "narrow.css",
+            "phone.css",
+        ):  # another page, other sizes of the window
+            continue
+        for selectors in re.findall(
+            r"([^{}]+)\{", re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
+        ):
+            for selector in re.findall(r"(?:^|,)\s*(\.[\w-]+)\s*(?=,|$)", selectors):
+                sheets.setdefault(selector, set()).add(path.name)
+    assert len(sheets) > 50
+    assert {selector: names for selector, names in sheets.items() if len(names) > 1} == {}

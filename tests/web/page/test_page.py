@@ -1,0 +1,371 @@
+"""The operator's page in a real Chromium: what a person does, and what the robot's side then holds."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
+
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Phase
+from tests.web.fake_operations import FakeOperations
+from web.interface.drafts import ZoneDraft
+from web.server import ConsoleServer
+
+CHROMIUM = Path("/usr/bin/chromium")
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+]
+PATIENCE_MS = 20_000
+
+NO_BROWSER = not CHROMIUM.exists() and os.environ.get("CI") != "true"
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One browser for all tests."""
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def page(browser: Browser, server: ConsoleServer) -> Iterator[Page]:
+    """The console's page on a small screen; the test fails when the page complains."""
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    expect.set_options(timeout=PATIENCE_MS)
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on(
+        "console",
+        lambda message: complaints.append(message.text) if message.type == "error" else None,
+    )
+    strangers: list[str] = []
+    opened.on(
+        "request",
+        lambda request: strangers.append(request.url) if not is_own(request.url, server) else None,
+    )
+    opened.goto(f"{server.url}/#map")
+    expect(opened.get_by_test_id("connection")).to_have_text("live")
+    yield opened
+    context.close()
+    assert strangers == []
+    # A refusal is an answer the page shows; Chromium also writes its status to the console.
+    assert [text for text in complaints if "status of 4" not in text] == []
+
+
+def is_own(url: str, server: ConsoleServer) -> bool:
+    """Whether a request stays with the console."""
+    return url.startswith((server.url, "data:", "blob:" + server.url))
+
+
+def click_map(page: Page, x: float, y: float) -> None:
+    """Click a place of the world, in metres, on the map from above."""
+    canvas = page.get_by_test_id("map-canvas")
+    expect(canvas).to_have_attribute("data-place", re.compile(r"\S+ \S+ \S+"))
+    scale, middle_x, middle_y = (
+        float(part) for part in (canvas.get_attribute("data-place") or "").split()
+    )
+    box = canvas.bounding_box()
+    assert box is not None
+    at_x, at_y = (
+        box["width"] / 2 + (x - middle_x) * scale,
+        box["height"] / 2 - (y - middle_y) * scale,
+    )
+    canvas.click(position={"x": at_x, "y": at_y})
+
+
+def await_map(page: Page) -> None:
+    """Wait until the map has its picture."""
+    expect(page.get_by_test_id("map-canvas")).to_have_attribute(
+        "data-place", re.compile(r"^(?!40 0 0$)")
+    )
+
+
+def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> None:
+    size = page.evaluate(
+        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    )
+    assert size == [1280, 720]
+    for name in (
+        "stop",
+        "reset",
+        "start",
+        "goals",
+        "zones",
+        "beware",
+        "legend",
+        "camera",
+        "state-text",
+    ):
+        expect(page.get_by_test_id(name)).to_be_in_viewport(
+            ratio=0.0 if name in ("goals", "zones") else 0.9
+        )
+
+
+def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("mode-goal").click()
+    click_map(page, 6.0, 0.5)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    straight = operations.state().distance_to_goal_m
+    page.get_by_test_id("mode-draw").click()
+    for corner in ((3.0, -2.0), (3.6, -2.0), (3.6, 2.2)):
+        click_map(page, *corner)
+    expect(page.get_by_test_id("draft-note")).to_contain_text("the path would be")
+    page.get_by_test_id("zone-name").fill("Wet floor")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Wet floor")
+    bent = operations.state().distance_to_goal_m
+    assert straight is not None and bent is not None and bent > straight + 0.3
+    page.get_by_test_id("start").click()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    while operations.state().phase is Phase.DRIVING:
+        operations.step()
+    expect(page.get_by_test_id("goal-reached")).to_have_count(1)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+
+
+def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperations) -> None:
+    page.get_by_test_id("view-3d").click()
+    expect(page.locator("body")).to_have_attribute("data-viewer", "live")
+    page.get_by_test_id("mode-draw").click()
+    box = page.get_by_test_id("view-3d-frame").bounding_box()
+    assert box is not None
+    for count, (x, y) in enumerate(((0.35, 0.55), (0.5, 0.55), (0.5, 0.7)), 1):
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+        expect(page.get_by_test_id("draft-note")).to_contain_text(f"{count} corner")
+    # Keys pressed while the 3D view has the focus are the console's own.
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    assert len(operations.zones.stored[0].polygon) == 3
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    assert operations.stops == ["console key"]
+
+
+def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(
+    page: Page, operations: FakeOperations
+) -> None:
+    operations.goals.add(3, 0)
+    operations.mission("start")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    # The space key stops even while another button has the focus, and does not press that button.
+    page.get_by_test_id("pause").focus()
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("reasons")).to_contain_text("emergency stop by console key")
+    assert operations.state().phase is Phase.DRIVING
+    page.get_by_test_id("reset").click()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    # In a text field it is a space.
+    page.get_by_test_id("reset").click()
+    expect(page.get_by_test_id("reset")).to_be_disabled()
+    page.get_by_test_id("goal-input").fill("1,")
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("goal-input")).to_have_value("1, ")
+    assert not operations.state().stop_latched
+
+
+def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
+    page: Page, operations: FakeOperations
+) -> None:
+    for typed, words in (
+        ("99, 0", "outside the map"),
+        ("4, 2.5", "inside an obstacle"),
+        ("here", "is no goal"),
+    ):
+        page.get_by_test_id("goal-input").fill(typed)
+        page.get_by_test_id("goal-add").click()
+        expect(page.get_by_test_id("toasts")).to_contain_text(words)
+        expect(page.get_by_test_id("goal-input")).to_have_value(typed)  # to be put right
+    page.get_by_test_id("mode-draw").click()
+    page.get_by_test_id("zone-corners").fill("0, 3\n1, 4\n1, 3\n0, 4")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("draft-note")).to_contain_text("not simple")
+    page.get_by_test_id("zone-corners").fill("0, 3; 1, 3; 1, 4; 0, 4")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    page.get_by_test_id("zone-rename").fill("Carpet")
+    page.keyboard.press("Tab")
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Carpet")
+    page.get_by_test_id("zone-enabled").uncheck()
+    expect(page.get_by_test_id("zone")).to_have_class(re.compile("off"))
+    assert [(zone.name, zone.enabled) for zone in operations.zones.stored] == [("Carpet", False)]
+    page.get_by_test_id("zone-delete").click()
+    expect(page.get_by_test_id("zone")).to_have_count(0)
+
+
+def test_a_late_answer_does_not_wipe_what_was_typed_since(
+    page: Page, operations: FakeOperations
+) -> None:
+    held: list[Route] = []
+    page.route("**/api/v1/goals", lambda route: held.append(route))
+    typed, add = page.get_by_test_id("goal-input"), page.get_by_test_id("goal-add")
+    typed.fill("3, 0")
+    with page.expect_request("**/api/v1/goals"):
+        add.click()
+    typed.fill("3, 1")
+    with page.expect_response("**/api/v1/goals"):
+        held.pop().continue_()
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    expect(typed).to_have_value("3, 1")
+    with page.expect_request("**/api/v1/goals"):
+        add.click()
+    held.pop().continue_()
+    expect(typed).to_have_value("")
+    assert [(goal.x_m, goal.y_m) for goal in operations.state().queue] == [(3.0, 0.0), (3.0, 1.0)]
+
+
+def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("mode-draw").click()
+    page.get_by_test_id("zone-corners").fill("0, 3; 1, 3; 1, 4; 0, 4")
+    page.get_by_test_id("zone-finish").click()
+    page.get_by_test_id("zone-edit").click()
+    page.get_by_test_id("zone-name").fill("Mine")
+    stored = operations.zones.stored[0]
+    operations.zones.replace(stored.id, ZoneDraft(name="Theirs", polygon=stored.polygon))
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Theirs")
+    for _ in range(3):
+        operations.step()
+    expect(page.get_by_test_id("zone-name")).to_have_value("Mine")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("draft-note")).to_contain_text("Somebody else changed this zone")
+    assert operations.zones.stored[0].name == "Theirs"
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Mine")
+
+
+def test_a_class_switched_off_and_on_changes_the_map(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    blocked = operations.picture().blocked.sum()  # type: ignore[union-attr]
+    page.get_by_test_id("beware-1").uncheck()
+    expect(page.get_by_test_id("beware-class").first).to_have_class(re.compile("off"))
+    assert operations.picture().blocked.sum() < blocked  # type: ignore[union-attr]
+    page.get_by_test_id("beware-1").check()
+    expect(page.get_by_test_id("beware-class").first).not_to_have_class(re.compile("off"))
+    assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
+
+
+def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    cup = page.locator('[data-testid="beware-class"][data-name="cup"]')
+    expect(cup.get_by_test_id("found-by")).to_have_text("colour rule")
+    expect(page.locator('[data-name="cable"]').get_by_test_id("found-by")).to_have_text("▲ nothing")
+    cup.get_by_label("Least confidence for cup in percent").fill("80")
+    cup.get_by_label("Least confidence for cup in percent").press("Enter")
+    expect(cup).to_have_attribute("data-version", "1")
+    assert operations.beware.list.named("cup").min_confidence == 0.8
+
+
+def test_a_robot_that_bewares_of_nothing_is_said_and_defaults_and_undo_are_one_click(
+    page: Page, operations: FakeOperations
+) -> None:
+    shipped, warning = operations.beware.list.classes, page.get_by_test_id("bewares-of-nothing")
+    expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
+    expect(warning).to_be_hidden()
+    expect(page.get_by_test_id("beware-undo")).to_be_disabled()
+    operations.beware.replace(BewareList(classes=()))
+    expect(warning).to_contain_text("The robot bewares of nothing")
+    expect(page.get_by_test_id("beware-class")).to_have_count(0)
+    page.get_by_test_id("beware-defaults").click()
+    expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
+    expect(warning).to_be_hidden()
+    assert operations.beware.list.classes == shipped
+    for entry in shipped:
+        operations.beware.edit(entry.name, {"enabled": False})
+    expect(warning).to_be_in_viewport(ratio=1.0)
+    page.get_by_test_id("beware-undo").click()
+    expect(warning).to_be_hidden()
+    assert [entry.name for entry in operations.beware.list.enabled] == [shipped[-1].name]
+
+
+def test_a_network_that_does_not_run_is_said_on_the_page(
+    page: Page, operations: FakeOperations
+) -> None:
+    expect(page.get_by_test_id("segmenter")).to_have_text("colour rules")
+    operations.segmenter_warning = "The network does not run: the weights are damaged"
+    operations.step()
+    expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
+
+
+def test_a_console_that_is_gone_is_said_to_be_gone_and_the_page_finds_it_again(
+    browser: Browser, operations: FakeOperations
+) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(f"{console.url}/#map")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+    console.stop()
+    expect(page.get_by_test_id("stale")).to_contain_text("NO CONNECTION")
+    again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
+    again.start()
+    try:
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        expect(page.get_by_test_id("stale")).to_be_hidden()
+    finally:
+        again.stop()
+        context.close()
+
+
+def test_the_space_key_stops_wherever_a_blank_means_nothing(
+    page: Page, operations: FakeOperations
+) -> None:
+    fields = {
+        "number": "<input type=number id=probe>",
+        "list": "<select id=probe><option>a<option>b</select>",
+    }
+    for count, (name, field) in enumerate(fields.items(), 1):
+        page.evaluate("field => document.body.insertAdjacentHTML('beforeend', field)", field)
+        page.locator("#probe").focus()
+        page.keyboard.press("Space")
+        expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+        assert operations.stops == ["console key"] * count, name
+        page.evaluate("document.getElementById('probe').remove()")
+        page.get_by_test_id("reset").click()
+        expect(page.get_by_test_id("reset")).to_be_disabled()
+
+
+def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(
+    page: Page, operations: FakeOperations
+) -> None:
+    held: list[object] = []
+    page.route("**/api/v1/hang**", lambda route: held.append(route))  # never answered
+    page.evaluate(
+        """async (count) => {
+            const { get } = await import("/page/core/api.js");
+            window.failed = 0;
+            const told = (error) => { window.failed += /let the stop through/.test(error.message); };
+            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch(told);
+        }""",
+        8,
+    )
+    page.wait_for_function("() => document.querySelector('.progress:not([hidden])')")
+    assert len(held) == 8 and page.evaluate("window.failed") == 0
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    page.wait_for_function("() => window.failed === 8")
+    assert operations.stops[0] == "console key"

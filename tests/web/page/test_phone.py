@@ -1,0 +1,173 @@
+"""The page on a phone, in a real Chromium with touch: the stop is always there, and every part fits
+the width."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from navcore.mission.mission import Phase
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_overlays import IS_TOPMOST, IS_WITHIN_VIEWPORT
+from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, await_map, browser  # noqa: F401 - a fixture
+from web.server import ConsoleServer
+
+pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+PHONE = (390, 844)
+TABS = {
+    "map": ["map-canvas", "mode-goal", "mode-draw", "tab-log"],
+    "camera": ["camera", "start", "byhand-open"],
+    "goals": ["start", "byhand-open", "goal-input", "missions"],
+    "zones": ["zones-undo", "zone-sets"],
+    "more": ["beware", "legend"],
+}
+Opener = Callable[[int, int], Page]
+
+
+@pytest.fixture
+def open_phone(browser: Browser, server: ConsoleServer) -> Iterator[Opener]:  # noqa: F811
+    """Open the console in a window of a size, with touch."""
+    contexts = []
+    expect.set_options(timeout=PATIENCE_MS)
+
+    def opened(width: int, height: int) -> Page:
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, is_mobile=True, has_touch=True
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(server.url)
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+def tap_stop(page: Page) -> None:
+    """Tap the middle of the stop, wherever it is on the screen."""
+    stop = page.get_by_test_id("stop")
+    assert stop.evaluate(IS_WITHIN_VIEWPORT) and stop.evaluate(IS_TOPMOST)
+    box = stop.bounding_box()
+    assert box is not None
+    page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+
+
+@pytest.mark.parametrize("size", [PHONE, (360, 640), (759, 900), (844, 390), (930, 700)])
+def test_stop_and_state_are_on_the_screen_of_every_tab_and_nothing_is_wider(
+    size: tuple[int, int], open_phone: Opener, operations: FakeOperations
+) -> None:
+    page = open_phone(*size)
+    for name, shown in TABS.items():
+        page.get_by_test_id(f"page-tab-{name}").tap()
+        for part in shown:
+            expect(page.get_by_test_id(part)).to_be_visible()
+        for other in {part for parts in TABS.values() for part in parts} - set(shown):
+            expect(page.get_by_test_id(other)).to_be_hidden()
+        wide = "[document.documentElement, document.body, document.querySelector('main')].map((box) => box.scrollWidth)"
+        assert max(page.evaluate(wide)) <= size[0], name
+        assert page.evaluate("document.documentElement.scrollHeight") <= size[1], name
+        expect(page.get_by_test_id("state-badge")).to_be_in_viewport(ratio=1.0)
+        tap_stop(page)
+        expect(page.get_by_test_id("reset")).to_be_in_viewport(ratio=1.0)
+        operations.reset_stop()
+        expect(page.get_by_test_id("state-badge")).not_to_contain_text("STOPPED")
+
+
+def test_stop_is_at_the_bottom_over_the_full_width(open_phone: Opener) -> None:
+    box = open_phone(*PHONE).get_by_test_id("stop").bounding_box()
+    assert box is not None and box["height"] >= 56
+    assert (box["x"], box["width"], box["y"] + box["height"]) == (0, *PHONE)
+
+
+def test_the_map_and_the_picture_are_large_enough_to_work_with(open_phone: Opener) -> None:
+    page = open_phone(*PHONE)
+    for tab, part, height in (("map", "map-canvas", 300), ("camera", "camera", 180)):
+        page.get_by_test_id(f"page-tab-{tab}").tap()
+        box = page.get_by_test_id(part).bounding_box()
+        assert box is not None and box["width"] >= 330 and box["height"] >= height, part
+
+
+def test_a_goal_is_picked_a_zone_drawn_and_the_robot_driven_by_touch(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    page = open_phone(*PHONE)
+    await_map(page)
+    page.get_by_test_id("mode-goal").tap()
+    tap_map(page, 2.5, -1.0)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    page.get_by_test_id("mode-draw").tap()
+    for corner in ((-4.0, 3.0), (-2.0, 3.0), (-2.0, 5.0)):
+        tap_map(page, *corner)
+    expect(page.get_by_test_id("draft-note")).to_contain_text("3 corners")
+    page.get_by_test_id("zone-finish").tap()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    page.get_by_test_id("page-tab-zones").tap()
+    page.get_by_test_id("zone-edit").tap()
+    expect(page.get_by_test_id("map-canvas")).to_be_visible()
+    page.get_by_test_id("zone-cancel").tap()
+    page.get_by_test_id("page-tab-camera").tap()
+    page.get_by_test_id("start").tap()
+    expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    assert operations.state().phase is Phase.DRIVING
+    tap_stop(page)
+
+
+def test_two_fingers_zoom_the_map_and_place_nothing(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    page = open_phone(*PHONE)
+    await_map(page)
+    page.get_by_test_id("mode-goal").tap()
+    box, scale = page.get_by_test_id("map-canvas").bounding_box(), scale_of(page)
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+
+    def send(kind: str, *distances: float) -> None:
+        touch.send(
+            "Input.dispatchTouchEvent",
+            {"type": kind, "touchPoints": [{"x": x + dx, "y": y} for dx in distances]},
+        )
+
+    send("touchStart", -40)
+    send("touchStart", -40, 40)
+    for distance in (50, 60, 70, 80):
+        send("touchMove", -distance, distance)
+    send("touchEnd", -80)
+    send("touchEnd")
+    page.wait_for_function(
+        "was => Number(document.getElementById('map').dataset.place.split(' ')[0]) > 1.8 * was",
+        arg=scale,
+    )
+    assert 1.8 * scale < scale_of(page) < 2.2 * scale
+    expect(page.get_by_test_id("goal")).to_have_count(0)
+    tap_map(page, 2.5, -1.0)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+
+
+def scale_of(page: Page) -> float:
+    """Pixels per metre of the map."""
+    return float((page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()[0])
+
+
+def tap_map(page: Page, x: float, y: float) -> None:
+    """Touch a place of the world, in metres."""
+    canvas = page.get_by_test_id("map-canvas")
+    expect(canvas).to_have_attribute("data-place", re.compile(r"\S+ \S+ \S+"))
+    scale, middle_x, middle_y = (
+        float(part) for part in (canvas.get_attribute("data-place") or "").split()
+    )
+    box = canvas.bounding_box()
+    assert box is not None
+    right, down = (
+        box["width"] / 2 + (x - middle_x) * scale,
+        box["height"] / 2 - (y - middle_y) * scale,
+    )
+    canvas.tap(position={"x": right, "y": down})

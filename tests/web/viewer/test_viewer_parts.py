@@ -1,0 +1,145 @@
+"""Laws of the 3D view's small parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import viser
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from tests.web.fake_operations import SPEC
+from web.interface.insight import Candidates
+from web.interface.snapshots import Cloud
+from web.viewer.layers.cloud import TILE_M, CloudLayer, coloured, halvings, is_shown, surveyed
+from web.viewer.layers.geometry import flag, knob, ribbon, triangulated
+from web.viewer.layers.primitives import drawn
+from web.viewer.picking import clamped, floor_point
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+sensible = st.floats(-50, 50)
+
+
+@given(st.tuples(sensible, sensible), st.tuples(sensible, sensible, st.floats(0.5, 30)))
+def test_a_ray_through_a_point_of_the_floor_meets_it_there(
+    point: tuple[float, float], eye: tuple[float, float, float]
+) -> None:
+    way = (point[0] - eye[0], point[1] - eye[1], -eye[2])
+    picked = floor_point(eye, way)
+    assert picked is not None and np.allclose(picked, point, atol=1e-6)
+
+
+@given(st.tuples(anything, anything, anything), st.tuples(anything, anything, anything))
+def test_any_ray_gives_a_finite_place_or_none(
+    origin: tuple[float, ...], way: tuple[float, ...]
+) -> None:
+    picked = floor_point(origin, way)
+    assert picked is None or np.isfinite(picked).all()
+
+
+def test_rays_that_meet_no_floor_give_nothing() -> None:
+    for way in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (float("nan"), 0.0, -1.0)):
+        assert floor_point((0.0, 0.0, 2.0), way) is None
+    assert floor_point((0.0, 0.0), (0.0, 0.0, -1.0)) is None
+
+
+@given(st.tuples(sensible, sensible))
+def test_a_place_beside_the_map_is_brought_onto_it_even_rounded_to_millimetres(
+    point: tuple[float, float],
+) -> None:
+    x, y = clamped(point, SPEC)
+    assert SPEC.contains(round(x, 3), round(y, 3))
+
+
+@given(st.lists(st.tuples(sensible, sensible), min_size=3, max_size=12, unique=True))
+def test_the_triangles_of_a_zone_cover_exactly_its_area(points: list[tuple[float, float]]) -> None:
+    middle = np.mean(points, axis=0)
+    ring = sorted(points, key=lambda point: np.arctan2(point[1] - middle[1], point[0] - middle[0]))
+    polygon = Polygon(ring)
+    if not polygon.is_valid or polygon.area < 1e-3:
+        return
+    vertices, faces = triangulated(np.array(ring), 0.5)
+    assert (vertices[:, 2] == 0.5).all()
+    assert np.isclose(sum(Polygon(vertices[face, :2]).area for face in faces), polygon.area)
+
+
+def cloud_of(points: npt.NDArray[np.float32], serial: int = 1) -> Cloud:
+    grey = np.full((len(points), 3), 128, dtype=np.uint8)
+    return Cloud(
+        serial=serial, points_map=points, rgb=grey, class_ids=np.zeros(len(points), dtype=np.uint8)
+    )
+
+
+def test_the_sum_of_a_tile_changes_with_its_own_points_only_and_not_with_their_order() -> None:
+    generator = np.random.default_rng(0)
+    points = generator.uniform(-20, 20, (20_000, 3)).astype(np.float32)
+    points[7] = np.nan
+    tile_of, tiles, sums = surveyed(cloud_of(points))
+    assert tile_of[7] == -1 and tile_of.max() == len(tiles) - 1
+    kept = np.delete(np.arange(len(points)), 7)
+    assert (np.floor(points[kept, :2] / TILE_M).astype(int) == np.array(tiles)[tile_of[kept]]).all()
+    shuffled = surveyed(cloud_of(generator.permutation(points)))
+    assert (shuffled[1], shuffled[2]) == (tiles, sums)
+    moved = points.copy()
+    moved[100, 2] += 0.01
+    differs = [
+        tile
+        for tile, old, new in zip(tiles, sums, surveyed(cloud_of(moved))[2], strict=True)
+        if old != new
+    ]
+    assert differs == [tiles[tile_of[100]]]
+    recoloured = cloud_of(points)
+    recoloured.rgb[100] = (1, 2, 3)
+    assert [
+        i for i, (a, b) in enumerate(zip(sums, surveyed(recoloured)[2], strict=True)) if a != b
+    ] == [tile_of[100]]
+
+
+@given(st.integers(0, 3_000_000), st.integers(1, 400_000))
+def test_the_points_are_halved_until_they_keep_the_budget(count: int, budget: int) -> None:
+    halved = halvings(count, budget, 0)
+    assert count >> halved <= budget and (halved == 0 or count >> (halved - 1) > budget)
+
+
+def test_a_share_of_the_points_does_not_flutter_and_is_chosen_by_place_alone() -> None:
+    assert [halvings(count, 100, 1) for count in (250, 190, 90, 70)] == [2, 1, 1, 0]
+    points = np.random.default_rng(0).uniform(-20, 20, (50_000, 3)).astype(np.float32)
+    shown = is_shown(points, 2)
+    assert 0.23 < shown.mean() < 0.27 and (shown[::-1] == is_shown(points[::-1], 2)).all()
+    assert not (shown & ~is_shown(points, 1)).any()
+
+
+def test_only_tiles_that_changed_are_sent_again() -> None:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        layer = CloudLayer(server, budget=5_000)
+        points = np.random.default_rng(0).uniform(0, 40, (16_000, 3)).astype(np.float32)
+        assert layer.push(cloud_of(points, 1), "height") == 25
+        assert layer.push(cloud_of(points, 1), "height") == 0
+        moved = np.vstack([points, [[1.0, 1.0, 0.5]]]).astype(np.float32)
+        assert layer.push(cloud_of(moved, 2), "height") == 1
+        assert layer.push(cloud_of(moved, 2), "height", 0.5) == 25
+        assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3), "height", 0.5) == 0
+    finally:
+        server.stop()
+
+
+def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:
+    arcs = np.stack([np.column_stack([np.arange(10), np.full(10, i)]) for i in range(4)]).astype(
+        np.float64
+    )
+    segments, is_free = drawn(Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0])))
+    assert len(segments) == 9 + 4 and is_free.tolist() == [True] * 9 + [True] * 3 + [False]
+
+
+def test_points_of_a_class_have_its_colour_and_the_rest_grows_lighter_with_height() -> None:
+    points = np.array([[0, 0, 0], [0, 0, 2], [0, 0, 1]], dtype=np.float32)
+    rgb = coloured(points, np.array([0, 0, 1], dtype=np.uint8)).astype(int)
+    assert rgb[0].sum() < rgb[1].sum() and rgb[2, 0] > 2 * rgb[2, 2]
+
+
+def test_shapes_name_only_vertices_they_have() -> None:
+    for vertices, faces in (flag(), knob()):
+        assert faces.max() < len(vertices) and np.isfinite(vertices).all()
+    assert ribbon(np.zeros((5, 2)), 1.0).shape == (4, 2, 3)

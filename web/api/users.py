@@ -1,0 +1,101 @@
+"""Who am I, and, for admins, who may come in. On a console without log-in there are no users to
+speak of."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path
+
+from navcore.errors import NotKnown, Refused
+from web.auth.authenticator import House, LockedHouse
+from web.auth.roles import CurrentVisitor, Role
+from web.auth.users import User, hash_password, is_password, new_token, new_user
+from web.gateway.problems import RESPONSES, JsonResponse
+from web.schemas.access import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
+from web.schemas.responses import TokenOut, UserOut, VisitorOut
+
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    status: RESPONSES[status] for status in (404, 409, 422, 503)
+}
+UserName = Annotated[str, Path(max_length=40)]
+
+
+def access_router(house: House) -> APIRouter:
+    """Routes below `/api/v1`."""
+    router = APIRouter(tags=["access"], default_response_class=JsonResponse)
+
+    def locked() -> LockedHouse:
+        if not isinstance(house, LockedHouse):
+            raise Refused("this console serves its own machine without a log-in; it has no users")
+        return house
+
+    def user(name: str) -> User:
+        for known in locked().users.all():
+            if known.name == name:
+                return known
+        raise NotKnown("no user has this name")
+
+    def change(name: str, **what: Any) -> UserOut:
+        changed = locked().users.change(name, **what)
+        locked().refresh()
+        return _user_of(changed)
+
+    @router.get("/me", response_model=VisitorOut)
+    async def get_me(visitor: CurrentVisitor) -> VisitorOut:
+        """Whom the console takes this visitor for."""
+        return VisitorOut(name=visitor.name, role=str(visitor.role), logged_in=visitor.logged_in)
+
+    @router.put("/me/password", status_code=204, responses=_REFUSALS)
+    def change_own_password(body: OwnPasswordIn, visitor: CurrentVisitor) -> None:
+        """Change one's own password; every session of this user ends."""
+        known = user(visitor.name)
+        if not is_password(body.present, known.password_hash):
+            raise Refused("the present password is another")
+        change(
+            known.name, password_hash=hash_password(body.password), instead_of=known.password_hash
+        )
+
+    @router.get("/users", response_model=list[UserOut], responses={409: RESPONSES[409]})
+    def list_users() -> list[UserOut]:
+        """Who may log in."""
+        return [_user_of(known) for known in locked().users.all()]
+
+    @router.post("/users", status_code=201, response_model=UserOut, responses=_REFUSALS)
+    def add_user(body: NewUserIn) -> UserOut:
+        """One more."""
+        added = new_user(body.name, Role(body.role), body.password)
+        locked().users.add(added)
+        locked().refresh()
+        return _user_of(added)
+
+    @router.put("/users/{name}/role", response_model=UserOut, responses=_REFUSALS)
+    def change_role(name: UserName, body: RoleIn) -> UserOut:
+        """What he may do; his sessions end."""
+        return change(name, role=Role(body.role))
+
+    @router.put("/users/{name}/password", response_model=UserOut, responses=_REFUSALS)
+    def change_password(name: UserName, body: PasswordIn) -> UserOut:
+        """A new password for somebody; his sessions end."""
+        return change(name, password_hash=hash_password(body.password))
+
+    @router.post(
+        "/users/{name}/token", status_code=201, response_model=TokenOut, responses=_REFUSALS
+    )
+    def make_token(name: UserName) -> TokenOut:
+        """A bearer token for programs, shown this once; the one before it is void."""
+        token, token_hash = new_token()
+        change(name, token_hash=token_hash)
+        return TokenOut(token=token)
+
+    @router.delete("/users/{name}", status_code=204, responses=_REFUSALS)
+    def remove_user(name: UserName) -> None:
+        """One fewer; his sessions end at once."""
+        locked().users.remove(name)
+        locked().refresh()
+
+    return router
+
+
+def _user_of(user: User) -> UserOut:
+    return UserOut(name=user.name, role=str(user.role), has_token=user.token_hash is not None)

@@ -1,0 +1,52 @@
+"""What each request needs, in one table: a role, and for what drives the robot, control of it.
+
+The door asks here before any handler runs. What changes something and is not listed needs an
+operator, so that a new route is closed to viewers until somebody decides otherwise.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from web.auth.roles import Role
+
+_API = "/api/v1"
+SAFE = ("GET", "HEAD", "OPTIONS")
+STOP = f"{_API}/stop"
+LOGOUT = "/logout"
+_BY_ANYONE = {
+    ("POST", STOP),
+    ("POST", f"{_API}/preview"),
+    ("POST", LOGOUT),
+    ("PUT", f"{_API}/me/password"),
+}
+_ADMINS = re.compile(rf"{_API}/users(/|$)")
+_OPERATORS = re.compile(rf"{_API}/audit(/|$)")
+_DRIVES = re.compile(
+    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?"
+)
+_NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
+"""To stand still is always allowed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Need:
+    """What a request needs."""
+
+    role: Role
+    """At least."""
+    control: bool = False
+    """Whether it drives the robot: then the visitor must be the one in control."""
+
+
+def need_of(method: str, path: str) -> Need:
+    """By method and path; a websocket counts as GET, what is said on it is judged by its handler."""
+    if _ADMINS.match(path):
+        return Need(role=Role.ADMIN)
+    if method in SAFE:
+        return Need(role=Role.OPERATOR if _OPERATORS.match(path) else Role.VIEWER)
+    if (method, path) in _BY_ANYONE:
+        return Need(role=Role.VIEWER)
+    drives = _DRIVES.fullmatch(path) is not None and path not in _NEEDS_NO_CONTROL
+    return Need(role=Role.OPERATOR, control=drives)

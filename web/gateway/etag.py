@@ -1,0 +1,43 @@
+"""ETag and If-Match: an edit says which version it was made from, and a lost update becomes a
+refusal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from fastapi import Depends, Header, HTTPException
+
+from web.gateway.problems import JsonResponse, problem
+
+_ETAG = re.compile(r'"(\d{1,15})"')
+
+
+def etag(version: int) -> dict[str, str]:
+    """The header that names a version."""
+    return {"ETag": f'"{version}"'}
+
+
+def _expected(
+    if_match: Annotated[str | None, Header(description="ETag of the version edited")] = None,
+) -> int | None:
+    if if_match is None or if_match.strip() == "*":
+        return None
+    matched = _ETAG.fullmatch(if_match.strip())
+    if matched is None:
+        raise HTTPException(
+            400, 'If-Match must be one strong ETag of this resource, e.g. "3", or *'
+        )
+    return int(matched[1])
+
+
+ExpectedVersion = Annotated[int | None, Depends(_expected)]
+"""The version in `If-Match`; None when the client does not care."""
+
+
+def outdated(what: str, given: int | None, stored: Mapping[str, Any], version: int) -> JsonResponse:
+    """409 with both versions, so that the second of two editors can compare and try again."""
+    message = f"{what} is at version {version}, your edit was made from version {given}; look at the stored one and edit again"
+    extra = {"stored": dict(stored), "stored_version": version, "given_version": given}
+    return problem(409, "outdated", message, "If-Match", extra=extra, headers=etag(version))

@@ -1,0 +1,173 @@
+"""The one door: what every request and every websocket upgrade must satisfy before any handler
+runs.
+
+1. Host is one the operator has allowed, so that a foreign name that resolves here (DNS rebinding)
+   gets nothing.
+2. Origin, where a browser names one, is the console itself.
+3. The visitor is known: by session or bearer token, or because the console serves this machine
+   only.
+4. His role allows it, and for what drives the robot he is in control, or gets it because nobody is.
+5. The body is bounded. What may change something goes into the audit.
+
+It is plain ASGI and wraps the whole app, so a route cannot forget it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fastapi import WebSocketDisconnect
+from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from web.auth.audit import Auditor
+from web.auth.authenticator import House, LockedHouse
+from web.auth.control_lease import Control, NotInControl
+from web.auth.permissions import LOGOUT, need_of
+from web.auth.roles import SCOPE_KEY, Visitor
+from web.gateway.login import LOGIN_PATH, Login, cookie_header
+from web.gateway.origin_check import refusal_of_strangers
+from web.gateway.problems import problem
+from web.gateway.request_body import bounded_body, replayed
+from web.gateway.security_headers import with_headers
+
+POLICY_VIOLATION = 1008
+
+
+class Guard:
+    """ASGI middleware; see the module's text."""
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        allowed_hosts: Sequence[str],
+        house: House,
+        control: Control,
+        auditor: Auditor,
+    ) -> None:
+        self._app = app
+        self._hosts = frozenset(host.lower() for host in allowed_hosts)
+        self._house, self._control, self._auditor = house, control, auditor
+        self._login = Login(house, auditor) if isinstance(house, LockedHouse) else None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, or hand on to the app."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await self._upgrade(scope, receive, send)
+        else:
+            await self._request(scope, receive, send)
+
+    async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        answer: ASGIApp | None = refusal_of_strangers(scope, headers, self._hosts)
+        send = with_headers(send, scope, self._seat(scope, headers) if answer is None else {})
+        body: bytes | Response = b""
+        if answer is None:
+            visitor = self._house.recognise(headers, _cookie(scope, headers))
+            knocks = self._login is not None and (scope["method"], scope["path"]) == (
+                "POST",
+                LOGIN_PATH,
+            )
+            answer = None if knocks else self._refusal(scope, headers, visitor)
+            if answer is None:
+                body = await bounded_body(scope, receive)
+                if isinstance(body, Response):
+                    answer = body
+                elif knocks and self._login is not None:
+                    answer = await self._login.attempt(scope, body, _cookie_name(scope))
+                else:
+                    receive = replayed(body, receive)
+                    answer = self._claimed(scope, headers, visitor)
+            if visitor is not None and not knocks:
+                send = self._auditor.watching(
+                    send, scope, visitor, body if isinstance(body, bytes) else b""
+                )
+        await (answer or self._app)(scope, receive, send)
+
+    def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
+        """Of somebody who is not known, or may not."""
+        if visitor is None:
+            assert self._login is not None
+            return self._login.ask(scope, headers.get("accept", ""))
+        need = need_of(scope["method"], scope["path"])
+        if not visitor.role.may(need.role):
+            said = f"{visitor.name} is {_article(visitor.role)}; this needs {_article(need.role)}"
+            return problem(403, "not_allowed", said)
+        scope[SCOPE_KEY] = visitor
+        return None
+
+    def _claimed(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
+        """Control is his if he needs it, or the answer that says whose it is. Logging out is
+        answered here too."""
+        assert visitor is not None
+        self._control.note_life(visitor)
+        if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
+            return self._login.leave(_cookie(scope, headers), _cookie_name(scope))
+        if need_of(scope["method"], scope["path"]).control:
+            try:
+                self._control.claim(visitor)
+            except NotInControl as error:
+                return problem(409, "not_in_control", str(error))
+        return None
+
+    def _seat(self, scope: Scope, headers: Headers) -> dict[str, str]:
+        """A cookie for a browser that opens the page of an open house."""
+        if (scope["method"], scope["path"]) != ("GET", "/"):
+            return {}
+        seat = self._house.seat_at(_cookie(scope, headers))
+        return (
+            {} if seat is None else {"Set-Cookie": cookie_header(_cookie_name(scope), seat, scope)}
+        )
+
+    async def _upgrade(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        visitor = None
+        if refusal_of_strangers(scope, headers, self._hosts) is None:
+            visitor = self._house.recognise(headers, _cookie(scope, headers))
+        if visitor is None or not visitor.role.may(need_of("GET", scope["path"]).role):
+            await receive()
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+            return
+        scope[SCOPE_KEY] = visitor
+        await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
+
+    def _while_known(
+        self, scope: Scope, headers: Headers, visitor: Visitor, receive: Receive, send: Send
+    ) -> tuple[Receive, Send]:
+        """The connection's two ways, both shut as soon as the visitor is no longer who he was when
+        it was opened."""
+
+        def known() -> bool:
+            return self._house.recognise(headers, _cookie(scope, headers)) == visitor
+
+        async def receive_if_known() -> Message:
+            message = await receive()
+            return (
+                message if known() else {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
+            )
+
+        async def send_if_known(message: Message) -> None:
+            if not known():
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+                raise WebSocketDisconnect(POLICY_VIOLATION)
+            await send(message)
+
+        return receive_if_known, send_if_known
+
+
+def _cookie_name(scope: Scope) -> str:
+    # A browser keeps one jar for all ports of a machine; two consoles must not log each other out.
+    return f"bewarenav_{(scope.get('server') or ('', 0))[1]}"
+
+
+def _cookie(scope: Scope, headers: Headers) -> str:
+    return cookie_parser(headers.get("cookie", "")).get(_cookie_name(scope), "")
+
+
+def _article(role: str) -> str:
+    return f"{'a' if role == 'viewer' else 'an'} {role}"

@@ -1,0 +1,95 @@
+"""Logging in and out, by a page that works without a script."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import hashlib
+from pathlib import Path
+from urllib.parse import parse_qs
+
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.types import Scope
+
+from web.auth.audit import Auditor
+from web.auth.authenticator import LockedHouse
+from web.gateway.origin_check import only
+from web.gateway.problems import problem
+from web.gateway.rate_limit import Throttle
+
+LOGIN_PATH = "/login"
+_PAGE = Path(__file__).with_name("login.html").read_text(encoding="utf-8")
+_STYLE = _PAGE.partition("<style>")[2].partition("</style>")[0]
+_STYLE_HASH = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
+_CSP = (
+    f"default-src 'none'; style-src 'sha256-{_STYLE_HASH}'; img-src data:; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+
+
+class Login:
+    """What answers to somebody who is not known yet."""
+
+    def __init__(
+        self, house: LockedHouse, auditor: Auditor, throttle: Throttle | None = None
+    ) -> None:
+        self._house, self._auditor = house, auditor
+        self._throttle = throttle or Throttle()
+        self._one_at_a_time = asyncio.Semaphore(1)
+
+    def ask(self, scope: Scope, accept: str) -> Response:
+        """401; with a form for a browser that wants to show something."""
+        if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in accept:
+            return _page()
+        headers = {"WWW-Authenticate": "Bearer"}
+        return problem(
+            401, "login_needed", "log in at / or send a user's token as a bearer", headers=headers
+        )
+
+    async def attempt(self, scope: Scope, body: bytes, cookie_name: str) -> Response:
+        """The form was sent: name and password."""
+        form = parse_qs(body[:2000].decode("utf-8", "replace"))
+        name, password = only(form.get("name", [])) or "", only(form.get("password", [])) or ""
+        address = str((scope.get("client") or ("?", 0))[0])
+        wait_s = self._throttle.wait_s(address)
+        if wait_s:
+            return _page(
+                f"Too many tries; wait {wait_s} s.",
+                status=429,
+                headers={"Retry-After": str(wait_s)},
+            )
+        async with self._one_at_a_time:  # each takes much memory and time, and that is its purpose
+            cookie = await asyncio.to_thread(self._house.log_in, name, password)
+        who = name if name.isprintable() and len(name) <= 40 else "somebody"
+        status = 401 if cookie is None else 200
+        await self._auditor.note(
+            {"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address}
+        )
+        if cookie is None:
+            return _page("That name or password is wrong.")
+        self._throttle.forgive(address)
+        response = RedirectResponse("/", status_code=303)
+        response.headers.append("Set-Cookie", cookie_header(cookie_name, cookie, scope))
+        return response
+
+    def leave(self, cookie: str, cookie_name: str) -> Response:
+        """Log out."""
+        self._house.sessions.end(cookie)
+        response = RedirectResponse("/", status_code=303)
+        response.delete_cookie(cookie_name, path="/", httponly=True, samesite="strict")
+        return response
+
+
+def cookie_header(name: str, value: str, scope: Scope) -> str:
+    """A cookie that no script can read and no other page can send."""
+    response = Response()
+    secure = scope.get("scheme") in ("https", "wss")
+    response.set_cookie(name, value, httponly=True, samesite="strict", secure=secure, path="/")
+    return response.headers["set-cookie"]
+
+
+def _page(note: str = "", *, status: int = 401, headers: dict[str, str] | None = None) -> Response:
+    said = f'<p role="alert">▲ {note}</p>' if note else ""
+    response = HTMLResponse(_PAGE.replace("<!--note-->", said), status_code=status, headers=headers)
+    response.headers["Content-Security-Policy"] = _CSP
+    return response

@@ -1,0 +1,74 @@
+"""Where a request comes from: the name it used for this console, and the web page that made it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.responses import Response
+from starlette.types import Scope
+
+from web.gateway.problems import problem
+
+
+def refusal_of_strangers(
+    scope: Scope, headers: Headers, allowed_hosts: frozenset[str]
+) -> Response | None:
+    """421 for a foreign name (DNS rebinding), 403 for a foreign page. CORS rules do not cover
+    websockets; this does.
+
+    And 404 for a path that nobody can have meant: a router takes one that ends in a line feed for
+    the route without it, so that who may do what could be asked for another path than is then
+    served.
+    """
+    host = (only(headers.getlist("host")) or "").lower()
+    if not host or not (host in allowed_hosts or _without_port(host) in allowed_hosts):
+        return problem(
+            421, "foreign_host", "this console does not answer under that name", "header Host"
+        )
+    if not _is_own_origin(headers, host) or _is_foreign_fetch(headers, scope):
+        return problem(
+            403, "foreign_origin", "requests from other web pages are refused", "header Origin"
+        )
+    if not scope["path"].isprintable():
+        return problem(404, "not_found", "no path of this console has control characters")
+    return None
+
+
+def only(values: Sequence[str]) -> str | None:
+    """The one value; None when there is none, or several that may contradict each other."""
+    return values[0] if len(values) == 1 else None
+
+
+def _without_port(host: str) -> str:
+    name, colon, port = host.rpartition(":")
+    return name if colon and port.isdigit() else host
+
+
+def _is_own_origin(headers: Headers, host: str) -> bool:
+    """A browser names the origin of scripts and forms; a program need not."""
+    origins: Iterable[str] = headers.getlist("origin")
+    return all(_netloc(origin) == host for origin in origins)
+
+
+def _netloc(origin: str) -> str | None:
+    try:
+        parts = urlsplit(origin.lower())
+    except ValueError:
+        return None
+    return (
+        parts.netloc
+        if parts.scheme in ("http", "https")
+        and origin.lower() == f"{parts.scheme}://{parts.netloc}"
+        else None
+    )
+
+
+def _is_foreign_fetch(headers: Headers, scope: Scope) -> bool:
+    """A picture or script of the console embedded in another page: browsers say so though they name
+    no origin."""
+    if headers.get("sec-fetch-site") not in ("cross-site", "same-site"):
+        return False
+    opened = scope["type"] == "http" and scope["method"] == "GET"
+    return not (opened and headers.get("sec-fetch-dest") == "document")

@@ -1,0 +1,182 @@
+"""Every refusal in one shape, `{"error": {"code", "message", "where"}}`, and never the input itself
+in it.
+
+FastAPI's own 422 echoes what was sent; NaN, 1e999 and lone surrogates in an echo cannot be written
+as JSON and turn the refusal into a 500. So an answer holds the place and the reason only.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from navcore.errors import (
+    BadConfiguration,
+    BadGeometry,
+    BewareNavError,
+    BlockedGoal,
+    NotKnown,
+    Outdated,
+    Refused,
+    StorageFailed,
+)
+from web.schemas.responses import Problem
+
+log = logging.getLogger(__name__)
+
+MAX_WHERE = 120
+_TAGS = ("Feature", "plain", "Polygon", "Point", "LineString")
+MAX_MESSAGE = 600
+
+# The first match wins, so a subclass stands before its parent.
+_STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
+    (BadGeometry, HTTPStatus.UNPROCESSABLE_ENTITY, "bad_geometry"),
+    (BadConfiguration, HTTPStatus.UNPROCESSABLE_ENTITY, "bad_value"),
+    (NotKnown, HTTPStatus.NOT_FOUND, "not_known"),
+    (Outdated, HTTPStatus.CONFLICT, "outdated"),
+    (Refused, HTTPStatus.CONFLICT, "refused"),
+    (StorageFailed, HTTPStatus.SERVICE_UNAVAILABLE, "storage_failed"),
+)
+
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    status: {"model": Problem, "description": text}
+    for status, text in (
+        (404, "Nothing has this id, or there is nothing to show yet"),
+        (
+            409,
+            "Refused in the present state, or somebody else changed it meanwhile (then both versions are in the body)",
+        ),
+        (422, "A value is wrong; the answer names the place and the reason"),
+        (503, "The store did not take it; what was stored before is intact"),
+    )
+}
+"""For OpenAPI: how a route may refuse."""
+
+
+class JsonResponse(Response):
+    """JSON that can always be written: whatever is no Unicode text is escaped, a number that is
+    none is an error here."""
+
+    media_type = "application/json"
+
+    def render(self, content: Any) -> bytes:
+        """ASCII only, so that no surrogate can fail the encoding."""
+        return json.dumps(
+            content, ensure_ascii=True, allow_nan=False, separators=(",", ":")
+        ).encode("ascii")
+
+
+def problem(
+    status: int,
+    code: str,
+    message: str,
+    where: str | None = None,
+    *,
+    extra: Mapping[str, Any] | None = None,
+    headers: Mapping[str, str] | None = None,
+) -> JsonResponse:
+    """A refusal."""
+    error = {
+        "code": code,
+        "message": _clean(message, MAX_MESSAGE),
+        "where": _clean(where, MAX_WHERE) if where else None,
+    }
+    return JsonResponse(
+        {"error": error, **(extra or {})}, status_code=int(status), headers=dict(headers or {})
+    )
+
+
+def refusal(error: BewareNavError) -> JsonResponse:
+    """The answer to a refusal of the system behind the console."""
+    for kind, status, code in _STATUS:
+        if isinstance(error, kind):
+            return problem(status, code, str(error), extra=_more(error))
+    return problem(HTTPStatus.BAD_REQUEST, "refused", str(error))
+
+
+def _more(error: BewareNavError) -> dict[str, Any] | None:
+    """What to do about it, where that is known."""
+    if not isinstance(error, BlockedGoal) or error.nearest is None:
+        return None
+    x_m, y_m = error.nearest
+    return {"nearest": {"x_m": round(x_m, 3), "y_m": round(y_m, 3)}}
+
+
+def install(app: FastAPI) -> None:
+    """Make the app answer every failure in the one shape."""
+
+    @app.exception_handler(BewareNavError)
+    async def _(_: Request, error: BewareNavError) -> Response:
+        return refusal(error)
+
+    @app.exception_handler(RequestValidationError)
+    async def _(_: Request, error: RequestValidationError) -> Response:
+        return _invalid(error.errors())
+
+    @app.exception_handler(HTTPException)
+    async def _(_: Request, error: HTTPException) -> Response:
+        code = HTTPStatus(error.status_code).phrase.lower().replace(" ", "_")
+        return problem(error.status_code, code, str(error.detail), headers=error.headers)
+
+    @app.exception_handler(Exception)
+    async def _(request: Request, error: Exception) -> Response:
+        # Starlette raises the error again after this answer, and the server logs it with its
+        # traceback.
+        return problem(
+            500,
+            "internal_error",
+            "the console failed; the robot is not affected, its log says more",
+        )
+
+
+def _invalid(errors: Sequence[Any]) -> JsonResponse:
+    details = [
+        {"where": _where(error.get("loc", ())), "message": _reason(error)} for error in errors[:10]
+    ]
+    first = details[0] if details else {"where": "body", "message": "is not valid"}
+    where = _clean(str(first["where"]), MAX_WHERE)
+    unreadable = errors and errors[0].get("type") == "json_invalid"
+    message = "the body is not JSON" if unreadable else f"{where}: {first['message']}"
+    return problem(
+        422, "invalid", message, where, extra={"details": details} if len(details) > 1 else None
+    )
+
+
+def _reason(error: Mapping[str, Any]) -> str:
+    kind, place = error.get("type"), _parts(error.get("loc", ()))
+    if kind == "extra_forbidden":
+        return "unknown key"
+    if place == ["body"] and kind != "missing":
+        return (
+            "must be a JSON object of text that is Unicode, sent as Content-Type: application/json"
+        )
+    return _clean(str(error.get("msg", "")), 200)
+
+
+def _where(location: Sequence[Any]) -> str:
+    return _clean(".".join(_parts(location)), MAX_WHERE)
+
+
+def _parts(location: Sequence[Any]) -> list[str]:
+    # The tags of the zone's forms and of its geometries are no part of what the client sent.
+    parts = [str(part) for part in location]
+    return [
+        part
+        for i, part in enumerate(parts)
+        if not (part in _TAGS and i > 0 and parts[i - 1] in ("body", "zone", "geometry", "drawn"))
+    ]
+
+
+def _clean(text: str, limit: int) -> str:
+    """Text that can be printed and sent: an unknown key is named here, and its name came from
+    outside."""
+    printable = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text[: limit + 1])
+    return printable if len(printable) <= limit else printable[: limit - 1] + "…"

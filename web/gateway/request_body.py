@@ -1,0 +1,50 @@
+"""Bodies of requests, bounded in size and in time, read before anything is decided by them."""
+
+from __future__ import annotations
+
+import asyncio
+
+from starlette.datastructures import Headers
+from starlette.responses import Response
+from starlette.types import Message, Receive, Scope
+
+from web.gateway.problems import problem
+
+MAX_BODY_BYTES = 1_000_000
+BODY_TIMEOUT_S = 10.0
+
+
+async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
+    """The whole body, or the refusal of one that is too large or too slow."""
+    if scope["method"] in ("GET", "HEAD", "OPTIONS"):
+        return b""
+    too_large = problem(413, "too_large", f"a body may have at most {MAX_BODY_BYTES} bytes", "body")
+    length = Headers(scope=scope).get("content-length", "0")
+    if not length.isdigit() or len(length) > 12 or int(length) > MAX_BODY_BYTES:
+        return too_large
+    body = bytearray()
+    try:
+        async with asyncio.timeout(BODY_TIMEOUT_S):
+            while True:
+                message = await receive()
+                body += message.get("body", b"")
+                if len(body) > MAX_BODY_BYTES:
+                    return too_large
+                if message["type"] != "http.request" or not message.get("more_body"):
+                    return bytes(body)
+    except TimeoutError:
+        return problem(
+            408, "too_slow", f"the body did not arrive within {BODY_TIMEOUT_S:g} s", "body"
+        )
+
+
+def replayed(body: bytes, receive: Receive) -> Receive:
+    """A `receive` that gives the body that was read already."""
+    waiting = [body]
+
+    async def replay() -> Message:
+        if waiting:
+            return {"type": "http.request", "body": waiting.pop(), "more_body": False}
+        return await receive()
+
+    return replay

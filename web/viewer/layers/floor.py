@@ -1,0 +1,66 @@
+"""The occupancy grid as pictures on the floor, tile by tile: only what changed is painted and sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from web.images.encode import UNKNOWN_ALPHA, paint_floor
+from web.images.tiles import Tile, TileVersions, newer, part_of
+from web.viewer.layers.base import Snapshot
+
+FLOOR_Z = 0.0
+
+
+class FloorLayer:
+    """One picture a tile, none where nothing is known."""
+
+    name = "floor"
+    period_s = 0.35
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._tiles = TileVersions()
+        self._images: dict[Tile, Any] = {}
+        self._shown = 0
+        self._strength = 1.0
+
+    def push(self, snapshot: Snapshot) -> None:
+        """New pictures where a cell, the list or a zone changed."""
+        picture, strength = snapshot.picture, snapshot.strength.get(self.name, 1.0)
+        newest, versions = self._tiles.follow(picture, snapshot.beware)
+        since = self._shown if strength == self._strength else -1
+        self._strength = strength
+        for tile, _ in newer(versions, since):
+            self._push_tile(tile, snapshot, strength)
+        self._shown = newest
+
+    def _push_tile(self, tile: Tile, snapshot: Snapshot, strength: float) -> None:
+        picture, spec = snapshot.picture, snapshot.picture.grid_spec
+        part = top, left, bottom, right = part_of(tile, picture)
+        image = paint_floor(picture, snapshot.beware, part)
+        if (old := self._images.pop(tile, None)) is not None:
+            old.remove()
+        if not image[..., 3].max() > UNKNOWN_ALPHA:
+            return
+        image[..., 3] = (image[..., 3] * strength).astype(np.uint8)
+        metre = spec.resolution_m
+        x, y = (
+            spec.origin_x_m + (left + right) / 2 * metre,
+            spec.origin_y_m + (top + bottom) / 2 * metre,
+        )
+        # Pictures lie with their rows going down, −y; half a turn about x lays them face up on the
+        # floor.
+        self._images[tile] = self._server.scene.add_image(
+            f"/floor/{tile[0]}_{tile[1]}",
+            image,
+            (right - left) * metre,
+            (bottom - top) * metre,
+            format="png",
+            cast_shadow=False,
+            receive_shadow=False,
+            position=(x, y, FLOOR_Z),
+            wxyz=(0.0, 1.0, 0.0, 0.0),
+        )

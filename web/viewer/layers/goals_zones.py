@@ -1,0 +1,116 @@
+"""What the operator has put into the world: goals and zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from navcore.mission.mission import Goal
+from navcore.mission.zone import Zone
+from web.images import palette
+from web.viewer.layers.base import Snapshot
+from web.viewer.layers.geometry import closed, flag, ribbon, triangulated
+
+ZONE_Z = 0.02
+
+
+class GoalLayer:
+    """A numbered flag for every goal that waits, a paler one for those reached."""
+
+    name = "goals"
+    period_s = 0.0
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: dict[str, object] = {}
+        self._nodes: dict[str, list[Any]] = {}
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Add, number anew, remove."""
+        state = snapshot.state
+        wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
+        for goal in state.reached[-20:]:
+            wanted[f"reached-{goal.id}"] = (goal, "✓", palette.DRIVEN)
+        for number, goal in enumerate(state.queue, 1):
+            wanted[f"waiting-{goal.id}"] = (goal, f"⚑ {number}", palette.GOAL)
+        with self._server.atomic():
+            for key in [key for key in self._shown if wanted.get(key) != self._shown[key]]:
+                for node in self._nodes.pop(key):
+                    node.remove()
+                del self._shown[key]
+            for key, value in wanted.items():
+                if key not in self._shown:
+                    self._nodes[key], self._shown[key] = self._add(key, *value), value
+
+    def _add(self, key: str, goal: Goal, text: str, colour: palette.Rgb) -> list[Any]:
+        scene, at = self._server.scene, (goal.x_m, goal.y_m, 0.0)
+        vertices, faces = flag()
+        mesh = scene.add_mesh_simple(
+            f"/goals/{key}",
+            vertices,
+            faces,
+            color=colour,
+            side="double",
+            flat_shading=True,
+            position=at,
+        )
+        label = scene.add_label(
+            f"/goals/{key}/label", text, position=(0.0, 0.0, 1.05), anchor="bottom-center"
+        )
+        return [label, mesh]
+
+
+class ZoneLayer:
+    """Every zone: a low see-through prism's floor, its outline and its name."""
+
+    name = "zones"
+    period_s = 0.0
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: dict[str, tuple[Zone, float]] = {}
+        self._nodes: dict[str, list[Any]] = {}
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Add, replace, remove."""
+        wanted = {zone.id: (zone, snapshot.strength.get(self.name, 1.0)) for zone in snapshot.zones}
+        with self._server.atomic():
+            for key in [key for key, shown in self._shown.items() if wanted.get(key) != shown]:
+                for node in self._nodes.pop(key):
+                    node.remove()
+                del self._shown[key]
+            for key, (zone, strength) in wanted.items():
+                if key not in self._shown:
+                    self._shown[key] = zone, strength
+                    self._nodes[key] = self._add(zone, strength)
+
+    def _add(self, zone: Zone, strength: float) -> list[Any]:
+        scene, colour = (
+            self._server.scene,
+            palette.zone_colour(zone) if zone.enabled else palette.DRIVEN,
+        )
+        opacity = strength * (0.35 if zone.enabled else 0.12)
+        corners = np.array(zone.polygon)
+        vertices, faces = triangulated(corners, ZONE_Z)
+        base = f"/zones/{zone.id}"
+        limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
+        text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
+        return [
+            scene.add_label(
+                f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
+            ),
+            scene.add_line_segments(
+                f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06
+            ),
+            scene.add_mesh_simple(
+                base,
+                vertices,
+                faces,
+                color=colour,
+                opacity=opacity,
+                side="double",
+                cast_shadow=False,
+            ),
+        ]

@@ -1,0 +1,57 @@
+"""Who walks or stands about, and where he will be a moment later."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from navcore.perception.people.track import Track
+from web.images import palette
+from web.viewer.layers.base import Snapshot
+from web.viewer.layers.geometry import closed, ribbon
+
+AHEAD_S = 2.0
+"""The way that is shown of him."""
+ROUND_Z = 0.06
+
+
+class PeopleLayer:
+    """A ring around everybody, and the line that he is predicted to walk."""
+
+    name = "people"
+    period_s = 0.1
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._shown: tuple[tuple[Track, ...], palette.Rgb] = ((), palette.PERSON)
+        self._node: Any = None
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Draw everybody anew when anybody has moved."""
+        people = snapshot.picture.people
+        colour = snapshot.faded(palette.PERSON, self.name)
+        if (people, colour) == self._shown:
+            return
+        self._shown = (people, colour)
+        if people:
+            segments = np.concatenate([outline_and_way(track) for track in people])
+            self._node = self._server.scene.add_line_segments(
+                "/people/ways", segments, colour, thickness=0.05
+            )
+        elif self._node is not None:
+            self._node.remove()
+            self._node = None
+
+
+def outline_and_way(track: Track) -> npt.NDArray[np.float32]:
+    """(N, 2, 3) segments of the ring that he fills and of his predicted way."""
+    angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
+    ring = np.array([track.x_m, track.y_m]) + track.radius_m * np.column_stack(
+        [np.cos(angles), np.sin(angles)]
+    )
+    way = np.array([track.at(0.0), track.at(AHEAD_S)])
+    return np.concatenate([ribbon(closed(ring), ROUND_Z), ribbon(way, ROUND_Z)])

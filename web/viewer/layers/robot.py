@@ -1,0 +1,188 @@
+"""What the robot knows and does: body, camera, paths."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import viser
+import viser.transforms
+
+from navcore.geometry.transform import Pose2
+from web.images import palette
+from web.images.encode import overlaid
+from web.viewer.layers.base import Snapshot
+from web.viewer.layers.geometry import faded, ribbon
+
+DRIVEN_Z, PATH_Z = 0.03, 0.05
+FRUSTUM_WIDTH_PX = 320
+FRUSTUM_SCALE = 0.45
+MAX_DRIVEN = 1500
+
+Floats = npt.NDArray[np.float64]
+
+
+class RobotLayer:
+    """The robot's body where odometry says it stands, with its state in words above it."""
+
+    name = "robot"
+    period_s = 0.0
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._frame = server.scene.add_frame("/robot/base", show_axes=False)
+        self._text = ""
+        self._pose: Pose2 | None = None
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Move it, and say what it does."""
+        state = snapshot.state
+        why = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
+        text = "STOPPED" if state.stop_latched else why
+        if text != self._text:
+            self._text = text
+            self._server.scene.add_label(
+                "/robot/base/state",
+                text,
+                position=(0.0, 0.0, 0.95),
+                anchor="bottom-center",
+                font_screen_scale=0.9,
+            )
+        if state.pose != self._pose and _is_finite(state.pose):
+            self._pose = state.pose
+            half = state.pose.yaw_rad / 2
+            with self._server.atomic():
+                self._frame.position = (state.pose.x_m, state.pose.y_m, 0.0)
+                self._frame.wxyz = (math.cos(half), 0.0, 0.0, math.sin(half))
+
+
+class CameraLayer:
+    """The camera's frustum with its picture, classes tinted, where the camera was when it took it."""
+
+    name = "camera"
+    period_s = 0.25
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._frustum: Any = None
+        self._serial, self._colour = -1, palette.DRAFT
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Picture and place in one go: one without the other would lie."""
+        picture, colour = snapshot.picture, snapshot.faded(palette.DRAFT, "camera")
+        if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(
+            picture.T_map_camera
+        ).all():
+            return
+        self._serial, self._colour = picture.serial, colour
+        wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
+        position = picture.T_map_camera[:3, 3]
+        image = faded(
+            _shrunk(overlaid(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0)
+        )
+        if self._frustum is None:
+            intrinsics = picture.intrinsics
+            self._frustum = self._server.scene.add_camera_frustum(
+                "/camera/frustum",
+                fov=2 * math.atan(intrinsics.height / 2 / intrinsics.fy),
+                aspect=intrinsics.width / intrinsics.height,
+                scale=FRUSTUM_SCALE,
+                thickness=0.012,
+                color=colour,
+                image=image,
+                format="jpeg",
+                jpeg_quality=70,
+                wxyz=wxyz,
+                position=position,
+                cast_shadow=False,
+            )
+            return
+        with self._server.atomic():
+            self._frustum.image, self._frustum.color = image, colour
+            self._frustum.wxyz = wxyz
+            self._frustum.position = position
+
+
+class PathLayer:
+    """Planned path, its waypoints, and the way driven: three layers that are looked at together."""
+
+    name = "path"
+    period_s = 0.15
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._planned, self._driven = _Line(server, "/path/planned"), _Line(server, "/driven/line")
+        self._waypoints: Any = None
+        self._shown: tuple[Floats, palette.Rgb] = (np.empty((0, 2)), palette.PATH)
+
+    def push(self, snapshot: Snapshot) -> None:
+        """Each part when it changed."""
+        picture = snapshot.picture
+        with self._server.atomic():
+            self._planned.show(picture.path, PATH_Z, snapshot.faded(palette.PATH, "path"), 0.1)
+            self._push_waypoints(picture.waypoints, snapshot.faded(palette.PATH, "waypoints"))
+        driven = picture.driven
+        if len(driven) > MAX_DRIVEN:
+            driven = driven[np.linspace(0, len(driven) - 1, MAX_DRIVEN).round().astype(int)]
+        self._driven.show(driven, DRIVEN_Z, snapshot.faded(palette.DRIVEN, "driven"), 0.05)
+
+    def _push_waypoints(self, points: Floats, colour: palette.Rgb) -> None:
+        if colour == self._shown[1] and np.array_equal(points, self._shown[0]):
+            return
+        self._shown = (points, colour)
+        if self._waypoints is not None:
+            self._waypoints.remove()
+            self._waypoints = None
+        finite = points[np.isfinite(points).all(axis=1)]
+        if len(finite):
+            self._waypoints = self._server.scene.add_point_cloud(
+                "/waypoints/points",
+                np.column_stack([finite, np.full(len(finite), 0.12)]),
+                colour,
+                point_size=0.13,
+                point_shape="diamond",
+                precision="float32",
+            )
+
+
+class _Line:
+    """A polyline near the floor, sent again only when it changed."""
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self._server, self._name = server, name
+        self._node: Any = None
+        self._shown: tuple[Floats, palette.Rgb] | None = None
+
+    def show(self, points: Floats, z: float, colour: palette.Rgb, thickness: float) -> None:
+        """(N, 2) points in metres of the map frame; fewer than two hide it."""
+        if (
+            self._shown is not None
+            and colour == self._shown[1]
+            and np.array_equal(points, self._shown[0])
+        ):
+            return
+        self._shown = (points, colour)
+        finite = points[np.isfinite(points).all(axis=1)]
+        if len(finite) < 2:
+            if self._node is not None:
+                self._node.remove()
+                self._node = None
+            return
+        self._node = self._server.scene.add_line_segments(
+            self._name, ribbon(finite, z), colour, thickness=thickness
+        )
+
+
+def _is_finite(pose: Pose2) -> bool:
+    return math.isfinite(pose.x_m) and math.isfinite(pose.y_m) and math.isfinite(pose.yaw_rad)
+
+
+def _shrunk(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    height, width = image.shape[:2]
+    if width <= FRUSTUM_WIDTH_PX:
+        return image
+    size = (FRUSTUM_WIDTH_PX, round(height * FRUSTUM_WIDTH_PX / width))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

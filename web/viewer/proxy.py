@@ -1,0 +1,135 @@
+"""The 3D viewer behind the one door: HTTP and websocket of viser, relayed below `/viewer`.
+
+The relay keeps no queue: a message is taken from viser when the one before it has left, so a slow
+client costs no memory and gets the newest values when it wakes, as viser itself promises. Deflate
+is off on both legs; it costs more than a LAN saves.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import httpx
+import msgspec
+import websockets
+from fastapi import APIRouter, HTTPException, Response, WebSocket
+from starlette.websockets import WebSocketState
+from websockets.asyncio.client import ClientConnection
+from websockets.typing import Subprotocol
+
+from web.auth.roles import CurrentVisitor, Role
+from web.gateway.websockets import until_one_ends
+from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER
+from web.viewer.viewer import Viewer
+
+log = logging.getLogger(__name__)
+
+CAMERA_MESSAGE = "ViewerCameraMessage"
+TIMEOUT_S = 5.0
+MAX_FROM_VIEWER = 256 * 1024 * 1024
+"""Bytes of one message of viser; a scene that a new client gets at once is large."""
+_KEPT = ("content-type", "content-encoding", "content-length")
+GOING_AWAY, TRY_AGAIN = 1001, 1013
+
+
+class _Kind(msgspec.Struct):
+    """All that the door reads of a message to viser."""
+
+    type: str
+
+
+def viewer_router(viewer: Viewer | None) -> APIRouter:
+    """`/viewer/…`, with or without the id of the page that embeds it."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/viewer")
+    @router.get("/viewer/")
+    async def page() -> Response:
+        """viser's page."""
+        return await _fetch(viewer)
+
+    @router.get("/viewer/{page_id}")
+    @router.get("/viewer/{page_id}/")
+    async def page_of(page_id: str) -> Response:
+        """viser's page for one console page: its clicks go to that page."""
+        if PAGE_ID.fullmatch(page_id) is None:
+            raise HTTPException(404, "nothing is here")
+        return await _fetch(viewer)
+
+    # viser's page opens its websocket at its own address without the trailing slash.
+    @router.websocket("/viewer")
+    @router.websocket("/viewer/{page_id}")
+    async def relay(socket: WebSocket, visitor: CurrentVisitor, page_id: str = "") -> None:
+        """viser's websocket."""
+        offered = socket.scope.get("subprotocols", [])
+        if (
+            viewer is None
+            or viewer.subprotocol not in offered
+            or (page_id and PAGE_ID.fullmatch(page_id) is None)
+        ):
+            await socket.close(TRY_AGAIN)
+            return
+        await _relay(socket, viewer, page_id, acts=visitor.role.may(Role.OPERATOR))
+
+    return router
+
+
+async def _fetch(viewer: Viewer | None) -> Response:
+    if viewer is None:
+        raise HTTPException(
+            404, "the 3D view is not running; the map and every control work without it"
+        )
+    # The body is handed on as it came, compressed, hence the raw stream.
+    async with (
+        httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client,
+        client.stream(
+            "GET", f"{viewer.http_url}/", headers={"Accept-Encoding": "gzip"}
+        ) as upstream,
+    ):
+        body = b"".join([chunk async for chunk in upstream.aiter_raw()])
+    headers = {name: upstream.headers[name] for name in _KEPT if name in upstream.headers}
+    return Response(
+        body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"}
+    )
+
+
+async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:
+    connecting = websockets.connect(
+        viewer.websocket_url,
+        subprotocols=[Subprotocol(viewer.subprotocol)],
+        additional_headers={PAGE_ID_HEADER: page_id} if page_id else None,
+        compression=None,
+        max_size=MAX_FROM_VIEWER,
+        max_queue=1,
+        proxy=None,
+    )
+    async with connecting as upstream:
+        await socket.accept(subprotocol=viewer.subprotocol)
+        await until_one_ends(_down(upstream, socket), _up(socket, upstream, acts=acts))
+    if (
+        socket.client_state is WebSocketState.CONNECTED
+        and socket.application_state is WebSocketState.CONNECTED
+    ):
+        await socket.close(GOING_AWAY)
+
+
+async def _down(upstream: ClientConnection, socket: WebSocket) -> None:
+    async for message in upstream:
+        if isinstance(message, bytes):
+            await socket.send_bytes(message)
+
+
+async def _up(socket: WebSocket, upstream: ClientConnection, *, acts: bool) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] != "websocket.receive" or message.get("bytes") is None:
+            # viser speaks binary only; anything else ends this connection and no other.
+            return
+        if not acts:
+            try:
+                kind = msgspec.msgpack.decode(message["bytes"], type=_Kind).type
+            except msgspec.MsgspecError:
+                return
+            if kind != CAMERA_MESSAGE:
+                continue  # somebody who may only look says where his camera is; whatever else he says is not heard
+        await upstream.send(message["bytes"])
