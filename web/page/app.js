@@ -146,7 +146,8 @@ const loadCamera = fetcher(async () => {
   await pause(CAMERA_MS);
 });
 
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+// Around a robot that stands little changes.
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, state?.moving ? ms : 2 * ms));
 
 function loadImage(source) {
   return new Promise((resolve, reject) => {

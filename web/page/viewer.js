@@ -44,7 +44,8 @@ function follow() {
 }
 
 function open() {
-  frame = make("iframe", { id: "viewer", title: "3D view", src: `${address}/`, "data-webgl": webgl, "data-testid": "view-3d-frame" });
+  // A processor draws fewer pixels.
+  frame = make("iframe", { id: "viewer", title: "3D view", src: `${address}/${webgl === "hardware" ? "" : "?fixedDpr=0.7"}`, "data-webgl": webgl, "data-testid": "view-3d-frame" });
   frame.addEventListener("load", dress);
   panel.append(frame);
   during(new Promise((resolve) => { isLive = resolve; }), "the 3D view");

@@ -21,6 +21,8 @@ DRIVEN_Z, PATH_Z = 0.03, 0.05
 FRUSTUM_WIDTH_PX = 320
 FRUSTUM_SCALE = 0.45
 MAX_DRIVEN = 1500
+VISIBLE_M, VISIBLE_RAD = 0.002, 0.002
+"""Smallest step and turn of the robot that are sent."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -47,7 +49,7 @@ class RobotLayer:
             self._server.scene.add_label(
                 "/robot/base/state", text, position=(0.0, 0.0, 0.95), anchor="bottom-center", font_screen_scale=0.9
             )
-        if state.pose != self._pose and _is_finite(state.pose):
+        if _is_finite(state.pose) and (self._pose is None or _has_moved(state.pose, self._pose)):
             self._pose = state.pose
             half = state.pose.yaw_rad / 2
             with self._server.atomic():
@@ -160,6 +162,12 @@ class _Line:
                 self._node = None
             return
         self._node = self._server.scene.add_line_segments(self._name, ribbon(finite, z), colour, thickness=thickness)
+
+
+def _has_moved(pose: Pose2, shown: Pose2) -> bool:
+    """Whether the step from the pose shown can be seen; the pose of a robot at rest is never quite the same."""
+    turn_rad = math.remainder(pose.yaw_rad - shown.yaw_rad, math.tau)
+    return math.hypot(pose.x_m - shown.x_m, pose.y_m - shown.y_m) > VISIBLE_M or abs(turn_rad) > VISIBLE_RAD
 
 
 def _is_finite(pose: Pose2) -> bool:
