@@ -68,6 +68,7 @@ class BenchPart(StrEnum):
     SEGMENT = "segment"
     PLAN = "plan"
     CONSOLE = "console"
+    PAGE = "page"
 
 
 def point(text: str, option: str) -> tuple[float, float]:

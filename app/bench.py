@@ -14,6 +14,7 @@ from rich.table import Table
 
 from app.arguments import BenchPart
 from app.bench_console import console_table
+from app.bench_page import NoBrowser, page_table
 from app.bench_planning import run_planning_bench
 from app.bench_tick import tick_table
 from app.episode import Episode
@@ -48,6 +49,11 @@ def run_bench(parts: Sequence[BenchPart], scenario: str, seconds: float) -> None
         run_planning_bench(terminal)
     if BenchPart.CONSOLE in parts:
         terminal.print(console_table())
+    if BenchPart.PAGE in parts:
+        try:
+            terminal.print(page_table(scenario, seconds))
+        except NoBrowser as missing:
+            terminal.print(str(missing))
 
 
 def _engines() -> Table:

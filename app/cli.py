@@ -183,9 +183,9 @@ def drive(
 def bench(
     part: Annotated[list[BenchPart] | None, typer.Argument(help="What to measure; everything if left out.")] = None,
     scenario: ScenarioOption = "office",
-    seconds: Annotated[float, typer.Option(min=1.0, help="Simulated seconds to drive.")] = 30.0,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Simulated seconds to drive; for `page`, of each row.")] = 30.0,
 ) -> None:
-    """Print this machine's figures: a drive, a tick on a large map, planners, segmentation by engine, a live map."""
+    """Print this machine's figures: a drive, a tick on a large map, planners, segmentation by engine, a live map, a page."""
     from app.bench import run_bench
 
     run_bench(part or list(BenchPart), scenario, seconds)

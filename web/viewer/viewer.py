@@ -66,7 +66,7 @@ class Viewer:
         _restrict(self._server)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
-        # Cascades of shadow maps are the dearest part of a frame that a processor draws, and show nothing that an operator needs.
+        # Shadow maps are the dearest part of a frame that a processor draws, and tell an operator nothing.
         self._server.scene.configure_default_lights(cast_shadow=False)
         self._roots = {name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS}
         self._roots["candidates"].visible = False
