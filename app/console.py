@@ -25,7 +25,7 @@ from app.robots import BackEnd, recorded, simulated
 from app.segmenter import Perception, compose
 from app.segmenter_choice import SegmenterChoice
 from app.storage import Store
-from app.threads import Clockwork, Loop
+from app.threads import Clockwork, Loop, put_robot_first
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig, load_config
 from navcore.grid import GridSpec
@@ -140,6 +140,7 @@ def console(options: ConsoleOptions, *, listener: socket.socket | None = None) -
         )
         server.start()
         stack.callback(server.stop)
+        put_robot_first()
         stack.callback(loop.stop)  # again, to be the first: the robot stands before anything goes
         yield RunningConsole(url=server.url, operations=operations, password=password)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 
 from app.pilot import Intent, Pilot
-from app.threads import Loop
+from app.threads import LATER, Loop, put_robot_first
 from navcore import safety
 from navcore.beware import default_beware_list
 from navcore.config import NavigatorConfig
@@ -258,3 +260,21 @@ def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_i
     until(lambda: Cause.POSE_JUMP in rig.reasons())
     rig.pilot.trust_pose()
     until(lambda: moving(rig))
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux") or os.nice(0) >= LATER, reason="no niceness for each thread to compare"
+)
+def test_every_thread_but_the_robots_comes_later() -> None:
+    ended = threading.Event()
+    threads = {name: threading.Thread(target=ended.wait, name=name, daemon=True) for name in ("think", "command", "console")}
+    for thread in threads.values():
+        thread.start()
+    try:
+        before = os.getpriority(os.PRIO_PROCESS, threads["think"].native_id or 0)
+        put_robot_first()
+        niceness = {name: os.getpriority(os.PRIO_PROCESS, thread.native_id or 0) for name, thread in threads.items()}
+        assert niceness == {"think": before, "command": before, "console": LATER}
+        assert os.getpriority(os.PRIO_PROCESS, threading.main_thread().native_id or 0) == before
+    finally:
+        ended.set()

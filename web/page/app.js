@@ -17,7 +17,7 @@ import * as ages from "./ages.js";
 import { element, set, setText } from "./dom.js";
 import * as tiles from "./tiles.js";
 import * as understand from "./understand.js";
-import { address as viewerAddress, showViewer, tellViewer, webgl } from "./viewer.js";
+import { address as viewerAddress, hurryViewer, showViewer, tellViewer, webgl } from "./viewer.js";
 import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./view.js";
 import { showZones } from "./zones.js";
 
@@ -196,7 +196,7 @@ const link = connect(viewerAddress, {
 });
 
 function tellDraft() { link.send({ type: "draft", mode: draft.mode, corners: draft.corners, outline: drawing() ? ring() : [], path: draft.preview.slice(0, 4000) }); }
-onDraft(tellDraft);
+onDraft(() => { tellDraft(); hurryViewer(); });
 
 function show(view) {
   document.body.dataset.view = view;
@@ -221,7 +221,7 @@ element("stop").onclick = () => pressStop("console button");
 element("reset").onclick = () => attempt(() => post("/stop/reset"));
 for (const button of document.querySelectorAll("[data-mission]")) button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
 for (const button of document.querySelectorAll("[data-mode]")) button.onclick = () => setMode(button.dataset.mode);
-for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => link.send({ type: "look", at: button.dataset.look });
+for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => { link.send({ type: "look", at: button.dataset.look }); hurryViewer(); };
 for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclick = () => show(tab.dataset.view);
 const zooms = { fit: map.fit, in: () => zoom(1.3), out: () => zoom(1 / 1.3), follow: () => followRobot(!mapView.follows) };
 for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => zooms[button.dataset.zoom]();

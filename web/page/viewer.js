@@ -27,6 +27,9 @@ function drawnBy() {
 
 export function showViewer(on) { wanted = on; follow(); }
 
+// What is drawn or asked for is to be seen at once, however seldom the view is drawn else.
+export function hurryViewer() { if (wanted) frame?.contentWindow?.dispatchEvent(new Event("seen")); }
+
 // What the robot's side says: whether viser's page is connected.
 export function tellViewer(connected) {
   document.body.dataset.viewer = connected ? "live" : "gone";
