@@ -13,6 +13,7 @@
   const waiting = new Map();
   let number = 0;
   let asked = false;
+  let owed = false; // something has happened since the last frame began, however long that took
   let resting = 0;
   let actingUntil = 0;
   let awakeUntil = performance.now() + 5000; // until the scene stands
@@ -22,7 +23,7 @@
   window.framesDrawn = 0;
 
   function plan() {
-    if (asked || waiting.size === 0 || !seen() || performance.now() > awakeUntil) return;
+    if (asked || waiting.size === 0 || !seen() || (!owed && performance.now() > awakeUntil)) return;
     asked = true;
     browserFrame(run);
   }
@@ -31,6 +32,7 @@
     const draws = [...waiting.values()];
     waiting.clear();
     const began = performance.now();
+    owed = false;
     window.framesDrawn += 1;
     for (const draw of draws) { try { draw(now); } catch (error) { reportError(error); } }
     if (!software()) { asked = false; plan(); return; }
@@ -43,7 +45,7 @@
 
   function rested() { clearTimeout(resting); resting = 0; asked = false; plan(); }
 
-  function wake() { awakeUntil = Math.max(awakeUntil, performance.now() + AWAKE_MS); plan(); }
+  function wake() { owed = true; awakeUntil = Math.max(awakeUntil, performance.now() + AWAKE_MS); plan(); }
 
   function act(event) {
     wake();
