@@ -26,11 +26,11 @@ from web.api.zone_drafts import drawing_router
 from web.api.zones import zones_router
 from web.auth.access import Access
 from web.auth.audit import Auditor
-from web.auth.presence import Attendance, Unattended
+from web.auth.presence import PresenceMonitor, Unattended
 from web.gateway import problems
 from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.pages import pages_router
 from web.port import reserve
 from web.viewer.proxy import viewer_router
@@ -51,7 +51,7 @@ The state arrives by websocket at `/api/v1/events`, ten times a second and on ev
 
 
 def create_app(
-    operations: Operations,
+    operations: RobotService,
     *,
     allowed_hosts: Sequence[str],
     access: Access | None = None,
@@ -60,7 +60,7 @@ def create_app(
     """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or
     without a port."""
     access = access or Access()
-    auditor = Auditor(access.ledger)
+    auditor = Auditor(access.audit_log)
     app = FastAPI(
         title="Operator console",
         version="1",
@@ -82,8 +82,8 @@ def create_app(
     for router in (journal_router, explain_router, sightings_router):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")
-    app.include_router(access_router(access.house), prefix="/api/v1")
-    app.include_router(audit_router(access.ledger), prefix="/api/v1")
+    app.include_router(access_router(access.authenticator), prefix="/api/v1")
+    app.include_router(audit_router(access.audit_log), prefix="/api/v1")
     app.include_router(viewer_link_router(viewer), prefix="/api/v1")
     app.include_router(health_router(operations))
     app.include_router(pages_router())
@@ -92,7 +92,7 @@ def create_app(
     app.add_middleware(
         Guard,
         allowed_hosts=allowed_hosts,
-        house=access.house,
+        authenticator=access.authenticator,
         control=access.control,
         auditor=auditor,
     )
@@ -104,7 +104,7 @@ class ConsoleServer:
 
     def __init__(
         self,
-        operations: Operations,
+        operations: RobotService,
         host: str = "127.0.0.1",
         port: int = 8000,
         *,
@@ -118,7 +118,7 @@ class ConsoleServer:
         """
         self._operations, self._host, self._port = operations, host, port
         self._access = access or Access()
-        self._attendance = Attendance(operations, self._access, unattended)
+        self._presence = PresenceMonitor(operations, self._access, unattended)
         self._listener = listener
         self._allowed = (*LOOPBACK, *_names_of(host), *allowed_hosts)
         self._viewer: Viewer | None = None
@@ -145,14 +145,14 @@ class ConsoleServer:
             target=self._server.run, args=([listener],), name="console", daemon=True
         )
         self._thread.start()
-        self._attendance.start()
+        self._presence.start()
         if not self._server.up.wait(START_S):
             self.stop()
             raise RuntimeError(f"the console did not come up within {START_S:g} s")
 
     def stop(self) -> None:
         """Serve no more; open connections are closed."""
-        self._attendance.stop()
+        self._presence.stop()
         if self._server is not None:
             self._server.should_exit = True
         if self._viewer is not None:

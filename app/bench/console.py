@@ -29,8 +29,8 @@ from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Phase
 from navcore.robot.profile import HUSKY, RobotProfile
-from web.interface.operations import Operations
-from web.interface.snapshots import Cloud, Picture, State
+from web.interface.operations import RobotService
+from web.interface.snapshots import Cloud, TickSnapshot, State
 from web.server import ConsoleServer
 
 SIDE_M, CELL_M, POINTS = 150.0, 0.05, 2_000_000
@@ -61,7 +61,7 @@ class _World:
     _serial: int = 1
     _at: tuple[float, float] = (-60.0, -60.0)
     _cloud: Cloud | None = None
-    _picture: Picture | None = None
+    _picture: TickSnapshot | None = None
 
     def build(self) -> None:
         """Build two million points, most of them low, and their cells."""
@@ -109,7 +109,7 @@ class _World:
             version=self._serial,
         )
         pose = Pose2(x_m=self._at[0], y_m=self._at[1], yaw_rad=0.0)
-        self._picture = Picture(
+        self._picture = TickSnapshot(
             serial=1,
             pose=pose,
             T_map_camera=np.eye(4),
@@ -154,7 +154,7 @@ class _World:
             segmenter_warning=None,
         )
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> TickSnapshot | None:
         """Return the newest map."""
         return self._picture
 
@@ -167,7 +167,7 @@ def console_table(changes: int = CHANGES) -> Table:
     """Change the map `changes` times; return a table of latency and traffic."""
     world = _World()
     world.build()
-    server = ConsoleServer(cast(Operations, world), port=0)
+    server = ConsoleServer(cast(RobotService, world), port=0)
     server.start()
     try:
         whole, latency_ms, sent = _measured(server, world, changes)

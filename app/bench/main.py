@@ -14,6 +14,7 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.bench.console import console_table
+from app.bench.page import NoBrowser, page_table
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
@@ -61,6 +62,11 @@ def run_bench(
         terminal.print(console_table())
     if BenchPart.TRAIN in parts:
         terminal.print(training_table())
+    if BenchPart.PAGE in parts:
+        try:
+            terminal.print(page_table(scenario, seconds))
+        except NoBrowser as missing:
+            terminal.print(str(missing))
 
 
 def _engines() -> Table:

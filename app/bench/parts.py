@@ -14,3 +14,4 @@ class BenchPart(StrEnum):
     PLAN = "plan"
     CONSOLE = "console"
     TRAIN = "train"
+    PAGE = "page"

@@ -73,7 +73,7 @@ def bench(
     ] = None,
 ) -> None:
     """Measure this machine: a drive, a tick on a large map, segmentation by engine, planners, a
-    live map, training."""
+    live map, a page, training."""
     from app.bench.main import run_bench
 
     run_bench(part or list(BenchPart), scenario, seconds, maps=maps)

@@ -14,14 +14,14 @@ from navcore.errors import BadGeometry
 from navcore.grid.grid import GridSpec
 from navcore.mission.mission import Goal, Mission
 from web.interface.drafts import GoalChanges, SavedMission
-from web.interface.snapshots import Picture
+from web.interface.snapshots import TickSnapshot
 
 
 class MapView(Protocol):
     """A source of the newest map; `app.runtime.recorder.Recorder` is one."""
 
     @property
-    def picture(self) -> Picture | None:
+    def picture(self) -> TickSnapshot | None:
         """Values of the newest tick; None before the first."""
 
 

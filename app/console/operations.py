@@ -35,7 +35,7 @@ from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision, StopReason
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.operations import MissionAction
-from web.interface.snapshots import Cloud, Picture, State
+from web.interface.snapshots import Cloud, TickSnapshot, State
 
 MOVING_MPS = 1e-3
 """Commanded speed from which the robot is shown as moving, m/s or rad/s."""
@@ -50,7 +50,7 @@ TRANSITIONS = {
 
 
 class LiveOperations:
-    """Satisfies the console's port `Operations` for a running robot."""
+    """Satisfies the console's port `RobotService` for a running robot."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class LiveOperations:
             loop=intent.mission.loop,
         )
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> TickSnapshot | None:
         """Return the values of the newest tick; None before the first."""
         return self._recorder.picture
 

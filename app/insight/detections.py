@@ -101,7 +101,7 @@ class DetectionGallery:
             )
         return view
 
-    def call_wrong(self, sighting_id: int) -> None:
+    def mark_wrong(self, sighting_id: int) -> None:
         """Mark an entry as a wrong detection, on the operator's word."""
         item = self._item(sighting_id)
         with self._lock:

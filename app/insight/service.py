@@ -61,7 +61,7 @@ class Clock(Protocol):
 
 
 class LiveInsight:
-    """Satisfies the console's port `Insight` for a running robot: `start`, feed by `note_decision`
+    """Satisfies the console's port `Diagnostics` for a running robot: `start`, feed by `note_decision`
     and `note_verdict`, `stop`."""
 
     def __init__(
@@ -169,11 +169,11 @@ class LiveInsight:
             chosen=decision.motion.arc,
         )
 
-    def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
+    def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
         view = self.detections.view(sighting_id)
         self.labelling.add(view, names=self._names(class_name), said=class_name)
-        self.detections.call_wrong(sighting_id)
+        self.detections.mark_wrong(sighting_id)
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
         self.event_log.note(
             self._now_s(),
@@ -190,7 +190,7 @@ class LiveInsight:
         self._snapshots.append(self._decision)
         return self._decision.frame.stamp_ns
 
-    def snapshot_picture(self, snapshot: int) -> bytes:
+    def snapshot_image(self, snapshot: int) -> bytes:
         """Return the JPEG of a held image; raises `NotKnown`."""
         return camera_jpg(self._held(snapshot).frame.rgb)
 

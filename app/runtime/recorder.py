@@ -14,7 +14,7 @@ from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.planning.route import Route, read_only
 from navcore.safety.gate import GateDecision
-from web.interface.snapshots import Cloud, Picture
+from web.interface.snapshots import Cloud, TickSnapshot
 
 CLOUD_PERIOD_S = 1.0
 """Time between two copies of the point cloud, seconds."""
@@ -38,7 +38,7 @@ class Recorder:
         self._reporter = RunReporter(
             store=store, referee=referee, scenario=scenario, robot=controller.profile.name
         )
-        self.picture: Picture | None = None
+        self.picture: TickSnapshot | None = None
         """Values of the newest tick; None before the first."""
         self.cloud: Cloud | None = None
         """Points of the map; None before the first tick."""
@@ -108,7 +108,7 @@ class Recorder:
             self._driven_points = read_only(np.array(self._driven))
         self.pose = pose
 
-    def _picture_of(self, decision: TickResult) -> Picture:
+    def _picture_of(self, decision: TickResult) -> TickSnapshot:
         frame, occupancy, route = decision.frame, decision.occupancy, decision.route
         key = (occupancy.version, self.explored_m2)
         if key != self._floor_key:
@@ -116,7 +116,7 @@ class Recorder:
             self._floor_version += 1
         empty: Points = np.empty((0, 2))
         world = self._controller.navigator.map
-        return Picture(
+        return TickSnapshot(
             serial=frame.stamp_ns,
             pose=frame.pose,
             T_map_camera=frame.T_map_camera,

@@ -118,7 +118,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
         loop.start()
         stack.callback(loop.stop)
         stack.callback(ended.set)
-        server = ConsoleServer(operations, port=0, access=access or Access(ledger=store.audit))
+        server = ConsoleServer(operations, port=0, access=access or Access(audit_log=store.audit))
         server.start()
         stack.callback(server.stop)
         console = BenchConsole(

@@ -15,8 +15,7 @@ from app.console.application import ConsoleOptions, RunningConsole, console
 from app.runtime.segmenter_choice import SegmenterChoice
 
 BY_COLOUR = SegmenterChoice(kind="colour")
-"""Most of what a console does needs no network, and its tests run on two processors beside a
-browser."""
+"""Most functions of a console need no network, and the tests run on two cores beside a browser."""
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +35,14 @@ def running(data: Path) -> Iterator[RunningConsole]:
 
 @pytest.fixture
 def client(running: RunningConsole) -> Iterator[httpx.Client]:
-    """A program that talks to it; leaves nothing behind."""
+    """A client program; its changes are undone afterwards."""
     with httpx.Client(base_url=running.url, trust_env=False, timeout=30.0) as program:
         yield program
         tidy(program)
 
 
 def tidy(program: httpx.Client) -> None:
-    """No goals, no zones, no stop, every class of the beware list on."""
+    """Remove goals, zones and the emergency stop, and enable every class of the beware list."""
     program.post("/api/v1/stop/reset")
     program.post("/api/v1/mission/cancel")
     for zone in program.get("/api/v1/zones").json()["features"]:
@@ -55,12 +54,11 @@ def tidy(program: httpx.Client) -> None:
 def state_when(
     program: httpx.Client, holds: Callable[[dict[str, Any]], bool], patience_s: float = 60.0
 ) -> dict[str, Any]:
-    """The first state for which something holds; fails with the last one seen when none comes in
-    time."""
+    """Return the first state for which a condition holds; fails with the last state after a time."""
     deadline = time.monotonic() + patience_s
     while True:
         state: dict[str, Any] = program.get("/api/v1/state").json()
         if holds(state):
             return state
-        assert time.monotonic() < deadline, f"it never came about; the last state was {state}"
+        assert time.monotonic() < deadline, f"it never happened; the last state was {state}"
         time.sleep(0.05)

@@ -58,7 +58,7 @@ def test_an_operator_draws_a_zone_picks_a_goal_and_sees_the_robot_arrive_round_i
         client.get("/api/v1/zones").json()["features"][0]["geometry"]["coordinates"][0]
     )
     assert zone.area == pytest.approx(0.64, rel=0.2)
-    # Half the robot's width is the least its middle keeps from the zone, whichever way it stands.
+    # The robot's centre keeps at least half its width from the zone in any orientation.
     assert min(zone.distance(shapely.Point(pose["x_m"], pose["y_m"])) for pose in positions) > 0.35
     run = client.get("/api/v1/runs").json()[0]
     assert (run["goals_reached"], run["zone_intrusions"], run["collisions"]) == (1, 0, 0)

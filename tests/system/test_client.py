@@ -8,7 +8,7 @@ from app.console.application import RunningConsole
 from app.examples.client import main
 
 
-def test_the_example_fences_off_a_floor_drives_to_its_goal_stops_and_tidies_up(
+def test_the_example_draws_a_zone_drives_to_its_goal_stops_and_tidies_up(
     running: RunningConsole, client: httpx.Client
 ) -> None:
     assert main(running.url, -2.5, 1.0) == 0

@@ -14,20 +14,19 @@ from app.console.operations import LiveOperations
 from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.safety.gate import gate
 from tests.reliability import fault_runs, hostile, startup, storage, teleop
-from web.api import control as control_api
+from web.api import control
 from web.gateway import problems
 
 NEVER_NS = 10**15
 
 
-def test_row_12_the_emergency_stop_holds_whatever_else_is_asked_for() -> None:
+def test_row_12_the_emergency_stop_holds_against_all_other_requests() -> None:
     figure = teleop.emergency_stops(4)
-    assert "0 missed" in figure.measured, (
-        figure.measured
-    )  # how quick it is, is measured by `make reliability`
+    # Its latency is measured by `make reliability`.
+    assert "0 missed" in figure.measured, figure.measured
 
 
-def test_row_12_without_the_latch_the_hand_drives_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_12_without_the_latch_teleoperation_drives_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LiveOperations, "stop", lambda self, source: None)
     monkeypatch.setattr("tests.reliability.console_rig.TIMEOUT_S", 2.0)
     with pytest.raises(RuntimeError, match="did not hold within"):
@@ -41,11 +40,11 @@ def test_row_13_a_page_that_is_closed_frozen_or_cut_off_moves_nothing() -> None:
     assert worst_s < teleop.WATCH_S, figure.measured
 
 
-def test_row_13_without_expiry_it_goes_on_moving(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_13_without_expiry_it_continues_to_move(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", NEVER_NS)
     endless = SafetyConfig(gate=GateConfig(command_life_s=1e6))
     monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate, config=endless))
-    monkeypatch.setattr(control_api.Hand, "let_go", lambda self: None)
+    monkeypatch.setattr(control.TeleopSession, "let_go", lambda self: None)
     monkeypatch.setattr("tests.reliability.console_rig.TIMEOUT_S", 2.0)
     with pytest.raises(RuntimeError, match="did not hold within"):
         teleop.lost_teleop(1)
@@ -65,7 +64,7 @@ def test_row_17_the_wall_clock_changes_no_command() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_17_a_drive_that_asks_the_wall_clock_is_changed(
+def test_row_17_a_drive_that_reads_the_wall_clock_is_changed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     honest = fault_runs.fault_run
@@ -84,7 +83,7 @@ def test_row_19_every_key_is_checked_and_named() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_19_a_reader_that_takes_anything_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_19_a_reader_that_accepts_anything_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(startup, "load_beware_list", lambda path: None)
     assert not startup.bad_values(1).met
 
@@ -102,17 +101,19 @@ def test_row_22_a_refusal_that_echoes_what_was_sent_fails(monkeypatch: pytest.Mo
     assert not hostile.hostile_requests(40).met
 
 
-def test_row_23_hostile_frames_harm_nobody_else() -> None:
+def test_row_23_hostile_frames_harm_no_other_client() -> None:
     figure = hostile.hostile_frames(40)
     assert figure.met, figure.measured
 
 
-def test_row_24_no_stranger_gets_past_the_door() -> None:
+def test_row_24_no_foreign_request_is_accepted() -> None:
     figure = hostile.foreign_requests(100)
     assert figure.met, figure.measured
 
 
-def test_row_24_without_a_look_at_host_and_origin_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_row_24_without_the_check_of_host_and_origin_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(
         "web.gateway.guard.refusal_of_strangers", lambda scope, headers, hosts: None
     )

@@ -1,5 +1,5 @@
-"""A person walks across the robot's path: it yields, as the referee sees it, and without care it
-would have met the person."""
+"""A person walks across the robot's path: it yields, as the referee judges; without the tracker it
+almost hits them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def drive() -> dict[str, Any]:
     return drive_crossing(7, beware=default_beware_list(), max_time_s=40.0)
 
 
-def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(
+def test_the_robot_yields_to_a_person_who_crosses_its_path_and_reaches_its_goal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     report = drive()
@@ -28,7 +28,7 @@ def test_the_robot_yields_to_somebody_who_crosses_its_way_and_reaches_its_goal(
     assert drive()["min_clearance_m"] < 0.03
 
 
-def test_every_crossing_meets_a_robot_without_care_and_the_same_seed_draws_the_same() -> None:
+def test_every_crossing_hits_an_undisturbed_robot_and_the_same_seed_draws_the_same() -> None:
     drawn = [draw_crossing(seed) for seed in range(60)]
     assert all(crossing.hits_undisturbed_robot() for crossing in drawn)
     assert drawn == [draw_crossing(seed) for seed in range(60)]

@@ -26,7 +26,7 @@ from_s = 20.0
 """
 
 
-def test_a_jump_of_odometry_is_told_latched_and_accepted_by_a_reset(tmp_path: Path) -> None:
+def test_a_jump_of_odometry_is_reported_latched_and_accepted_by_a_reset(tmp_path: Path) -> None:
     world = tmp_path / "faulty.toml"
     world.write_text(
         (WORLDS / "empty_room.toml").read_text(encoding="utf-8") + FAULTS, encoding="utf-8"

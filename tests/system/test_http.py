@@ -168,7 +168,7 @@ def test_bad_input_is_refused_by_what_is_wrong_and_nothing_stored_is_lost(
     assert client.get("/api/v1/state").json()["queue"] == []
 
 
-def test_a_goal_inside_something_known_is_refused_and_says_what_it_is(client: httpx.Client) -> None:
+def test_a_goal_inside_a_known_obstacle_is_refused_with_its_kind(client: httpx.Client) -> None:
     client.post("/api/v1/zones", json=square(2.0, -3.0))
     state_when(
         client,
@@ -180,7 +180,7 @@ def test_a_goal_inside_something_known_is_refused_and_says_what_it_is(client: ht
     assert client.post("/api/v1/goals", json={"x_m": 2.3, "y_m": -2.7}).status_code == 422
 
 
-def test_numbers_that_are_none_are_refused(client: httpx.Client) -> None:
+def test_values_that_are_not_finite_are_refused(client: httpx.Client) -> None:
     for text in (
         '{"x_m": NaN, "y_m": 0}',
         '{"x_m": 1e999, "y_m": 0}',
@@ -201,7 +201,7 @@ def test_the_state_streams_at_five_hertz_or_more(running: RunningConsole) -> Non
     assert (stamps[-1] - stamps[0]) / (len(stamps) - 1) <= 0.2
 
 
-def test_pictures_cloud_and_metrics_are_served(client: httpx.Client) -> None:
+def test_images_cloud_and_metrics_are_served(client: httpx.Client) -> None:
     assert decoded(client, "map.pgm").shape == (180, 180)
     assert decoded(client, "map.png").ndim == 3
     assert client.get("/api/v1/camera.jpg?overlay=segmentation").content[:2] == b"\xff\xd8"

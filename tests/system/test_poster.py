@@ -1,8 +1,7 @@
-"""Depth and colour decide together what is real: the robot drives over a print of a cup and keeps
-off a cup.
+"""Depth and colour together: the robot drives over a print of a cup and avoids a real cup.
 
-With the network that ships. A wall has one door, in which the print lies: who takes it for a cup
-finds no way through.
+With the shipped network. A wall has one door with the print in it: a robot that takes the print for
+a cup finds no path.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The console before a recording: its map grows, a path is planned on it, and a damaged picture is
-told by name."""
+"""The console with a recording: its map grows, a path is planned on it, and a damaged image is
+reported by name."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def test_the_console_plays_a_recording_and_plans_on_its_map(tmp_path: Path) -> N
         assert "pose_jump" not in _codes(program.get("/api/v1/state").json())
 
 
-def test_a_damaged_picture_of_a_recording_is_told_by_name_and_it_goes_on(tmp_path: Path) -> None:
+def test_a_damaged_image_of_a_recording_is_reported_by_name_and_it_continues(
+    tmp_path: Path,
+) -> None:
     folder = write_recording(tmp_path / "walk", np.eye(4))
     (folder / "frame-000020.depth.png").write_bytes(b"no picture")
     options = ConsoleOptions(

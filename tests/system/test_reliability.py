@@ -14,8 +14,7 @@ from app.runtime.robot_controller import RobotController
 from navcore import navigator
 from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.mission.zone import Zone
-from navcore.safety import gate as safety
-from navcore.safety import sensor_monitor as senses
+from navcore.safety import gate, sensor_monitor
 from sim.robot import skid_steer
 from tests.reliability import planning, stopping
 from tests.reliability.main import ROWS, measure_reliability
@@ -25,9 +24,9 @@ NEVER_NS = 10**15
 
 @pytest.fixture
 def no_expiry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A gate for which nothing grows old."""
+    """A gate for which nothing expires."""
     endless = SafetyConfig(gate=GateConfig(command_life_s=1e6, frame_life_s=1e6))
-    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(safety.gate, config=endless))
+    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate.gate, config=endless))
 
 
 def test_row_1_a_camera_that_fails_in_any_way_stops_the_robot_and_is_named() -> None:
@@ -40,7 +39,7 @@ def test_row_1_without_expiry_the_robot_drives_on_blind() -> None:
     assert not stopping.silent_camera(2).met
 
 
-def test_row_2_a_hung_planner_is_outlived_by_no_command() -> None:
+def test_row_2_no_command_outlives_a_hung_planner() -> None:
     figure = stopping.hung_planner(2)
     assert figure.met, figure.measured
 
@@ -71,15 +70,15 @@ def test_row_4_without_the_check_they_do(monkeypatch: pytest.MonkeyPatch) -> Non
         assert not stopping.malformed_frames(27).met
 
 
-def test_row_5_odometry_and_stamps_that_cannot_be_stop_the_robot_and_spare_the_map() -> None:
+def test_row_5_implausible_odometry_and_stamps_stop_the_robot_and_spare_the_map() -> None:
     figure = stopping.jumping_odometry(4)
     assert figure.met, figure.measured
 
 
-def test_row_5_without_the_doubt_a_jump_is_driven_on_and_mapped(
+def test_row_5_without_the_check_a_jump_is_driven_on_and_mapped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(senses, "_jumped", lambda before, after, reach: False)
+    monkeypatch.setattr(sensor_monitor, "_jumped", lambda before, after, reach: False)
     assert not stopping.jumping_odometry(1).met
 
 
@@ -88,7 +87,7 @@ def test_row_5_a_clean_drive_raises_no_false_alarm() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_6_a_segmentation_that_fails_is_outlived() -> None:
+def test_row_6_a_failing_segmentation_is_survived() -> None:
     figure = stopping.failing_segmentation(3)
     assert figure.met, figure.measured
 
@@ -116,7 +115,7 @@ def test_row_8_each_impossible_goal_has_a_reason_of_its_own() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_8_by_the_planners_word_alone_two_of_them_are_the_same(
+def test_row_8_by_the_planners_reason_alone_two_of_them_are_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
@@ -155,7 +154,7 @@ def test_row_11_the_gate_alone_stops_before_what_appears() -> None:
 def test_row_11_without_the_time_to_contact_the_robot_runs_into_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(safety, "time_to_contact", lambda *_: math.inf)
+    monkeypatch.setattr(gate, "time_to_contact", lambda *_: math.inf)
     assert not planning.sudden_obstacle(1).met
 
 

@@ -1,4 +1,4 @@
-"""Log, explanation, sightings and figures of the running simulator."""
+"""Event log, explanation, detections and time series of the running simulator."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ WALL = {
 def answer_when(
     program: httpx.Client, path: str, holds: Callable[[Any], bool], patience_s: float = 60.0
 ) -> Any:
-    """The first answer for which something holds."""
+    """Return the first answer for which a condition holds."""
     deadline = time.monotonic() + patience_s
     while not holds(answer := program.get(f"/api/v1/{path}").json()):
         assert time.monotonic() < deadline, (
-            f"it never came about; the last answer was {answer!s:.2000}"
+            f"it never happened; the last answer was {answer!s:.2000}"
         )
         time.sleep(0.1)
     return answer
@@ -72,7 +72,7 @@ def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
     )
 
 
-def test_a_thing_that_was_missed_is_put_into_a_data_set_for_the_next_training(
+def test_a_missed_object_is_added_to_a_data_set_for_the_next_training(
     client: httpx.Client, data: Path
 ) -> None:
     snapshot = client.post("/api/v1/sightings/snapshots").json()["snapshot"]

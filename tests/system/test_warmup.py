@@ -1,5 +1,4 @@
-"""Nothing is compiled while a robot drives: what Python calls of the compiled code, `warm_up` has
-called before."""
+"""Nothing is compiled while a robot drives: `warm_up` has called every kernel that Python calls."""
 
 from __future__ import annotations
 
@@ -66,7 +65,7 @@ def report() -> None:
 
 
 def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
-    # In a process of its own: in this one other tests have called them.
+    # In a process of its own: in this one other tests have called the kernels.
     ran = subprocess.run(
         [sys.executable, "-c", "from tests.system.test_warmup import report; report()"],
         capture_output=True,

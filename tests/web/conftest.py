@@ -61,7 +61,7 @@ class Accounts:
 
     def visitor(self, name: str) -> Visitor:
         """The same as the door sees it."""
-        return Visitor(name=name, role=Role(name), seat=f"program {name}")
+        return Visitor(name=name, role=Role(name), client_id=f"program {name}")
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from web.interface.insight import (
 
 
 class FakeInsight:
-    """Satisfies `web.insight.Insight`."""
+    """Satisfies `web.insight.Diagnostics`."""
 
     def __init__(self, case: Callable[[], ExplanationQuery], place: Callable[[], Pose2]) -> None:
         self._case, self._place = case, place
@@ -63,10 +63,10 @@ class FakeInsight:
         )
         return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
-    def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
+    def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """As the port says."""
         self.detections.crop(sighting_id)
-        self.detections.call_wrong()
+        self.detections.mark_wrong()
         self.taught.append((class_name, None))
         return self.labelling.state()
 
@@ -74,7 +74,7 @@ class FakeInsight:
         """Always the same."""
         return 7
 
-    def snapshot_picture(self, snapshot: int) -> bytes:
+    def snapshot_image(self, snapshot: int) -> bytes:
         """A picture with a bright thing in it."""
         if snapshot != 7:
             raise NotKnown("this picture is not held")
@@ -86,7 +86,7 @@ class FakeInsight:
         self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
     ) -> LabellingState:
         """As the port says."""
-        self.snapshot_picture(snapshot)
+        self.snapshot_image(snapshot)
         self.taught.append((class_name, box))
         return self.labelling.state()
 
@@ -120,7 +120,7 @@ class FakeDetections:
         """As the port says."""
         return {} if self._sighting.verdict else {3: 1}
 
-    def call_wrong(self) -> None:
+    def mark_wrong(self) -> None:
         """Mark the cup as wrong."""
         self._sighting = replace(self._sighting, verdict="wrong")
 

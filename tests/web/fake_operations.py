@@ -42,7 +42,7 @@ from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.operations import MissionAction
-from web.interface.snapshots import Cloud, Picture, State
+from web.interface.snapshots import Cloud, State, TickSnapshot
 
 SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
 INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
@@ -55,7 +55,7 @@ BOX_PIXELS = (slice(60, 90), slice(20, 70))
 
 
 class FakeOperations:
-    """Satisfies `web.port.Operations`; `step` moves the robot along its path."""
+    """Satisfies `web.port.RobotService`; `step` moves the robot along its path."""
 
     def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
         self._lock = threading.RLock()
@@ -134,7 +134,7 @@ class FakeOperations:
                 loop=self._intent.mission.loop,
             )
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> TickSnapshot | None:
         """The newest tick's values."""
         with self._lock:
             return self._picture
@@ -293,7 +293,7 @@ class FakeOperations:
             return self._intent
 
     @property
-    def _picture(self) -> Picture:
+    def _picture(self) -> TickSnapshot:
         assert self.view.picture is not None
         return self.view.picture
 
@@ -354,7 +354,7 @@ class FakeOperations:
                     outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
                 )
         rgb, labels = _frame()
-        self.view.picture = Picture(
+        self.view.picture = TickSnapshot(
             serial=counts["serial"],
             pose=self._pose,
             T_map_camera=self._pose.matrix() @ T_BASE_CAMERA,
@@ -380,7 +380,7 @@ class FakeOperations:
 class FakeView:
     """The newest map."""
 
-    picture: Picture | None = None
+    picture: TickSnapshot | None = None
 
 
 class MemoryStore:

@@ -7,14 +7,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
-from web.auth.audit import Ledger, is_deep
+from web.auth.audit import AuditLog, is_deep
 from web.gateway.problems import JsonResponse
 from web.schemas.convert import finite
 
 LARGEST_ID = 2**53
 
 
-def audit_router(ledger: Ledger | None) -> APIRouter:
+def audit_router(audit_log: AuditLog | None) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["access"], default_response_class=JsonResponse)
 
@@ -37,8 +37,8 @@ def audit_router(ledger: Ledger | None) -> APIRouter:
         """
         entries = (
             []
-            if ledger is None
-            else ledger.newest(count, before=before, who=who, since=since, until=until)
+            if audit_log is None
+            else audit_log.newest(count, before=before, who=who, since=since, until=until)
         )
         shown = (
             {**entry, "detail": "nested too deep"} if is_deep(entry.get("detail")) else entry

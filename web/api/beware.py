@@ -10,7 +10,7 @@ from navcore.errors import Outdated, Refused
 from navcore.mission.beware_list import OPTIONAL, BewareClass, BewareList, ColourRule, as_toml
 from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import RESPONSES, JsonResponse
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.schemas.beware import BewareClassIn, BewareListIn, BewarePatchIn, ColourRuleIn
 from web.schemas.convert import beware_of
 from web.schemas.fields import MAX_NAME
@@ -24,7 +24,7 @@ Force = Annotated[
 ]
 
 
-def beware_router(operations: Operations) -> APIRouter:
+def beware_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["beware list"], default_response_class=JsonResponse)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Response
 
 from web.gateway.problems import RESPONSES, JsonResponse
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.schemas.insight import (
     ExampleIn,
     LabellingOut,
@@ -25,7 +25,7 @@ _REFUSALS: dict[int | str, dict[str, Any]] = {
 }
 
 
-def sightings_router(operations: Operations) -> APIRouter:
+def sightings_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
 
@@ -55,10 +55,10 @@ def sightings_router(operations: Operations) -> APIRouter:
         return Response(operations.insight.detections.crop(sighting_id), media_type="image/jpeg")
 
     @router.post("/sightings/{sighting_id}/wrong", response_model=LabellingOut, responses=_REFUSALS)
-    def call_wrong(sighting_id: SightingId, body: WrongIn) -> LabellingOut:
+    def mark_wrong(sighting_id: SightingId, body: WrongIn) -> LabellingOut:
         """It is something else, or nothing of the list: its frame goes into the labelling folder,
         corrected."""
-        return LabellingOut(**asdict(operations.insight.call_wrong(sighting_id, body.class_name)))
+        return LabellingOut(**asdict(operations.insight.mark_wrong(sighting_id, body.class_name)))
 
     @router.post("/sightings", status_code=201, response_model=LabellingOut, responses=_REFUSALS)
     def add_example(body: ExampleIn) -> LabellingOut:
@@ -86,6 +86,6 @@ def sightings_router(operations: Operations) -> APIRouter:
     )
     def get_snapshot(snapshot: SightingId) -> Response:
         """A held picture."""
-        return Response(operations.insight.snapshot_picture(snapshot), media_type="image/jpeg")
+        return Response(operations.insight.snapshot_image(snapshot), media_type="image/jpeg")
 
     return router

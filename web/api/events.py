@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 
 from web.gateway.websockets import until_gone, until_one_ends
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.interface.snapshots import State
 from web.schemas.convert import state_of
 
@@ -19,7 +19,7 @@ PERIOD_S = 0.1
 """Longest time between two messages."""
 
 
-def events_router(operations: Operations) -> APIRouter:
+def events_router(operations: RobotService) -> APIRouter:
     """The websocket below `/api/v1`."""
     router = APIRouter()
 
@@ -32,7 +32,7 @@ def events_router(operations: Operations) -> APIRouter:
     return router
 
 
-async def _send(socket: WebSocket, operations: Operations) -> None:
+async def _send(socket: WebSocket, operations: RobotService) -> None:
     clock = asyncio.get_running_loop().time
     sent_at, sent = -PERIOD_S, None
     while True:

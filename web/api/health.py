@@ -9,12 +9,12 @@ from fastapi import APIRouter, Response
 
 from navcore.mission.mission import Phase
 from web.gateway.problems import JsonResponse
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.interface.snapshots import State
 from web.schemas.responses import HealthOut
 
 
-def health_router(operations: Operations) -> APIRouter:
+def health_router(operations: RobotService) -> APIRouter:
     """Routes at the top."""
     router = APIRouter(tags=["health"], default_response_class=JsonResponse)
 

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Query
 
 from web.gateway.problems import RESPONSES, JsonResponse
 from web.interface.insight import Explanation, Kind
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.schemas.convert import track
 from web.schemas.insight import (
     AlternativeOut,
@@ -32,7 +32,7 @@ from web.schemas.responses import Figure
 THINNED = 4
 
 
-def explain_router(operations: Operations) -> APIRouter:
+def explain_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`. Plain functions on purpose: they run in the server's pool, beside
     everything that drives."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
@@ -117,7 +117,7 @@ def _out(explanation: Explanation) -> ExplanationOut:
 MAX_LIMIT = 1000
 
 
-def journal_router(operations: Operations) -> APIRouter:
+def journal_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
 

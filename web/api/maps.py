@@ -10,7 +10,7 @@ from navcore.geometry.transform import Pose2
 from navcore.perception.people.track import Track
 from web.gateway.problems import RESPONSES, JsonResponse
 from web.images.encode import (
-    Newest,
+    LatestOnly,
     camera_jpg,
     cells_png,
     cloud_ply,
@@ -18,11 +18,11 @@ from web.images.encode import (
     map_pgm,
     map_png,
     map_yaml,
-    overlaid,
+    with_overlay,
 )
-from web.images.tiles import TILE, TileVersions, newer, part_of
-from web.interface.operations import Operations
-from web.interface.snapshots import Picture
+from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
+from web.interface.operations import RobotService
+from web.interface.snapshots import TickSnapshot
 from web.schemas.convert import finite, track, zone_of
 from web.schemas.poses import PosesIn
 from web.schemas.responses import MapOut, NumberedPoseOut, PathOut, PersonOut, PosesOut, TilesOut
@@ -32,13 +32,13 @@ TileIndex = Annotated[int, Path(ge=0, le=10_000)]
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
-def maps_router(operations: Operations) -> APIRouter:
+def maps_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
-    png, camera, labelled, ply = Newest[bytes](), Newest[bytes](), Newest[bytes](), Newest[bytes]()
+    png, camera, labelled, ply = LatestOnly[bytes](), LatestOnly[bytes](), LatestOnly[bytes](), LatestOnly[bytes]()
     tiles = TileVersions()
 
-    def newest() -> Picture:
+    def newest() -> TickSnapshot:
         picture = operations.picture()
         if picture is None:
             raise HTTPException(404, "the camera has delivered no picture yet")
@@ -77,11 +77,11 @@ def maps_router(operations: Operations) -> APIRouter:
     ) -> TilesOut:
         """Which tiles of the map have changed since an answer before; row 0 lies at the smallest y."""
         picture = newest()
-        version, versions = tiles.follow(picture, operations.beware.list)
+        version, versions = tiles.update(picture, operations.beware.list)
         spec = picture.grid_spec
         # A version from before a restart of the console is newer than the newest: then everything
         # is.
-        changed = list(newer(versions, since if since <= version else 0))
+        changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
             version=version,
             tile_cells=TILE,
@@ -102,7 +102,7 @@ def maps_router(operations: Operations) -> APIRouter:
         picture = newest()
         if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
             raise HTTPException(404, "the map has no such tile")
-        return Response(cells_png(picture, part_of((row, col), picture)), media_type="image/png")
+        return Response(cells_png(picture, tile_cells((row, col), picture)), media_type="image/png")
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
     def get_map_pgm() -> Response:
@@ -149,7 +149,7 @@ def maps_router(operations: Operations) -> APIRouter:
             data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
         else:
             data = labelled.get(
-                (picture.serial, beware.version), lambda: camera_jpg(overlaid(picture, beware))
+                (picture.serial, beware.version), lambda: camera_jpg(with_overlay(picture, beware))
             )
         return Response(data, media_type="image/jpeg")
 
@@ -195,7 +195,7 @@ def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) 
     )
 
 
-def poses_router(operations: Operations) -> APIRouter:
+def poses_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
 

@@ -11,17 +11,17 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 
-from web.api.control import stopped_by
+from web.api.control import stop_source
 from web.auth.roles import CurrentVisitor
 from web.gateway.problems import RESPONSES, JsonResponse
-from web.interface.operations import MissionAction, Operations
+from web.interface.operations import MissionAction, RobotService
 from web.schemas.convert import goals, mission_of, state_of
 from web.schemas.fields import MAX_NAME, Name
 from web.schemas.mission import GoalIn, GoalOrderIn, GoalPatchIn, LoopIn
 from web.schemas.responses import GoalOut, MissionOut, SavedMissionOut, StateOut
 
 
-def mission_router(operations: Operations) -> APIRouter:
+def mission_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["mission"], default_response_class=JsonResponse)
 
@@ -113,7 +113,7 @@ def mission_router(operations: Operations) -> APIRouter:
         asked for. `by` says by what means, for the operators' eyes.
         """
         by = by if by.isprintable() and by.strip() else "REST"
-        operations.stop(stopped_by(visitor, by))
+        operations.stop(stop_source(visitor, by))
         return state_of(operations)
 
     @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))

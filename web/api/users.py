@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 
 from navcore.errors import NotKnown, Refused
-from web.auth.authenticator import House, LockedHouse
+from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.roles import CurrentVisitor, Role
 from web.auth.users import User, hash_password, is_password, new_token, new_user
 from web.gateway.problems import RESPONSES, JsonResponse
@@ -21,14 +21,14 @@ _REFUSALS: dict[int | str, dict[str, Any]] = {
 UserName = Annotated[str, Path(max_length=40)]
 
 
-def access_router(house: House) -> APIRouter:
+def access_router(authenticator: Authenticator) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["access"], default_response_class=JsonResponse)
 
-    def locked() -> LockedHouse:
-        if not isinstance(house, LockedHouse):
+    def locked() -> PasswordAuthenticator:
+        if not isinstance(authenticator, PasswordAuthenticator):
             raise Refused("this console serves its own machine without a log-in; it has no users")
-        return house
+        return authenticator
 
     def user(name: str) -> User:
         for known in locked().users.all():

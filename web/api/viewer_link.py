@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from web.auth.roles import CurrentVisitor, Role
 from web.gateway.websockets import until_one_ends
-from web.viewer.messages import PageMessage, Show
+from web.viewer.messages import DisplayOptions, PageMessage
 from web.viewer.page_link import PAGE_ID, PageLink
 from web.viewer.viewer import Viewer
 
@@ -62,6 +62,6 @@ async def _listen(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool
             return
         wish = PageMessage.validate_json(message.get("text") or "")
         if acts or not isinstance(
-            wish, Show
+            wish, DisplayOptions
         ):  # the scene is shown alike to everybody, so it is not a viewer's to change
             viewer.receive(page_id, wish)

@@ -18,10 +18,10 @@ from navcore.mapping.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.gateway.problems import RESPONSES, JsonResponse
-from web.images.encode import bewared
+from web.images.encode import beware_mask
 from web.interface.drafts import PathPreview, Preview, ZoneDraft
-from web.interface.operations import Operations
-from web.interface.snapshots import Picture
+from web.interface.operations import RobotService
+from web.interface.snapshots import TickSnapshot
 from web.schemas.convert import track, zones_of
 from web.schemas.drafts import PixelIn, PreviewIn
 from web.schemas.fields import MAX_NAME
@@ -32,11 +32,11 @@ _BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
 _IMPORTS = {**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]}
 
 
-def drawing_router(operations: Operations) -> APIRouter:
+def drawing_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
 
-    def newest() -> Picture:
+    def newest() -> TickSnapshot:
         picture = operations.picture()
         if picture is None:
             raise HTTPException(404, "the camera has delivered no picture yet")
@@ -125,7 +125,7 @@ def drawing_router(operations: Operations) -> APIRouter:
         found = region_at(
             min(int(pixel.down * height), height - 1),
             min(int(pixel.right * width), width - 1),
-            class_ids=np.where(bewared(picture, beware), picture.labels, np.uint8(0)),
+            class_ids=np.where(beware_mask(picture, beware), picture.labels, np.uint8(0)),
             depth_m=picture.depth_m,
             intrinsics=picture.intrinsics,
             T_map_camera=picture.T_map_camera,

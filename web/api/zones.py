@@ -10,7 +10,7 @@ from navcore.errors import NotKnown, Outdated
 from navcore.mission.zone import Zone
 from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import RESPONSES, JsonResponse
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.schemas.convert import zone_of, zones_of
 from web.schemas.fields import Name
 from web.schemas.responses import ZoneOut, ZoneSetOut, ZonesOut
@@ -21,7 +21,7 @@ SetName = Annotated[Name, Path()]
 _EDITS = {**_BY_STATUS[404], **_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]}
 
 
-def zones_router(operations: Operations) -> APIRouter:
+def zones_router(operations: RobotService) -> APIRouter:
     """Routes below `/api/v1`."""
     router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
 

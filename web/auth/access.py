@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from web.auth.audit import Ledger
-from web.auth.authenticator import House, LockedHouse, OpenHouse
-from web.auth.control_lease import Control
+from web.auth.audit import AuditLog
+from web.auth.authenticator import AnonymousAuthenticator, Authenticator, PasswordAuthenticator
+from web.auth.control_lease import ControlLeases
 from web.auth.users import Users
 
 
@@ -15,14 +15,14 @@ class Access:
     """All of it for one console; by default everybody who reaches it may do everything, one at a
     time drives."""
 
-    house: House = field(default_factory=OpenHouse)
+    authenticator: Authenticator = field(default_factory=AnonymousAuthenticator)
     """How visitors are recognised."""
-    control: Control = field(default_factory=Control)
+    control: ControlLeases = field(default_factory=ControlLeases)
     """Who drives."""
-    ledger: Ledger | None = None
+    audit_log: AuditLog | None = None
     """Where it is put down who did what; None to forget it."""
 
     @staticmethod
-    def by_login(users: Users, ledger: Ledger | None = None) -> Access:
+    def by_login(users: Users, audit_log: AuditLog | None = None) -> Access:
         """Only for those who log in, or send a token."""
-        return Access(house=LockedHouse(users), ledger=ledger)
+        return Access(authenticator=PasswordAuthenticator(users), audit_log=audit_log)

@@ -22,7 +22,7 @@ _SILENT = {"/api/v1/preview"}
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
-class Ledger(Protocol):
+class AuditLog(Protocol):
     """Where it is put down."""
 
     def add(self, entry: Mapping[str, Any]) -> int:
@@ -44,13 +44,13 @@ class Ledger(Protocol):
 class Auditor:
     """Puts things down in a thread of its own kind, so that no disk holds up the loop."""
 
-    def __init__(self, ledger: Ledger | None) -> None:
-        self.ledger = ledger
+    def __init__(self, audit_log: AuditLog | None) -> None:
+        self.audit_log = audit_log
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
         """A `send` that puts the request down before its answer goes out, and the emergency stop
         right after it."""
-        if self.ledger is None or scope["method"] in SAFE or scope["path"] in _SILENT:
+        if self.audit_log is None or scope["method"] in SAFE or scope["path"] in _SILENT:
             return send
 
         async def watched(message: Message) -> None:
@@ -65,10 +65,10 @@ class Auditor:
 
     async def note(self, entry: Mapping[str, Any]) -> None:
         """Put it down; a disk that does not take it is no reason to refuse what was done."""
-        if self.ledger is None:
+        if self.audit_log is None:
             return
         try:
-            await asyncio.to_thread(self.ledger.add, entry)
+            await asyncio.to_thread(self.audit_log.add, entry)
         except Exception:
             log.exception("the audit has a gap: %s", dict(entry))
 

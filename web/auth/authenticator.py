@@ -19,17 +19,17 @@ from web.auth.users import User, Users, hash_password, hash_token, is_password
 
 log = logging.getLogger(__name__)
 
-_SEAT = re.compile(r"[A-Za-z0-9_-]{20,64}")
-MAX_SEATS = 1000
+_CLIENT_ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
+MAX_CLIENTS = 1000
 
 
-class House(Protocol):
+class Authenticator(Protocol):
     """How the door recognises who comes."""
 
-    def recognise(self, headers: Headers, cookie: str) -> Visitor | None:
+    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
         """The visitor; None for one who has to log in."""
 
-    def seat_at(self, cookie: str) -> str | None:
+    def issue_client_cookie(self, cookie: str) -> str | None:
         """The cookie to give to a browser that opens the page; None when it needs none, or must log
         in for it."""
 
@@ -37,7 +37,7 @@ class House(Protocol):
         """Look again who may come in; called about once a second."""
 
 
-class OpenHouse:
+class AnonymousAuthenticator:
     """Everybody may do everything. The cookie only tells one browser from another, so that one of
     them drives at a time."""
 
@@ -46,20 +46,20 @@ class OpenHouse:
         self._numbers: OrderedDict[str, int] = OrderedDict()
         self._given = 0
 
-    def recognise(self, headers: Headers, cookie: str) -> Visitor | None:
+    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
         """A page by its cookie; whatever has none is a program."""
-        if not _SEAT.fullmatch(cookie):
-            return Visitor(name="a program", role=Role.ADMIN, seat="program", logged_in=False)
+        if not _CLIENT_ID.fullmatch(cookie):
+            return Visitor(name="a program", role=Role.ADMIN, client_id="program", logged_in=False)
         return Visitor(
             name=f"console {self._number(cookie)}",
             role=Role.ADMIN,
-            seat=f"page {cookie}",
+            client_id=f"page {cookie}",
             logged_in=False,
         )
 
-    def seat_at(self, cookie: str) -> str | None:
+    def issue_client_cookie(self, cookie: str) -> str | None:
         """A fresh one for a browser without."""
-        return None if _SEAT.fullmatch(cookie) else secrets.token_urlsafe(24)
+        return None if _CLIENT_ID.fullmatch(cookie) else secrets.token_urlsafe(24)
 
     def refresh(self) -> None:
         """Nobody changes."""
@@ -69,12 +69,12 @@ class OpenHouse:
             if cookie not in self._numbers:
                 self._given += 1
                 self._numbers[cookie] = self._given
-                while len(self._numbers) > MAX_SEATS:
+                while len(self._numbers) > MAX_CLIENTS:
                     self._numbers.popitem(last=False)
             return self._numbers[cookie]
 
 
-class LockedHouse:
+class PasswordAuthenticator:
     """Users log in with a password and keep a session; programs send the token of a user as a
     bearer.
 
@@ -90,7 +90,7 @@ class LockedHouse:
         self._nobody = hash_password(secrets.token_urlsafe(16))
         self.refresh()
 
-    def recognise(self, headers: Headers, cookie: str) -> Visitor | None:
+    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
         """By bearer token, else by session."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
@@ -100,16 +100,16 @@ class LockedHouse:
             return (
                 None
                 if user is None
-                else Visitor(name=user.name, role=user.role, seat=f"program {user.name}")
+                else Visitor(name=user.name, role=user.role, client_id=f"program {user.name}")
             )
         found = self.sessions.of(cookie)
         return (
             None
             if found is None
-            else Visitor(name=found[0].name, role=found[0].role, seat=f"page {found[1]}")
+            else Visitor(name=found[0].name, role=found[0].role, client_id=f"page {found[1]}")
         )
 
-    def seat_at(self, cookie: str) -> str | None:
+    def issue_client_cookie(self, cookie: str) -> str | None:
         """Nothing without a log-in."""
         return None
 

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from navcore.errors import Refused
 from web.auth.roles import Role, Visitor
 
-LAPSE_S = 3.0
+PAGE_LEASE_S = 3.0
 """A page answers twice a second; a program lives by its requests."""
-PROGRAM_LAPSE_S = 30.0
+PROGRAM_LEASE_S = 30.0
 """A program that waits for something asks now and then, but need not ask twice a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Holding:
+class ControlLease:
     """Who drives now; a new value with every change."""
 
     serial: int = 0
@@ -40,96 +40,96 @@ class NotInControl(Refused):
     """Somebody else drives."""
 
 
-class Control:
+class ControlLeases:
     """Safe to use from any thread."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
-        self._holding = Holding()
+        self._lease = ControlLease()
         self._until_s = 0.0
 
     @property
-    def now(self) -> Holding:
+    def now(self) -> ControlLease:
         """Who drives, after whoever has gone silent has lost it."""
         with self._lock:
-            self._lapse()
-            return self._holding
+            self._expire()
+            return self._lease
 
     def claim(self, visitor: Visitor) -> None:
         """He is about to drive: nobody else may be in control. Raises `NotInControl` with what to
         do."""
         with self._lock:
-            self._lapse()
-            holder = self._holding.holder
+            self._expire()
+            holder = self._lease.holder
             if holder is None:
                 self._give(visitor, taken=False)
-            elif holder.seat != visitor.seat:
+            elif holder.client_id != visitor.client_id:
                 raise NotInControl(f"{holder.name} is in control; ask for it, or take over")
-            self._live(visitor)
+            self._renew(visitor)
 
     def is_held_by(self, visitor: Visitor) -> bool:
         """Whether he drives."""
         holder = self.now.holder
-        return holder is not None and holder.seat == visitor.seat
+        return holder is not None and holder.client_id == visitor.client_id
 
-    def note_life(self, visitor: Visitor) -> None:
+    def heartbeat(self, visitor: Visitor) -> None:
         """He is still there."""
         with self._lock:
-            self._lapse()
-            if self._holding.holder is not None and self._holding.holder.seat == visitor.seat:
-                self._live(visitor)
+            self._expire()
+            if self._lease.holder is not None and self._lease.holder.client_id == visitor.client_id:
+                self._renew(visitor)
 
     def take(self, visitor: Visitor) -> None:
         """Take over, whoever drives."""
         with self._lock:
-            self._lapse()
-            if self._holding.holder is None or self._holding.holder.seat != visitor.seat:
-                self._give(visitor, taken=self._holding.holder is not None)
-            self._live(visitor)
+            self._expire()
+            if self._lease.holder is None or self._lease.holder.client_id != visitor.client_id:
+                self._give(visitor, taken=self._lease.holder is not None)
+            self._renew(visitor)
 
     def ask(self, visitor: Visitor) -> None:
         """Let the one who drives know that this one would like to; when nobody drives he has it at
         once."""
         with self._lock:
-            self._lapse()
-            if self._holding.holder is None:
+            self._expire()
+            if self._lease.holder is None:
                 self._give(visitor, taken=False)
-                self._live(visitor)
-            elif self._holding.holder.seat != visitor.seat:
+                self._renew(visitor)
+            elif self._lease.holder.client_id != visitor.client_id:
                 self._change(
-                    holder=self._holding.holder,
+                    holder=self._lease.holder,
                     asking=visitor,
-                    before=self._holding.before,
-                    taken=self._holding.taken,
+                    before=self._lease.before,
+                    taken=self._lease.taken,
                 )
 
     def give(self, visitor: Visitor) -> None:
         """Hand it to whoever has asked, or to nobody. Raises `NotInControl` when it is not his to
         give."""
         with self._lock:
-            self._lapse()
-            if self._holding.holder is None or self._holding.holder.seat != visitor.seat:
+            self._expire()
+            if self._lease.holder is None or self._lease.holder.client_id != visitor.client_id:
                 raise NotInControl("only the one in control can hand it over")
-            asking = self._holding.asking
+            asking = self._lease.asking
             if asking is None:
                 self._change(holder=None, before=visitor)
             else:
                 self._give(asking, taken=False)
-                self._live(asking)
+                self._renew(asking)
 
     def _give(self, visitor: Visitor, *, taken: bool) -> None:
         assert visitor.role.may(Role.OPERATOR)
-        self._change(holder=visitor, before=self._holding.holder, taken=taken)
+        self._change(holder=visitor, before=self._lease.holder, taken=taken)
 
-    def _live(self, visitor: Visitor) -> None:
+    def _renew(self, visitor: Visitor) -> None:
         self._until_s = self._clock() + (
-            PROGRAM_LAPSE_S if visitor.seat.startswith("program") else LAPSE_S
+            PROGRAM_LEASE_S if visitor.client_id.startswith("program") else PAGE_LEASE_S
         )
 
-    def _lapse(self) -> None:
-        if self._holding.holder is not None and self._clock() > self._until_s:
-            self._change(holder=None, before=self._holding.holder)
+    def _expire(self) -> None:
+        if self._lease.holder is not None and self._clock() > self._until_s:
+            self._change(holder=None, before=self._lease.holder)
 
     def _change(
         self,
@@ -139,7 +139,7 @@ class Control:
         before: Visitor | None = None,
         taken: bool = False,
     ) -> None:
-        serial = self._holding.serial + 1
-        self._holding = Holding(
+        serial = self._lease.serial + 1
+        self._lease = ControlLease(
             serial=serial, holder=holder, asking=asking, before=before, taken=taken
         )

@@ -31,7 +31,7 @@ _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Need:
+class Requirement:
     """What a request needs."""
 
     role: Role
@@ -40,13 +40,13 @@ class Need:
     """Whether it drives the robot: then the visitor must be the one in control."""
 
 
-def need_of(method: str, path: str) -> Need:
+def requirement_of(method: str, path: str) -> Requirement:
     """By method and path; a websocket counts as GET, what is said on it is judged by its handler."""
     if _ADMINS.match(path):
-        return Need(role=Role.ADMIN)
+        return Requirement(role=Role.ADMIN)
     if method in SAFE:
-        return Need(role=Role.OPERATOR if _OPERATORS.match(path) else Role.VIEWER)
+        return Requirement(role=Role.OPERATOR if _OPERATORS.match(path) else Role.VIEWER)
     if (method, path) in _BY_ANYONE:
-        return Need(role=Role.VIEWER)
+        return Requirement(role=Role.VIEWER)
     drives = _DRIVES.fullmatch(path) is not None and path not in _NEEDS_NO_CONTROL
-    return Need(role=Role.OPERATOR, control=drives)
+    return Requirement(role=Role.OPERATOR, control=drives)

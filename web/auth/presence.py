@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from navcore.errors import Refused
 from navcore.mission.mission import Phase
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 
 if TYPE_CHECKING:
     from web.auth.access import Access
@@ -21,10 +21,10 @@ PERIOD_S = 0.5
 JOIN_S = 2.0
 
 
-class Attendance:
+class PresenceMonitor:
     """A thread of its own; `look` is what it does."""
 
-    def __init__(self, operations: Operations, access: Access, unattended: Unattended) -> None:
+    def __init__(self, operations: RobotService, access: Access, unattended: Unattended) -> None:
         self._operations, self._access, self._unattended = operations, access, unattended
         self._attended = False
         self._ended = threading.Event()
@@ -41,9 +41,9 @@ class Attendance:
         if self._thread is not None:
             self._thread.join(JOIN_S)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Once."""
-        self._access.house.refresh()
+        self._access.authenticator.refresh()
         attended = self._access.control.now.holder is not None
         left, self._attended = self._attended and not attended, attended
         if left and self._unattended == "pause" and self._operations.state().phase is Phase.DRIVING:
@@ -56,6 +56,6 @@ class Attendance:
     def _run(self) -> None:
         while not self._ended.wait(PERIOD_S):
             try:
-                self.look()
+                self.check()
             except Exception:
                 log.exception("the attendance goes on")

@@ -35,7 +35,7 @@ class Visitor:
     """What he is called on every screen and in the audit."""
     role: Role
     """What he may do."""
-    seat: str
+    client_id: str
     """Where he sits: a browser that is logged in, or a program. Control of the robot belongs to a
     seat."""
     logged_in: bool = True

@@ -23,7 +23,7 @@ MAX_SESSIONS = 1000
 @dataclass(slots=True)
 class _Session:
     user: User
-    seat: str
+    client_id: str
     began_s: float
     seen_s: float
 
@@ -42,7 +42,7 @@ class Sessions:
         cookie, now = secrets.token_urlsafe(32), self._clock()
         with self._lock:
             self._sessions[cookie] = _Session(
-                user=user, seat=secrets.token_hex(8), began_s=now, seen_s=now
+                user=user, client_id=secrets.token_hex(8), began_s=now, seen_s=now
             )
             while len(self._sessions) > MAX_SESSIONS:
                 self._sessions.popitem(last=False)
@@ -60,7 +60,7 @@ class Sessions:
                 return None
             session.seen_s = now
             self._sessions.move_to_end(cookie)
-            return session.user, session.seat
+            return session.user, session.client_id
 
     def end(self, cookie: str) -> None:
         """Log out."""

@@ -23,12 +23,12 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from web.auth.audit import Auditor
-from web.auth.authenticator import House, LockedHouse
-from web.auth.control_lease import Control, NotInControl
-from web.auth.permissions import LOGOUT, need_of
+from web.auth.authenticator import Authenticator, PasswordAuthenticator
+from web.auth.control_lease import ControlLeases, NotInControl
+from web.auth.permissions import LOGOUT, requirement_of
 from web.auth.roles import SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
-from web.gateway.origin_check import refusal_of_strangers
+from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
 from web.gateway.request_body import bounded_body, replayed
 from web.gateway.security_headers import with_headers
@@ -44,14 +44,14 @@ class Guard:
         app: ASGIApp,
         *,
         allowed_hosts: Sequence[str],
-        house: House,
-        control: Control,
+        authenticator: Authenticator,
+        control: ControlLeases,
         auditor: Auditor,
     ) -> None:
         self._app = app
         self._hosts = frozenset(host.lower() for host in allowed_hosts)
-        self._house, self._control, self._auditor = house, control, auditor
-        self._login = Login(house, auditor) if isinstance(house, LockedHouse) else None
+        self._authenticator, self._control, self._auditor = authenticator, control, auditor
+        self._login = Login(authenticator, auditor) if isinstance(authenticator, PasswordAuthenticator) else None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or hand on to the app."""
@@ -64,26 +64,26 @@ class Guard:
 
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
-        answer: ASGIApp | None = refusal_of_strangers(scope, headers, self._hosts)
+        answer: ASGIApp | None = check_origin(scope, headers, self._hosts)
         send = with_headers(send, scope, self._seat(scope, headers) if answer is None else {})
         body: bytes | Response = b""
         if answer is None:
-            visitor = self._house.recognise(headers, _cookie(scope, headers))
-            knocks = self._login is not None and (scope["method"], scope["path"]) == (
+            visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
+            is_login = self._login is not None and (scope["method"], scope["path"]) == (
                 "POST",
                 LOGIN_PATH,
             )
-            answer = None if knocks else self._refusal(scope, headers, visitor)
+            answer = None if is_login else self._refusal(scope, headers, visitor)
             if answer is None:
                 body = await bounded_body(scope, receive)
                 if isinstance(body, Response):
                     answer = body
-                elif knocks and self._login is not None:
+                elif is_login and self._login is not None:
                     answer = await self._login.attempt(scope, body, _cookie_name(scope))
                 else:
                     receive = replayed(body, receive)
                     answer = self._claimed(scope, headers, visitor)
-            if visitor is not None and not knocks:
+            if visitor is not None and not is_login:
                 send = self._auditor.watching(
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
@@ -94,7 +94,7 @@ class Guard:
         if visitor is None:
             assert self._login is not None
             return self._login.ask(scope, headers.get("accept", ""))
-        need = need_of(scope["method"], scope["path"])
+        need = requirement_of(scope["method"], scope["path"])
         if not visitor.role.may(need.role):
             said = f"{visitor.name} is {_article(visitor.role)}; this needs {_article(need.role)}"
             return problem(403, "not_allowed", said)
@@ -105,10 +105,10 @@ class Guard:
         """Control is his if he needs it, or the answer that says whose it is. Logging out is
         answered here too."""
         assert visitor is not None
-        self._control.note_life(visitor)
+        self._control.heartbeat(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
             return self._login.leave(_cookie(scope, headers), _cookie_name(scope))
-        if need_of(scope["method"], scope["path"]).control:
+        if requirement_of(scope["method"], scope["path"]).control:
             try:
                 self._control.claim(visitor)
             except NotInControl as error:
@@ -119,17 +119,17 @@ class Guard:
         """A cookie for a browser that opens the page of an open house."""
         if (scope["method"], scope["path"]) != ("GET", "/"):
             return {}
-        seat = self._house.seat_at(_cookie(scope, headers))
+        client_id = self._authenticator.issue_client_cookie(_cookie(scope, headers))
         return (
-            {} if seat is None else {"Set-Cookie": cookie_header(_cookie_name(scope), seat, scope)}
+            {} if client_id is None else {"Set-Cookie": cookie_header(_cookie_name(scope), client_id, scope)}
         )
 
     async def _upgrade(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         visitor = None
-        if refusal_of_strangers(scope, headers, self._hosts) is None:
-            visitor = self._house.recognise(headers, _cookie(scope, headers))
-        if visitor is None or not visitor.role.may(need_of("GET", scope["path"]).role):
+        if check_origin(scope, headers, self._hosts) is None:
+            visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
+        if visitor is None or not visitor.role.may(requirement_of("GET", scope["path"]).role):
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
@@ -143,7 +143,7 @@ class Guard:
         it was opened."""
 
         def known() -> bool:
-            return self._house.recognise(headers, _cookie(scope, headers)) == visitor
+            return self._authenticator.authenticate(headers, _cookie(scope, headers)) == visitor
 
         async def receive_if_known() -> Message:
             message = await receive()

@@ -12,10 +12,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import Scope
 
 from web.auth.audit import Auditor
-from web.auth.authenticator import LockedHouse
-from web.gateway.origin_check import only
+from web.auth.authenticator import PasswordAuthenticator
+from web.gateway.origin_check import single
 from web.gateway.problems import problem
-from web.gateway.rate_limit import Throttle
+from web.gateway.rate_limit import RateLimiter
 
 LOGIN_PATH = "/login"
 _PAGE = Path(__file__).with_name("login.html").read_text(encoding="utf-8")
@@ -31,10 +31,10 @@ class Login:
     """What answers to somebody who is not known yet."""
 
     def __init__(
-        self, house: LockedHouse, auditor: Auditor, throttle: Throttle | None = None
+        self, authenticator: PasswordAuthenticator, auditor: Auditor, limiter: RateLimiter | None = None
     ) -> None:
-        self._house, self._auditor = house, auditor
-        self._throttle = throttle or Throttle()
+        self._authenticator, self._auditor = authenticator, auditor
+        self._limiter = limiter or RateLimiter()
         self._one_at_a_time = asyncio.Semaphore(1)
 
     def ask(self, scope: Scope, accept: str) -> Response:
@@ -49,9 +49,9 @@ class Login:
     async def attempt(self, scope: Scope, body: bytes, cookie_name: str) -> Response:
         """The form was sent: name and password."""
         form = parse_qs(body[:2000].decode("utf-8", "replace"))
-        name, password = only(form.get("name", [])) or "", only(form.get("password", [])) or ""
+        name, password = single(form.get("name", [])) or "", single(form.get("password", [])) or ""
         address = str((scope.get("client") or ("?", 0))[0])
-        wait_s = self._throttle.wait_s(address)
+        wait_s = self._limiter.wait_s(address)
         if wait_s:
             return _page(
                 f"Too many tries; wait {wait_s} s.",
@@ -59,7 +59,7 @@ class Login:
                 headers={"Retry-After": str(wait_s)},
             )
         async with self._one_at_a_time:  # each takes much memory and time, and that is its purpose
-            cookie = await asyncio.to_thread(self._house.log_in, name, password)
+            cookie = await asyncio.to_thread(self._authenticator.log_in, name, password)
         who = name if name.isprintable() and len(name) <= 40 else "somebody"
         status = 401 if cookie is None else 200
         await self._auditor.note(
@@ -67,14 +67,14 @@ class Login:
         )
         if cookie is None:
             return _page("That name or password is wrong.")
-        self._throttle.forgive(address)
+        self._limiter.refund(address)
         response = RedirectResponse("/", status_code=303)
         response.headers.append("Set-Cookie", cookie_header(cookie_name, cookie, scope))
         return response
 
     def leave(self, cookie: str, cookie_name: str) -> Response:
         """Log out."""
-        self._house.sessions.end(cookie)
+        self._authenticator.sessions.end(cookie)
         response = RedirectResponse("/", status_code=303)
         response.delete_cookie(cookie_name, path="/", httponly=True, samesite="strict")
         return response

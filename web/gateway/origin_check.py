@@ -12,7 +12,7 @@ from starlette.types import Scope
 from web.gateway.problems import problem
 
 
-def refusal_of_strangers(
+def check_origin(
     scope: Scope, headers: Headers, allowed_hosts: frozenset[str]
 ) -> Response | None:
     """421 for a foreign name (DNS rebinding), 403 for a foreign page. CORS rules do not cover
@@ -22,7 +22,7 @@ def refusal_of_strangers(
     the route without it, so that who may do what could be asked for another path than is then
     served.
     """
-    host = (only(headers.getlist("host")) or "").lower()
+    host = (single(headers.getlist("host")) or "").lower()
     if not host or not (host in allowed_hosts or _without_port(host) in allowed_hosts):
         return problem(
             421, "foreign_host", "this console does not answer under that name", "header Host"
@@ -36,7 +36,7 @@ def refusal_of_strangers(
     return None
 
 
-def only(values: Sequence[str]) -> str | None:
+def single(values: Sequence[str]) -> str | None:
     """The one value; None when there is none, or several that may contradict each other."""
     return values[0] if len(values) == 1 else None
 

@@ -9,14 +9,14 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 
-AT_ONCE, EVERY_S = 5, 6.0
+BURST, EVERY_S = 5, 6.0
 FOR_ALL = 10
 """So many times as much for all addresses together; whoever has many does not get much farther."""
 MAX_ADDRESSES = 10_000
 _ALL = ""
 
 
-class Throttle:
+class RateLimiter:
     """A leaky bucket per address. A try that succeeds gives its own back. Safe to use from any
     thread."""
 
@@ -30,18 +30,18 @@ class Throttle:
         now = self._clock()
         with self._lock:
             waits = [
-                self._over_s(address, EVERY_S, now),
-                self._over_s(_ALL, EVERY_S / FOR_ALL, now),
+                self._over_s(address, PERIOD_S, now),
+                self._over_s(_ALL, PERIOD_S / FOR_ALL, now),
             ]
             if max(waits) > 0:
                 return math.ceil(max(waits))
-            self._pour(address, EVERY_S, now)
-            self._pour(_ALL, EVERY_S / FOR_ALL, now)
+            self._pour(address, PERIOD_S, now)
+            self._pour(_ALL, PERIOD_S / FOR_ALL, now)
             while len(self._full_until) > MAX_ADDRESSES:
                 self._full_until.popitem(last=False)
         return 0
 
-    def forgive(self, address: str) -> None:
+    def refund(self, address: str) -> None:
         """The password was right."""
         with self._lock:
             self._full_until.pop(address, None)
@@ -50,7 +50,7 @@ class Throttle:
         return (
             self._full_until.get(key, now)
             - now
-            - (AT_ONCE - 1) * every_s * (FOR_ALL if key == _ALL else 1)
+            - (BURST - 1) * every_s * (FOR_ALL if key == _ALL else 1)
         )
 
     def _pour(self, key: str, every_s: float, now: float) -> None:

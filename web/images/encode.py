@@ -18,7 +18,7 @@ from navcore.grid.grid import OccupancyGrid
 from navcore.mission.beware_list import BewareList
 from navcore.perception.labels import Labels
 from web.images import palette
-from web.interface.snapshots import Cloud, Picture
+from web.interface.snapshots import Cloud, TickSnapshot
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
@@ -37,7 +37,7 @@ Part = tuple[int, int, int, int]
 T = TypeVar("T")
 
 
-class Newest(Generic[T]):
+class LatestOnly(Generic[T]):
     """The last thing made, kept until its key changes: many clients ask for the same picture."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Newest(Generic[T]):
             return self._held[1]
 
 
-def paint_map(picture: Picture, beware: BewareList, part: Part | None = None) -> Image:
+def paint_map(picture: TickSnapshot, beware: BewareList, part: Part | None = None) -> Image:
     """(SCALE · rows, SCALE · cols, 4) RGBA of all layers, row 0 at the top, as pictures have it.
 
     `part` is (top, left, bottom, right) cells of the grid; tiles painted one by one are the whole
@@ -80,7 +80,7 @@ def paint_map(picture: Picture, beware: BewareList, part: Part | None = None) ->
     return np.ascontiguousarray(canvas[::-1])
 
 
-def paint_floor(picture: Picture, beware: BewareList, part: Part | None = None) -> Image:
+def paint_floor(picture: TickSnapshot, beware: BewareList, part: Part | None = None) -> Image:
     """As `paint_map`, but see-through where nothing is known, for the floor of the 3D view."""
     image = paint_map(picture, beware, part)
     grid, seen, blocked = _unpacked(picture, part or _whole(picture))
@@ -91,11 +91,11 @@ def paint_floor(picture: Picture, beware: BewareList, part: Part | None = None) 
     return image
 
 
-def _whole(picture: Picture) -> Part:
+def _whole(picture: TickSnapshot) -> Part:
     return 0, 0, picture.grid_spec.rows, picture.grid_spec.cols
 
 
-def _unpacked(picture: Picture, part: Part) -> tuple[OccupancyGrid, Mask, Mask]:
+def _unpacked(picture: TickSnapshot, part: Part) -> tuple[OccupancyGrid, Mask, Mask]:
     """Of a part of the map: the layers, what was seen, where the robot's centre may not be."""
     return (
         picture.occupancy.part(*part),
@@ -104,13 +104,13 @@ def _unpacked(picture: Picture, part: Part) -> tuple[OccupancyGrid, Mask, Mask]:
     )
 
 
-def map_png(picture: Picture, beware: BewareList, part: Part | None = None) -> bytes:
+def map_png(picture: TickSnapshot, beware: BewareList, part: Part | None = None) -> bytes:
     """The painted map, or a part of it, as PNG."""
     image = cv2.cvtColor(paint_map(picture, beware, part), cv2.COLOR_RGBA2BGRA)
     return _encoded(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])
 
 
-def cells_png(picture: Picture, part: Part | None = None) -> bytes:
+def cells_png(picture: TickSnapshot, part: Part | None = None) -> bytes:
     """The cells of the map, or of a part of it: a pixel a cell, the uppermost row at the top.
 
     Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone, 16
@@ -133,7 +133,7 @@ def cells_png(picture: Picture, part: Part | None = None) -> bytes:
     )
 
 
-def floor_view(picture: Picture) -> npt.NDArray[np.float64]:
+def floor_view(picture: TickSnapshot) -> npt.NDArray[np.float64]:
     """(4, 2) corners of the floor in the camera's picture, metres of the map frame, as far as
     `VIEW_M` from it."""
     lens, camera = picture.intrinsics, picture.T_map_camera
@@ -150,13 +150,13 @@ def floor_view(picture: Picture) -> npt.NDArray[np.float64]:
     )
 
 
-def map_pgm(picture: Picture) -> bytes:
+def map_pgm(picture: TickSnapshot) -> bytes:
     """Nav2's trinary image: row 0 at the top; occupied 0, zones too, free 254, unknown 205."""
     occupied = picture.grid.occupied() | _zones(picture.grid)
     return encode(map_from_cells(occupied=occupied, known=picture.seen, spec=picture.grid.spec).image)
 
 
-def map_yaml(picture: Picture) -> str:
+def map_yaml(picture: TickSnapshot) -> str:
     """Nav2's description beside `map.pgm`; the origin is the lower-left pixel's lower-left corner."""
     return yaml_text(description_of(picture.grid.spec), "map.pgm")
 
@@ -180,10 +180,10 @@ def camera_jpg(image: Image) -> bytes:
     )
 
 
-def overlaid(picture: Picture, beware: BewareList) -> Image:
+def with_overlay(picture: TickSnapshot, beware: BewareList) -> Image:
     """(H, W, 3) the camera's picture; what binds the robot is tinted (the surer, the stronger),
     outlined and named."""
-    image, binding = picture.rgb.copy(), bewared(picture, beware)
+    image, binding = picture.rgb.copy(), beware_mask(picture, beware)
     for entry in beware.enabled:
         mask, colour = (
             binding & (picture.labels == entry.class_id),
@@ -202,7 +202,7 @@ def overlaid(picture: Picture, beware: BewareList) -> Image:
     return image
 
 
-def bewared(picture: Picture, beware: BewareList) -> Mask:
+def beware_mask(picture: TickSnapshot, beware: BewareList) -> Mask:
     """(H, W) the pixels that bind the robot: the union of the enabled classes where the segmenter
     is sure enough of them."""
     return Labels(class_ids=picture.labels, confidence=picture.confidence).mask(beware)

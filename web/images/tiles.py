@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from navcore.grid.cell_mask import CellMask, changed_tiles
 from navcore.mission.beware_list import BewareList
-from web.interface.snapshots import Picture
+from web.interface.snapshots import TickSnapshot
 
 TILE = 256
 """Cells to a side; a multiple of the 64 cells of a word."""
@@ -30,7 +30,7 @@ class TileVersions:
         self._versions: npt.NDArray[np.int64] = np.zeros((0, 0), dtype=np.int64)
         self._newest = 0
 
-    def follow(self, picture: Picture, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
+    def update(self, picture: TickSnapshot, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
         """The newest version, and (tiles down, tiles across) the version at which each tile last
         changed."""
         with self._lock:
@@ -63,14 +63,14 @@ class TileVersions:
         return changed
 
 
-def part_of(tile: Tile, picture: Picture) -> Part:
+def tile_cells(tile: Tile, picture: TickSnapshot) -> Part:
     """(top, left, bottom, right) cells of a tile."""
     spec = picture.grid_spec
     top, left = tile[0] * TILE, tile[1] * TILE
     return top, left, min(top + TILE, spec.rows), min(left + TILE, spec.cols)
 
 
-def newer(versions: npt.NDArray[np.int64], since: int) -> Iterator[tuple[Tile, int]]:
+def changed_since(versions: npt.NDArray[np.int64], since: int) -> Iterator[tuple[Tile, int]]:
     """The tiles that changed after a version, with theirs."""
     for row, col in np.argwhere(versions > since):
         yield (int(row), int(col)), int(versions[row, col])

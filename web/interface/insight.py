@@ -207,7 +207,7 @@ class TimeSeries(Protocol):
         robot's clock."""
 
 
-class Insight(Protocol):
+class Diagnostics(Protocol):
     """The robot's reasons, for the console. Refusals are exceptions of `navcore.errors`."""
 
     @property
@@ -236,7 +236,7 @@ class Insight(Protocol):
     def candidates(self) -> Candidates | None:
         """Return the local planner's motion primitives; None before the first tick."""
 
-    def call_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
+    def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Mark a detection as wrong: it is of another class, or of none of the list for None. Its
         frame is added to the labelling folder, corrected."""
 
@@ -244,7 +244,7 @@ class Insight(Protocol):
         """Hold the present image for `add_example` and return its id; raises `Refused` before the
         first. Only the newest few are held."""
 
-    def snapshot_picture(self, snapshot: int) -> bytes:
+    def snapshot_image(self, snapshot: int) -> bytes:
         """Return the JPEG of a held image; raises `NotKnown`."""
 
     def add_example(

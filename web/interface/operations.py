@@ -27,8 +27,8 @@ from web.interface.drafts import (
     ZoneDraft,
     ZoneHistory,
 )
-from web.interface.insight import Insight
-from web.interface.snapshots import Cloud, Picture, State
+from web.interface.insight import Diagnostics
+from web.interface.snapshots import Cloud, State, TickSnapshot
 
 MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
@@ -145,7 +145,7 @@ class BewareEdits(Protocol):
         is none."""
 
 
-class Operations(Protocol):
+class RobotService(Protocol):
     """The system as seen from the console."""
 
     @property
@@ -169,13 +169,13 @@ class Operations(Protocol):
         """What not to touch."""
 
     @property
-    def insight(self) -> Insight:
+    def insight(self) -> Diagnostics:
         """Why the robot does what it does, and what it has recognised."""
 
     def state(self) -> State:
         """The newest snapshot."""
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> TickSnapshot | None:
         """The newest tick's values; None before the first."""
 
     def cloud(self) -> Cloud | None:

@@ -83,7 +83,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
+class TickSnapshot:
     """Everything large that is shown: the newest tick's values, arrays read-only."""
 
     serial: int

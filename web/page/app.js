@@ -15,35 +15,39 @@ import "./zones/from_camera.js";
 import { attempt, say } from "./core/toasts.js";
 import { during } from "./core/progress.js";
 import * as ages from "./insight/freshness.js";
+import { element, set, setText } from "./core/dom.js";
 import * as tiles from "./map/tiles.js";
 import * as understand from "./insight/drawer.js";
+import { address as viewerAddress, hurryViewer, showViewer, tellViewer, webgl } from "./map/viewer.js";
 import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./map/view.js";
 import { showZones } from "./zones/zones.js";
 
 const STALE_MS = 1000;
 const CAMERA_MS = 250;
-const MAP_MS = 300;
+const MAP_MS = 400;
 const CANDIDATES_MS = 250;
-const element = (id) => document.getElementById(id);
+const PATH_MS = 300;
+const FIGURES_MS = 500;
 const seen = { zones: null, beware: null, map: null, picture: null };
 let arrivedAt = performance.now();
+let figuresAt = 0;
+let mapSize = "";
 let state = null;
 let zones = [];
-let viewerIsLive = () => {};
 
 // ------------------------------------------------------------------------------------------------------ the robot's state
 
-function text(id, value) { if (element(id).textContent !== value) element(id).textContent = value; }
+const text = (id, value) => setText(element(id), value);
 
 function showState(next) {
   state = next;
   arrivedAt = performance.now();
   const kind = state.stop_latched ? "stopped" : state.by_hand && state.moving ? "hand" : state.reasons.length ? "held" : state.phase;
   const words = { stopped: "■ STOPPED", held: "▲ HELD", idle: "● IDLE", paused: "❚❚ PAUSED", driving: "▶ DRIVING", hand: "◉ BY HAND" };
-  element("badge").dataset.kind = kind;
+  set(element("badge").dataset, { kind });
   text("badge", words[kind] ?? kind);
   text("summary", state.summary);
-  element("summary").title = state.summary;
+  set(element("summary"), { title: state.summary });
   text("world", `${state.scenario} · ${state.robot}`);
   text("phase", state.phase);
   element("bewares-of-nothing").hidden = state.beware_enabled > 0;
@@ -51,7 +55,7 @@ function showState(next) {
   element("segmenter").classList.toggle("lost", state.segmenter_warning !== null);
   showReasons();
   showButtons();
-  showFigures();
+  if (arrivedAt - figuresAt >= FIGURES_MS) { figuresAt = arrivedAt; showFigures(); }
   showGoals(state);
   follow();
   map.update({ state });
@@ -61,7 +65,7 @@ function showState(next) {
 
 function showReasons() {
   const box = element("reasons");
-  box.dataset.kind = state.stop_latched ? "stopped" : state.reasons.length ? "held" : "clear";
+  set(box.dataset, { kind: state.stop_latched ? "stopped" : state.reasons.length ? "held" : "clear" });
   // The stop is latched before the command thread has said so in its reasons.
   const wanted = state.reasons.length || !state.stop_latched ? state.reasons.map((reason) => reason.text) : ["emergency stop"];
   text("reasons-head", wanted.length ? "Why it stands:" : "✓ Nothing holds the robot.");
@@ -72,10 +76,10 @@ function showReasons() {
 
 function showButtons() {
   const allowed = { start: state.phase === "idle" && state.queue.length > 0, pause: ["driving", "leaving"].includes(state.phase), resume: state.phase === "paused", cancel: state.queue.length > 0 || state.phase !== "idle", leave: state.in_zone && !state.stop_latched };
-  for (const button of document.querySelectorAll("[data-mission]")) button.disabled = !allowed[button.dataset.mission];
-  document.querySelector("[data-mission=leave]").hidden = !allowed.leave;
-  element("stop").setAttribute("aria-pressed", String(state.stop_latched));
-  element("reset").disabled = !state.stop_latched;
+  for (const button of document.querySelectorAll("[data-mission]")) set(button, { disabled: !allowed[button.dataset.mission] });
+  set(document.querySelector("[data-mission=leave]"), { hidden: !allowed.leave });
+  set(element("stop"), { ariaPressed: String(state.stop_latched) });
+  set(element("reset"), { disabled: !state.stop_latched });
   element("reset").classList.toggle("due", state.stop_latched);
 }
 
@@ -117,9 +121,11 @@ const loadBeware = fetcher(async () => {
   understand.update({ beware });
 });
 const loadPath = fetcher(async () => {
+  const asked = performance.now();
   const { serial, ...ways } = await get("/path");
   map.update(ways);
-  ages.loaded("path", serial, ways.path.length > 0);
+  ages.loaded("path", serial, asked, ways.path.length > 0);
+  await pause(PATH_MS);
 });
 // Only for whoever wants to see them: the robot works them out when it is asked.
 const loadCandidates = fetcher(async () => {
@@ -128,10 +134,12 @@ const loadCandidates = fetcher(async () => {
   await pause(CANDIDATES_MS);
 });
 const loadMap = fetcher(async () => {
-  const version = seen.map;
-  const [description, picture] = await during(Promise.all([get("/map"), tiles.newest()]), "the map");
-  map.update({ map: description, picture });
-  ages.loaded("map", version);
+  const [version, asked] = [seen.map, performance.now()];
+  const { canvas, rows, cols } = await during(tiles.newest(), "the map");
+  // Where it lies is asked only of another map.
+  if (mapSize !== `${rows} ${cols}`) { map.update({ map: await get("/map") }); mapSize = `${rows} ${cols}`; }
+  map.update({ picture: canvas });
+  ages.loaded("map", version, asked);
   await pause(MAP_MS);
 });
 const loadCamera = fetcher(async () => {
@@ -140,7 +148,8 @@ const loadCamera = fetcher(async () => {
   await pause(CAMERA_MS);
 });
 
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+// Around a robot that stands little changes.
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, state?.moving ? ms : 2 * ms));
 
 function loadImage(source) {
   return new Promise((resolve, reject) => {
@@ -151,14 +160,16 @@ function loadImage(source) {
   });
 }
 
+// A page that nobody sees asks for nothing but the state.
 function follow() {
+  if (document.hidden) return;
   if (seen.zones !== state.zones_version) { seen.zones = state.zones_version; loadZones(); }
   if (seen.beware !== state.beware_version) { seen.beware = state.beware_version; loadBeware(); }
   if (state.picture_serial === null) return;
   const onMap = document.body.dataset.view === "map";
   const version = `${state.grid_version}-${state.beware_version}`;
   if (onMap && seen.map !== version) { seen.map = version; loadMap(); }
-  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; loadCamera(); if (onMap) { loadPath(); loadCandidates(); } }
+  if (seen.picture !== state.picture_serial) { seen.picture = state.picture_serial; if (element("camera").offsetParent) loadCamera(); if (onMap) { loadPath(); loadCandidates(); } }
 }
 
 // ------------------------------------------------------------------------------------------------------------- connection
@@ -166,52 +177,36 @@ function follow() {
 setInterval(() => {
   const age = performance.now() - arrivedAt;
   const stale = age > STALE_MS;
-  document.body.dataset.connection = stale ? "stale" : state ? "live" : "waiting";
-  element("connection").lastElementChild.textContent = stale ? "no connection" : state ? "live" : "connecting";
-  element("stale").hidden = !stale;
-  if (stale) element("stale").textContent = `NO CONNECTION for ${(age / 1000).toFixed(0)} s: everything below is old. STOP is still tried; the robot stops by itself when its own link is gone.`;
+  set(document.body.dataset, { connection: stale ? "stale" : state ? "live" : "waiting" });
+  setText(element("connection").lastElementChild, stale ? "no connection" : state ? "live" : "connecting");
+  set(element("stale"), { hidden: !stale });
+  if (stale) text("stale", `NO CONNECTION for ${(age / 1000).toFixed(0)} s: everything below is old. STOP is still tried; the robot stops by itself when its own link is gone.`);
 }, 200);
 
-connect("/events", { onMessage: showState });
+// Who comes back may find another world.
+connect("/events", { onMessage: showState, onClose: () => { mapSize = ""; seen.map = null; } });
 
 // ---------------------------------------------------------------------------------------------------------------- 3D view
 
-const pageId = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-const link = connect(`/viewer/${pageId}`, {
+const link = connect(viewerAddress, {
   onOpen: () => { tellDraft(); understand.remark(); },
   onMessage: (message) => {
     if (message.type === "click") clicked(message.x_m, message.y_m, message.on_map);
     else if (message.type === "drag") dragged(message.index, message.on_map);
-    else if (message.type === "viewer") { document.body.dataset.viewer = message.connected ? "live" : "gone"; viewerIsLive(); }
+    else if (message.type === "viewer") tellViewer(message.connected);
   },
 });
 
 function tellDraft() { link.send({ type: "draft", mode: draft.mode, corners: draft.corners, outline: drawing() ? ring() : [], path: draft.preview.slice(0, 4000) }); }
-onDraft(tellDraft);
-
-element("viewer").addEventListener("load", () => {
-  // Keys pressed while the 3D view has the focus are the console's keys too.
-  element("viewer").contentWindow?.addEventListener("keydown", onKey, true);
-  element("viewer").contentWindow?.addEventListener("keyup", swallowSpace, true);
-  // viser's own panel and notices would cover the scene; everything an operator needs is on this page.
-  const style = element("viewer").contentDocument?.createElement("style");
-  if (style) {
-    style.textContent = ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }";
-    element("viewer").contentDocument.head.append(style);
-  }
-});
+onDraft(() => { tellDraft(); hurryViewer(); });
 
 function show(view) {
   document.body.dataset.view = view;
   for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.setAttribute("aria-selected", String(tab.dataset.view === view));
   element("panel-3d").hidden = view !== "3d";
   element("panel-map").hidden = view !== "map";
-  // Loaded when it is first looked at: `/#map` spares a weak machine the 3D view altogether.
-  if (view === "3d" && !element("viewer").src) {
-    element("viewer").src = `/viewer/${pageId}/`;
-    during(new Promise((resolve) => { viewerIsLive = resolve; }), "the 3D view");
-  }
-  history.replaceState(null, "", view === "map" ? "#map" : location.pathname);
+  showViewer(view === "3d");
+  history.replaceState(null, "", `#${view}`);
   if (view === "map" && state) { follow(); loadPath(); map.update({}); }
 }
 
@@ -228,7 +223,7 @@ element("stop").onclick = () => pressStop("console button");
 element("reset").onclick = () => attempt(() => post("/stop/reset"));
 for (const button of document.querySelectorAll("[data-mission]")) button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
 for (const button of document.querySelectorAll("[data-mode]")) button.onclick = () => setMode(button.dataset.mode);
-for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => link.send({ type: "look", at: button.dataset.look });
+for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => { link.send({ type: "look", at: button.dataset.look }); hurryViewer(); };
 for (const tab of document.querySelectorAll("[data-view][role=tab]")) tab.onclick = () => show(tab.dataset.view);
 const zooms = { fit: map.fit, in: () => zoom(1.3), out: () => zoom(1 / 1.3), follow: () => followRobot(!mapView.follows) };
 for (const button of document.querySelectorAll("[data-zoom]")) button.onclick = () => zooms[button.dataset.zoom]();
@@ -244,4 +239,6 @@ nameZonesBy(() => zones.length + 1);
 switchViewBy(() => show(document.body.dataset.view === "map" ? "3d" : "map"));
 onLayers(() => { if (document.body.dataset.view === "map") loadCandidates(); });
 setMode("navigate");
-show(location.hash === "#map" || isNarrow() ? "map" : "3d");
+// Where the processor would have to draw the 3D view, it waits until it is asked for.
+const view = { "#map": "map", "#3d": "3d" }[location.hash];
+show(view ?? (webgl === "hardware" && !isNarrow() ? "3d" : "map"));

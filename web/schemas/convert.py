@@ -15,7 +15,7 @@ from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle, Shape
 from web.images import palette
-from web.interface.operations import Operations
+from web.interface.operations import RobotService
 from web.interface.snapshots import State
 from web.schemas.responses import (
     BewareClassOut,
@@ -39,7 +39,7 @@ MAX_TRACK = 2000
 """Points of a polyline in an answer; a longer one is thinned, its ends kept."""
 
 
-def state_of(operations: Operations) -> StateOut:
+def state_of(operations: RobotService) -> StateOut:
     """The newest state, and which versions of the large values belong to it."""
     state, picture = operations.state(), operations.picture()
     small = {
@@ -98,7 +98,7 @@ def zone_of(zone: Zone) -> ZoneOut:
     )
 
 
-def zones_of(operations: Operations) -> ZonesOut:
+def zones_of(operations: RobotService) -> ZonesOut:
     """All zones as a FeatureCollection, and what can be taken back."""
     history = operations.zones.history
     return ZonesOut(
@@ -116,7 +116,7 @@ def _drawn(shape: Shape | None) -> CircleOut | CorridorOut | None:
     )
 
 
-def beware_of(beware: BewareList, operations: Operations) -> BewareOut:
+def beware_of(beware: BewareList, operations: RobotService) -> BewareOut:
     """The list with the console's colours, and what finds each class."""
     classes = [_class_of(entry, str(operations.beware.finder(entry))) for entry in beware.classes]
     return BewareOut(version=beware.version, classes=classes, can_undo=operations.beware.can_undo)

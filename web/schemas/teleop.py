@@ -9,20 +9,20 @@ from pydantic import Field
 from web.schemas.fields import Closed, Name
 
 
-class Here(Closed):
+class HeartbeatMessage(Closed):
     """A page says that it is still there."""
 
     type: Literal["here"]
 
 
-class Halt(Closed):
+class StopMessage(Closed):
     """The emergency stop, on the connection that is open already: a new one may be long in coming."""
 
     type: Literal["stop"]
     by: Name = "console"
 
 
-class Drive(Closed):
+class DriveMessage(Closed):
     """A page's hand is on the robot: how fast it is to go until it hears more, 0.25 s at most."""
 
     type: Literal["drive"]

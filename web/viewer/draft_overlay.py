@@ -13,8 +13,8 @@ import viser
 
 from navcore.grid.grid import GridSpec
 from web.images import palette
-from web.viewer.layers.geometry import closed, knob, ribbon
-from web.viewer.messages import Draft, Mark
+from web.viewer.layers.geometry import closed_ring, handle_mesh, polyline_segments
+from web.viewer.messages import Draft, Highlight
 from web.viewer.picking import Point, clamped, floor_point
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ HANDLE_M = 0.13
 Post = Callable[[dict[str, Any]], None]
 
 
-class Sketch:
+class DraftOverlay:
     """The draft in one client's scene."""
 
     def __init__(
@@ -49,13 +49,13 @@ class Sketch:
         # What the corners stand for: a circle has two.
         shape = np.array(draft.outline or draft.corners, dtype=np.float64).reshape(-1, 2)
         with self._client.atomic():
-            self._line("outline", closed(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06)
+            self._line("outline", closed_ring(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06)
             self._line(
                 "path", np.array(draft.path, dtype=np.float64).reshape(-1, 2), palette.DRAFT, 0.04
             )
             self._show_handles(corners, draggable=draft.mode == "edit")
 
-    def mark(self, mark: Mark) -> None:
+    def mark(self, mark: Highlight) -> None:
         """Draw the explained path and the place of a jump; each replaces what was marked before."""
         lines = [
             (line.colour, np.array(line.points).reshape(-1, 2))
@@ -66,13 +66,13 @@ class Sketch:
             around = np.array(mark.place) + 0.4 * np.array(
                 [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]
             )
-            lines.append(("#f0b429", closed(around)))
+            lines.append(("#f0b429", closed_ring(around)))
         with self._client.atomic():
             if self._marked is not None:
                 self._marked.remove()
                 self._marked = None
             if lines:
-                segments = [ribbon(points, MARK_Z) for _, points in lines]
+                segments = [polyline_segments(points, MARK_Z) for _, points in lines]
                 colours = [
                     np.tile(_rgb(colour), (len(part), 2, 1))
                     for (colour, _), part in zip(lines, segments, strict=True)
@@ -86,7 +86,7 @@ class Sketch:
             old.remove()
         if len(points) >= 2:
             self._nodes[name] = self._client.scene.add_line_segments(
-                f"/draft/{name}", ribbon(points, DRAFT_Z), colour, thickness=thickness
+                f"/draft/{name}", polyline_segments(points, DRAFT_Z), colour, thickness=thickness
             )
 
     def _show_handles(self, corners: Any, *, draggable: bool) -> None:
@@ -103,7 +103,7 @@ class Sketch:
             self._handles = None
         self._count, self._draggable = len(corners), draggable
         if len(corners):
-            vertices, faces = knob()
+            vertices, faces = handle_mesh()
             turns = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (len(corners), 1))
             self._handles = self._client.scene.add_batched_meshes_simple(
                 "/draft/corners",

@@ -41,7 +41,7 @@ class Draft(_Closed):
     path: Annotated[list[Corner], Field(max_length=4000)] = []
 
 
-class Look(_Closed):
+class CameraMove(_Closed):
     """Where this operator's camera goes."""
 
     type: Literal["look"]
@@ -50,7 +50,7 @@ class Look(_Closed):
     """(x, y) on the map, where `at` is `place`."""
 
 
-class MarkedLine(_Closed):
+class HighlightedLine(_Closed):
     """A line on the floor in a colour of its own."""
 
     colour: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
@@ -59,15 +59,15 @@ class MarkedLine(_Closed):
     name: Annotated[str, Field(max_length=MAX_NAME)] | None = None
 
 
-class Mark(_Closed):
+class Highlight(_Closed):
     """What this operator has asked about: the explained path, and a place of the log."""
 
     type: Literal["mark"]
-    lines: Annotated[list[MarkedLine], Field(max_length=200)] = []
+    lines: Annotated[list[HighlightedLine], Field(max_length=200)] = []
     place: Corner | None = None
 
 
-class Show(_Closed):
+class DisplayOptions(_Closed):
     """How the scene is shown; the same for every operator."""
 
     type: Literal["show"]
@@ -77,6 +77,6 @@ class Show(_Closed):
     """How strongly a layer is drawn; one that is not named fully."""
 
 
-PageMessage: TypeAdapter[Draft | Look | Show | Mark] = TypeAdapter(
-    Annotated[Draft | Look | Show | Mark, Field(discriminator="type")]
+PageMessage: TypeAdapter[Draft | CameraMove | DisplayOptions | Highlight] = TypeAdapter(
+    Annotated[Draft | CameraMove | DisplayOptions | Highlight, Field(discriminator="type")]
 )

@@ -43,7 +43,7 @@ class PageLink:
 
 
 @dataclass(slots=True)
-class Links:
+class PageLinks:
     """The pages that listen, by id."""
 
     _links: dict[str, PageLink] = field(default_factory=dict)

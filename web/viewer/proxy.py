@@ -28,7 +28,8 @@ CAMERA_MESSAGE = "ViewerCameraMessage"
 TIMEOUT_S = 5.0
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Bytes of one message of viser; a scene that a new client gets at once is large."""
-_KEPT = ("content-type", "content-encoding", "content-length")
+_PACE = b'<script src="/page/core/pace.js"></script>'
+"""What keeps viser's page from drawing where nothing is to be seen."""
 GOING_AWAY, TRY_AGAIN = 1001, 1013
 
 
@@ -79,18 +80,15 @@ async def _fetch(viewer: Viewer | None) -> Response:
         raise HTTPException(
             404, "the 3D view is not running; the map and every control work without it"
         )
-    # The body is handed on as it came, compressed, hence the raw stream.
-    async with (
-        httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client,
-        client.stream(
-            "GET", f"{viewer.http_url}/", headers={"Accept-Encoding": "gzip"}
-        ) as upstream,
-    ):
-        body = b"".join([chunk async for chunk in upstream.aiter_raw()])
-    headers = {name: upstream.headers[name] for name in _KEPT if name in upstream.headers}
-    return Response(
-        body, status_code=upstream.status_code, headers={**headers, "Cache-Control": "no-cache"}
-    )
+    async with httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client:
+        upstream = await client.get(f"{viewer.http_url}/")
+    # The script has to be there before the first frame is asked for.
+    body = upstream.content.replace(b"<head>", b"<head>" + _PACE, 1)
+    headers = {
+        "Content-Type": upstream.headers.get("content-type", "text/html"),
+        "Cache-Control": "no-cache",
+    }
+    return Response(body, status_code=upstream.status_code, headers=headers)
 
 
 async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:

@@ -20,18 +20,18 @@ from viser.extras import ViserUrdf
 from navcore.grid.grid import GridSpec
 from web.images import palette
 from web.interface.insight import Candidates
-from web.interface.operations import Operations
-from web.interface.snapshots import Picture
-from web.viewer.draft_overlay import Sketch
-from web.viewer.layers.base import Layer, Snapshot
+from web.interface.operations import RobotService
+from web.interface.snapshots import TickSnapshot
+from web.viewer.draft_overlay import DraftOverlay
+from web.viewer.layers.base import Layer, Scene
 from web.viewer.layers.cloud import CloudLayer
 from web.viewer.layers.floor import FloorLayer
 from web.viewer.layers.goals_zones import GoalLayer, ZoneLayer
 from web.viewer.layers.people import PeopleLayer
-from web.viewer.layers.primitives import CandidateLayer
+from web.viewer.layers.primitives import PrimitivesLayer
 from web.viewer.layers.robot import CameraLayer, PathLayer, RobotLayer
-from web.viewer.messages import LAYERS, Draft, Look, Mark, Show
-from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, Links
+from web.viewer.messages import LAYERS, CameraMove, DisplayOptions, Draft, Highlight
+from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, PageLinks
 
 log = logging.getLogger(__name__)
 
@@ -50,15 +50,15 @@ _HEARD = (
 class Viewer:
     """Start, feed, stop; safe to call from any thread."""
 
-    def __init__(self, operations: Operations) -> None:
-        self.links = Links()
+    def __init__(self, operations: RobotService) -> None:
+        self.links = PageLinks()
         self._operations = operations
         self._lock = threading.RLock()
         self._drafts: dict[str, Draft] = {}
-        self._marks: dict[str, Mark] = {}
-        self._sketches: dict[int, tuple[str, Sketch]] = {}
+        self._marks: dict[str, Highlight] = {}
+        self._sketches: dict[int, tuple[str, DraftOverlay]] = {}
         self._clients: dict[int, viser.ClientHandle] = {}
-        self._show = Show(type="show", cloud_colour="camera", hidden=["candidates"])
+        self._show = DisplayOptions(type="show", cloud_colour="camera", hidden=["candidates"])
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
@@ -68,6 +68,9 @@ class Viewer:
         _restrict(self._server)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
+        # Shadow maps are the dearest part of a frame that a processor draws, and tell an operator
+        # nothing.
+        self._server.scene.configure_default_lights(cast_shadow=False)
         self._roots = {
             name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS
         }
@@ -102,18 +105,18 @@ class Viewer:
         with _Quiet():
             self._server.stop()
 
-    def receive(self, page_id: str, message: Draft | Look | Show | Mark) -> None:
+    def receive(self, page_id: str, message: Draft | CameraMove | DisplayOptions | Highlight) -> None:
         """What a console page wants of the 3D view."""
         with self._lock:
             if isinstance(message, Draft):
                 self._drafts[page_id] = message
                 for sketch in self._sketches_of(page_id):
                     sketch.show(message)
-            elif isinstance(message, Look):
+            elif isinstance(message, CameraMove):
                 for client_id, (owner, _) in self._sketches.items():
                     if owner == page_id:
                         self._look(self._clients[client_id], message.at, message.place)
-            elif isinstance(message, Mark):
+            elif isinstance(message, Highlight):
                 self._marks[page_id] = message
                 for sketch in self._sketches_of(page_id):
                     sketch.mark(message)
@@ -130,12 +133,12 @@ class Viewer:
             self._drafts.pop(page_id, None)
             self._marks.pop(page_id, None)
 
-    def _sketches_of(self, page_id: str) -> Iterable[Sketch]:
+    def _sketches_of(self, page_id: str) -> Iterable[DraftOverlay]:
         return [sketch for owner, sketch in self._sketches.values() if owner == page_id]
 
     async def _joined(self, client: viser.ClientHandle) -> None:
         page_id = self._page_of(client)
-        sketch = Sketch(client, lambda message: self.links.post(page_id, message), self._spec)
+        sketch = DraftOverlay(client, lambda message: self.links.post(page_id, message), self._spec)
         with self._lock:
             self._clients[client.client_id] = client
             self._sketches[client.client_id] = (page_id, sketch)
@@ -184,7 +187,7 @@ class Viewer:
         if not self._clients:
             # Nobody looks: the machine's time belongs to the navigation.
             return
-        snapshot = Snapshot(
+        snapshot = Scene(
             state=self._operations.state(),
             picture=picture,
             zones=(*self._operations.zones.stored, *picture.closed),
@@ -232,7 +235,7 @@ class Viewer:
             (CameraLayer(server), PathLayer(server)),
             (GoalLayer(server), ZoneLayer(server), PeopleLayer(server)),
         )
-        return (FloorLayer(server), robot, *ways, CandidateLayer(server), *marks)
+        return (FloorLayer(server), robot, *ways, PrimitivesLayer(server), *marks)
 
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
@@ -255,7 +258,7 @@ class Viewer:
 
     # ------------------------------------------------------------------------------------------------------- camera
 
-    def _place_camera(self, picture: Picture) -> None:
+    def _place_camera(self, picture: TickSnapshot) -> None:
         self._placed = True
         eye, target = _overview(picture)
         self._server.initial_camera.position = eye
@@ -284,7 +287,7 @@ class Viewer:
 Place = tuple[float, float, float]
 
 
-def _overview(picture: Picture) -> tuple[Place, Place]:
+def _overview(picture: TickSnapshot) -> tuple[Place, Place]:
     """From the south, on what has been seen so far."""
     spec = picture.grid_spec
     seen = np.argwhere(picture.seen)

@@ -69,7 +69,7 @@ def without_real_time(report: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def test_the_report_has_every_field_of_the_contract_and_the_robot_keeps_off_the_red_floor() -> None:
+def test_the_report_has_every_field_and_the_robot_keeps_off_the_red_floor() -> None:
     report = driven(ROOM)
     assert set(report) >= REPORT_KEYS
     assert report["success"] is True
@@ -85,8 +85,7 @@ def test_the_report_has_every_field_of_the_contract_and_the_robot_keeps_off_the_
 
 
 def test_without_its_rule_the_robot_drives_over_the_red_floor_and_the_referee_sees_it() -> None:
-    """Control: it is the beware list that keeps the robot off, and the referee does not take its
-    word for it."""
+    """Control: the beware list keeps the robot off, and the referee judges independently."""
     nothing = BewareList(
         classes=tuple(
             dataclasses.replace(entry, enabled=False) for entry in default_beware_list().classes
@@ -119,11 +118,11 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
     assert {stop["reason"] for stop in report["stops"]} == {"no_path"}
     assert (
         report["ended"] == "standing"
-    )  # it has tried all it can, and nobody waits ten minutes for more
+    )  # it has tried every recovery, and the episode does not wait ten minutes
     assert 60 <= report["sim_time_s"] < 120
 
 
-def test_the_office_mission_is_driven_without_a_touch() -> None:
+def test_the_office_mission_is_driven_without_contact() -> None:
     report = driven(load_scenario("office"), seed=2)
     assert report["goals_reached"] == 3
     assert (report["collisions"], report["beware_intrusions"]) == (0, 0)

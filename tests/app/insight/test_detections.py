@@ -1,5 +1,4 @@
-"""What is recognised is one thing for each place; what an operator corrects becomes a data set that
-training takes."""
+"""A detected object has one entry; an operator's corrections become a data set for training."""
 
 from __future__ import annotations
 
@@ -58,7 +57,7 @@ def picture(x_m: float = 0.0, yaw_rad: float = 0.0) -> Frame:
 def labels(
     frame: Frame, x_m: float, y_m: float, *, class_id: int = CUP, sure: float = 0.9
 ) -> Labels:
-    """Everything within 12 cm of a place of the floor is of a class."""
+    """Label everything within 12 cm of a position on the floor with a class."""
     rows, cols = np.indices(frame.depth_m.shape)
     rays = (
         np.stack([(cols - 80) / 100, (rows - 60) / 100, np.ones(rows.shape)], axis=-1)
@@ -70,7 +69,7 @@ def labels(
     return Labels(class_ids=ids, confidence=np.full(ids.shape, sure, dtype=np.float32))
 
 
-def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() -> None:
+def test_an_object_has_one_entry_however_often_and_from_wherever_it_is_seen() -> None:
     gallery, new = DetectionGallery(), []
     for step, (x_m, yaw) in enumerate([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1), (0.4, 0.0)]):
         frame = picture(x_m, yaw)
@@ -86,7 +85,7 @@ def test_a_thing_is_sighted_once_however_often_and_from_wherever_it_is_seen() ->
         gallery.crop(99)
 
 
-def test_people_and_what_is_not_sure_enough_are_no_sightings() -> None:
+def test_people_and_uncertain_detections_have_no_entry() -> None:
     gallery, frame = DetectionGallery(), picture()
     assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
     assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
@@ -102,7 +101,7 @@ def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_rest
     folder = LabellingFolder(tmp_path / "labelling")
     folder.add(packed(frame, seen, BEWARE, mask), names=names, said=None)
     folder.add(packed(frame, seen, BEWARE, mask), names=names, said="toy")
-    # A crash leaves a picture half written, and the lists behind the card.
+    # A crash leaves an image incomplete, and the lists behind the card.
     (tmp_path / "labelling" / "train" / "label" / "half.npy").write_bytes(b"\x93NUMPY")
     again = LabellingFolder(tmp_path / "labelling")
     again.add(packed(frame, seen, BEWARE, mask), names=names, said="cup")
@@ -140,7 +139,7 @@ def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
     mask = seen.class_ids == CUP
     view = packed(frame, seen, BEWARE, mask)
     LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
-    for most in range(8):  # texts that are written before the disk is full
+    for most in range(8):  # number of texts written before the disk is full
         count = itertools.count()
 
         def filling(path: Path, text: str, count: Iterator[int] = count, most: int = most) -> None:
@@ -163,7 +162,7 @@ def test_a_disk_that_fills_up_over_a_new_class_gives_its_number_to_no_other(
     assert set(names) <= {"cup", "bag", "shoe"}
 
 
-def test_a_folder_whose_pictures_were_all_lost_takes_new_ones(tmp_path: Path) -> None:
+def test_a_folder_whose_images_were_all_lost_takes_new_ones(tmp_path: Path) -> None:
     frame = picture()
     seen = labels(frame, 1.5, 0.0)
     view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
@@ -186,7 +185,7 @@ def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:
     assert folder.state().pictures == 1
 
 
-def test_what_stands_out_in_a_box_is_found_and_a_bad_box_is_refused() -> None:
+def test_the_foreground_of_a_box_is_extracted_and_a_bad_box_is_refused() -> None:
     rgb = np.full((120, 160, 3), 60, dtype=np.uint8)
     rgb[40:70, 50:90] = (230, 200, 30)
     found = region_in(rgb, (40, 30, 100, 80))
@@ -198,7 +197,7 @@ def test_what_stands_out_in_a_box_is_found_and_a_bad_box_is_refused() -> None:
             region_in(rgb, box)
 
 
-def test_a_disk_that_refuses_the_lists_finds_every_picture_in_them_once_when_it_takes_them_again(
+def test_after_a_disk_refused_the_lists_they_contain_every_image_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frame = picture()

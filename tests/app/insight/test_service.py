@@ -1,4 +1,4 @@
-"""What the console says of why, asked of a real navigator's decision."""
+"""The explanation of a real navigator's decision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.app.insight.test_event_log import insight_of
 from tests.reliability.fault_runs import first_frame, standing_controller
 
 
-def test_what_the_robot_keeps_out_of_by_itself_is_among_the_reasons_for_its_way(
+def test_a_keep_out_of_the_robot_itself_is_among_the_reasons_for_its_path(
     tmp_path: Path,
 ) -> None:
     controller, store = standing_controller(), Store(tmp_path)

@@ -1,9 +1,11 @@
-"""The console's threads on a bench: whatever hangs or breaks above it, the command thread goes on
-and sends zero."""
+"""The console's threads on a test bench: whatever hangs or fails above it, the command thread
+continues and sends zero."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.runtime.loop import ControlLoop
+from app.runtime.loop import LATER, ControlLoop, put_robot_first
 from app.runtime.operator_state import OperatorState
 from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
@@ -37,15 +39,16 @@ FRAME_S = 0.05
 
 
 class HangingSegmenter(ColourSegmenter):
-    """Labels by colour, until it is told to hang or to break."""
+    """Labels by colour until it is told to hang or to fail."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.go_on = threading.Event()
         self.go_on.set()
         self.broken = False
 
     def segment(self, frame: Frame, beware: Any) -> Labels:
-        """As the colour rules say."""
+        """Label by the colour rules."""
         self.go_on.wait(20.0)
         if self.broken:
             raise RuntimeError("the network is gone")
@@ -54,8 +57,8 @@ class HangingSegmenter(ColourSegmenter):
 
 @dataclass
 class Bench:
-    """A robot on a bench: its wheels turn in the air and its camera always shows the same wall,
-    with a little noise."""
+    """A robot on a bench: its wheels turn in the air, and its camera always shows the same wall with
+    a little noise."""
 
     sent: list[tuple[int, Twist]] = field(default_factory=list)
     wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
@@ -112,7 +115,7 @@ class Rig:
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
-    """A loop that drives towards a goal ahead."""
+    """A control loop that drives towards a goal ahead."""
     warm_up()
     segmenter, robot, verdicts = HangingSegmenter(), Bench(), list[GateDecision]()
     navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=segmenter, config=NavigatorConfig())
@@ -135,7 +138,7 @@ def rig() -> Iterator[Rig]:
 def until(holds: Any, patience_s: float = 20.0) -> None:
     deadline = time.monotonic() + patience_s
     while not holds():
-        assert time.monotonic() < deadline, "it never came about"
+        assert time.monotonic() < deadline, "it never happened"
         time.sleep(0.01)
 
 
@@ -152,8 +155,8 @@ def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_o
     assert rig.reasons() & {Cause.STALE_COMMAND, Cause.STALE_FRAME}
     command = rig.controller.tick_state.command
     assert command is not None and command.twist.v_mps > 0
-    # The bench stamps a sending after the gate has judged it, and a busy machine may put a pause
-    # between the two.
+    # The bench stamps a command after the gate has decided it, and a busy machine may pause between
+    # the two.
     expired_ns = command.stamp_ns + DEFAULT_SAFETY.gate.command_life_ns + 20_000_000
 
     def late() -> list[Twist]:
@@ -165,7 +168,7 @@ def test_a_hung_tick_means_zero_sent_by_the_command_thread_alone_and_it_drives_o
     until(lambda: moving(rig))
 
 
-def test_without_its_expiry_the_old_command_would_be_sent_for_ever(
+def test_without_its_expiry_the_old_command_would_be_sent_without_end(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Control of the test above: it is the gate's expiry that stops the robot."""
@@ -188,7 +191,7 @@ def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged
         rig.controller.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
 
 
-def test_a_tick_that_breaks_is_told_and_tried_again(rig: Rig) -> None:
+def test_a_tick_that_fails_is_reported_and_retried(rig: Rig) -> None:
     until(lambda: moving(rig))
     rig.segmenter.broken = True
     until(lambda: Cause.PLANNER_FAILED in rig.reasons())
@@ -221,7 +224,7 @@ def test_the_stop_outlives_everything_but_its_reset(rig: Rig) -> None:
     until(lambda: moving(rig))
 
 
-def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig: Rig) -> None:
+def test_malformed_frames_stop_the_robot_and_stay_out_of_the_map(rig: Rig) -> None:
     until(lambda: moving(rig))
     good = rig.robot.wall
     rig.robot.wall = dataclasses.replace(good, depth_m=good.depth_m * float("nan"))
@@ -236,7 +239,7 @@ def test_frames_that_are_no_pictures_stop_the_robot_and_stay_out_of_the_map(rig:
     until(lambda: moving(rig))
 
 
-def test_a_camera_that_repeats_its_picture_with_fresh_stamps_stops_the_robot_and_is_named(
+def test_a_camera_that_repeats_its_image_with_fresh_stamps_stops_the_robot_and_is_named(
     rig: Rig,
 ) -> None:
     until(lambda: moving(rig))
@@ -278,3 +281,28 @@ def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_i
     until(lambda: Cause.POSE_JUMP in rig.reasons())
     rig.controller.trust_pose()
     until(lambda: moving(rig))
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux") or os.nice(0) >= LATER,
+    reason="no niceness for each thread to compare",
+)
+def test_every_thread_but_the_robots_comes_later() -> None:
+    ended = threading.Event()
+    threads = {
+        name: threading.Thread(target=ended.wait, name=name, daemon=True)
+        for name in ("think", "command", "console")
+    }
+    for thread in threads.values():
+        thread.start()
+    try:
+        before = os.getpriority(os.PRIO_PROCESS, threads["think"].native_id or 0)
+        put_robot_first()
+        niceness = {
+            name: os.getpriority(os.PRIO_PROCESS, thread.native_id or 0)
+            for name, thread in threads.items()
+        }
+        assert niceness == {"think": before, "command": before, "console": LATER}
+        assert os.getpriority(os.PRIO_PROCESS, threading.main_thread().native_id or 0) == before
+    finally:
+        ended.set()

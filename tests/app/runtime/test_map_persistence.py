@@ -1,5 +1,4 @@
-"""What the robot knows when it starts again: its own map, with the names of that time, and one from
-elsewhere."""
+"""Maps that are loaded at the start: the robot's own, with its class names, and a prior map."""
 
 from __future__ import annotations
 
@@ -23,18 +22,18 @@ from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture
 EMPTY = BewareList(classes=())
 
 
-def looked(cloud: PointMap, *things: Paint) -> None:
+def observe_scene(cloud: PointMap, *things: Paint) -> None:
     frame = picture(*things)
     labels = ColourSegmenter().segment(frame, RED_LIST)
     cloud.insert(observe(frame, labels, RED_LIST, SPEC, ObservationConfig()), frame, labels)
 
 
-def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_come_back(
+def test_a_class_removed_from_the_list_keeps_its_name_on_the_map_and_can_be_restored(
     tmp_path: Path,
 ) -> None:
     kept = tmp_path / "kept.map"
     cloud = PointMap(SPEC, MappingConfig())
-    looked(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
     save_map(cloud, RED_LIST, kept)
     for beware in (EMPTY, RED_LIST):
         again = PointMap(SPEC, MappingConfig())
@@ -47,12 +46,12 @@ def test_a_class_that_was_taken_off_the_list_keeps_its_name_on_the_map_and_can_c
     assert layer_grid(again, RED_LIST, ()).beware[RED_ID].any()
 
 
-def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(
+def test_an_obstacle_of_the_prior_map_that_was_seen_to_be_gone_stays_gone(
     tmp_path: Path,
 ) -> None:
     before = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     row, col = SPEC.cell(2.0, 0.0)
-    before[row, col] = True  # where the camera looks, and sees bare floor
+    before[row, col] = True  # in view of the camera, which sees free floor
     before[row, 3] = True  # behind it
     nav2_map.save(
         map_from_cells(occupied=before, known=np.ones_like(before), spec=SPEC),
@@ -63,6 +62,6 @@ def test_what_of_a_prior_map_was_seen_to_be_gone_stays_gone_at_the_next_start(
         load_map(cloud, EMPTY, prior=tmp_path / "prior.yaml", kept=tmp_path / "kept.map")
         assert layer_grid(cloud, EMPTY, ()).geometric[row, col] == (session == 0)
         assert layer_grid(cloud, EMPTY, ()).geometric[row, 3]
-        looked(cloud)
+        observe_scene(cloud)
         assert not layer_grid(cloud, EMPTY, ()).geometric[row, col]
         save_map(cloud, EMPTY, tmp_path / "kept.map")

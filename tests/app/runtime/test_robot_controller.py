@@ -1,5 +1,4 @@
-"""The loop and the pilot that joins it to the operator: from a picture to what is sent to the
-wheels."""
+"""The robot controller: from a frame to the command for the wheels."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from navcore.grid.nearest import nearest_free
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.driver import Command
@@ -38,22 +37,26 @@ NAN = dataclasses.replace(OPEN, depth_m=np.full_like(OPEN.depth_m, math.nan))
 ACROSS = Zone(id="z", name="across", polygon=((1.5, -7.9), (2.0, -7.9), (2.0, 7.9), (1.5, 7.9)))
 
 
-def navigator() -> Navigator:
+def navigator(stages: Stages | None = None) -> Navigator:
     return Navigator(
-        spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        spec=SPEC,
+        profile=HUSKY,
+        segmenter=ColourSegmenter(),
+        config=NavigatorConfig(),
+        stages=stages,
     )
 
 
-def controller(*goals: tuple[float, float]) -> RobotController:
+def controller(*goals: tuple[float, float], stages: Stages | None = None) -> RobotController:
     mission = Mission()
     for x, y in goals:
         mission = mission.add(x, y, SPEC)
     intent = OperatorState(mission=mission.start() if goals else mission, beware=RED_LIST)
-    return RobotController(navigator=navigator(), profile=HUSKY, intent=intent)
+    return RobotController(navigator=navigator(stages), profile=HUSKY, intent=intent)
 
 
 def think(driver: RobotController, frame: Frame = OPEN) -> None:
-    driver.trust_pose()  # each picture of these tests stands for itself, whatever came before it
+    driver.trust_pose()  # each frame is accepted, whatever came before it
     driver.think(frame, clock=lambda: frame.stamp_ns)
 
 
@@ -76,7 +79,7 @@ def test_a_driving_mission_moves_the_robot_towards_its_goal() -> None:
     assert driver.sent == verdict.twist
 
 
-def test_before_the_first_picture_nothing_is_sent_and_the_reason_is_named() -> None:
+def test_before_the_first_frame_nothing_is_sent_and_the_reason_is_named() -> None:
     verdict = command(controller((3.0, 0.0)))
     assert verdict.twist == STANDSTILL
     assert causes(verdict) == [Cause.STALE_FRAME]
@@ -130,7 +133,7 @@ def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> No
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.EMERGENCY_STOP])
 
 
-def test_a_stale_command_and_a_stale_picture_mean_zero() -> None:
+def test_a_stale_command_and_a_stale_frame_mean_zero() -> None:
     driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver, 0.25).twist != STANDSTILL
@@ -164,20 +167,14 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
     assert command(driver).twist == STANDSTILL
 
 
-def test_without_a_path_nobody_has_arrived_whatever_the_mover_says(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    driver = controller((3.0, 0.0))
+def test_without_a_path_the_robot_has_not_arrived_whatever_the_local_planner_says() -> None:
+    arrived = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
+    driver = controller((3.0, 0.0), stages=Stages(control=lambda *_: arrived))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
-    monkeypatch.setattr(
-        driver.navigator,
-        "move",
-        lambda *rest, **named: Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED),
-    )
     think(driver)
     before = len(driver.intent.mission.reached)
     driver.change(lambda intent: dataclasses.replace(intent, zones=()))
-    think(driver)  # control: with a path the same word ends the mission
+    think(driver)  # control: with a path the same motion ends the mission
     assert (before, len(driver.intent.mission.reached)) == (0, 1)
 
 
@@ -200,7 +197,7 @@ def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_un
             {0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)}
         )
     driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
-    # A picture from elsewhere, so that the old pose's points are not replaced.
+    # A frame from elsewhere, so that the old pose's points are not replaced.
     think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
     after = driver.navigator.map.points
     moved = after.pose_ids == 0
@@ -224,7 +221,7 @@ def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() 
     assert [goal.id for goal in driver.intent.mission.queue] == [2]
 
 
-def test_a_bad_picture_leaves_the_map_untouched_and_stops_the_robot_with_the_reason() -> None:
+def test_a_bad_frame_leaves_the_map_untouched_and_stops_the_robot_with_the_reason() -> None:
     driver = controller((3.0, 0.0))
     think(driver, picture(Box(x=(2, 3), y=(2, 3), z=(0, 1)), stamp_ns=SECOND))
     assert command(driver).twist != STANDSTILL
@@ -256,7 +253,7 @@ def test_an_edit_that_is_refused_changes_nothing() -> None:
     assert driver.intent is before
 
 
-def test_a_zone_across_the_way_leaves_no_path_and_the_robot_says_so() -> None:
+def test_a_zone_across_the_path_leaves_no_path_and_the_robot_says_so() -> None:
     driver = controller((5.0, 0.0))
     driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
     think(driver)
@@ -363,13 +360,13 @@ BY_HAND = Twist(v_mps=0.3, w_radps=0.0)
 
 
 def pushed(driver: RobotController, twist: Twist = BY_HAND) -> RobotController:
-    """A hand on the robot, at the moment of the picture."""
+    """Teleoperation at the moment of the frame."""
     hand = Command(twist=twist, stamp_ns=SECOND)
     driver.change(lambda intent: dataclasses.replace(intent, by_hand=hand))
     return driver
 
 
-def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None:
+def test_teleoperation_moves_the_robot_within_the_limits_and_its_command_expires() -> None:
     driver = controller()
     think(driver)
     assert command(pushed(driver)).twist.v_mps == pytest.approx(HUSKY.max_accel_mps2 * 0.05)
@@ -378,7 +375,7 @@ def test_a_hand_moves_the_robot_within_the_limits_and_its_word_expires() -> None
     assert late.twist == STANDSTILL and late.reasons == ()
 
 
-def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(
+def test_without_expiry_of_teleoperation_and_gate_the_robot_rolls_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The control of the test above."""
@@ -390,7 +387,7 @@ def test_without_expiry_of_the_hand_and_the_gate_the_robot_rolls_on(
     assert command(pushed(driver), after_s=0.4).twist.v_mps > 0
 
 
-def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
+def test_teleoperation_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
     stopped = pushed(controller())
     think(stopped)
     stopped.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
@@ -404,7 +401,7 @@ def test_a_hand_does_not_overrule_the_gate_nor_a_mission_that_drives() -> None:
     assert driving.sent.v_mps > 0
 
 
-def spoilt(frame: Frame, what: str) -> Frame:
+def malformed(frame: Frame, what: str) -> Frame:
     if what == "covered":
         return dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m))
     if what == "unmounted":
@@ -413,7 +410,7 @@ def spoilt(frame: Frame, what: str) -> Frame:
 
 
 @pytest.mark.parametrize("what", ["covered", "unmounted", "cut"])
-def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(what: str) -> None:
+def test_teleoperation_stops_at_a_malformed_frame_and_recent_obstacles_are_kept(what: str) -> None:
     corner = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))
     driver = pushed(controller())
     assert (
@@ -422,7 +419,7 @@ def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(
     )
     near = driver._near
     verdict = driver.command(
-        lambda: SECOND + 1, 0.05, newest=spoilt(picture(stamp_ns=SECOND + 1), what)
+        lambda: SECOND + 1, 0.05, newest=malformed(picture(stamp_ns=SECOND + 1), what)
     )
     assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
     assert driver._near is near and len(near.points)
@@ -434,7 +431,7 @@ def test_a_hand_drives_nowhere_by_a_malformed_picture_and_what_was_near_is_kept(
     )
 
 
-def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
+def test_teleoperation_is_held_before_a_beware_area_with_the_reason() -> None:
     near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
     driver = controller()
     driver.change(lambda intent: dataclasses.replace(intent, zones=(near,)))
@@ -443,17 +440,19 @@ def test_a_hand_is_held_before_a_beware_area_and_told_so() -> None:
     assert command(pushed(driver, Twist(v_mps=-0.2, w_radps=0.0))).twist.v_mps < 0
 
 
-def test_a_command_that_expires_while_the_gate_looks_is_not_sent() -> None:
+def test_a_command_that_expires_while_the_gate_decides_is_not_sent() -> None:
     driver = controller((3.0, 0.0))
     think(driver)
     assert command(driver, 0.1).twist != STANDSTILL
     life_ns = DEFAULT_SAFETY.gate.command_life_ns
-    times = iter([SECOND + life_ns - 1, SECOND + life_ns + 1])  # on entering, and after a slow look
+    times = iter(
+        [SECOND + life_ns - 1, SECOND + life_ns + 1]
+    )  # on entering, and after a slow check
     verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
     assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
 
 
-def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_jumped() -> None:
+def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> None:
     driver = controller((3.0, 0.0))
     wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
     driver.command(lambda: SECOND, 0.05, newest=wall)
@@ -473,12 +472,12 @@ def test_a_reset_does_not_forget_what_has_gone_out_of_sight_unless_the_pose_had_
 NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
 
 
-@pytest.mark.parametrize("thought_before", [False, True])
-def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(
-    thought_before: bool,
+@pytest.mark.parametrize("ticked_before", [False, True])
+def test_a_zone_holds_teleoperation_before_the_first_tick_and_when_ticks_fail(
+    ticked_before: bool,
 ) -> None:
     driver = controller()
-    if thought_before:
+    if ticked_before:
         think(driver)
     driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
     driver.note_failure(OPEN, RuntimeError("no weights"))
@@ -488,7 +487,7 @@ def test_a_zone_holds_a_hand_before_the_first_tick_and_when_ticks_fail(
     assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
 
 
-def test_a_speed_limit_holds_for_a_hand_too() -> None:
+def test_a_speed_limit_holds_for_teleoperation_too() -> None:
     limit = dataclasses.replace(NEAR, polygon=((-2.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-2.0, 2.0)))
     limit = dataclasses.replace(limit, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.1)
     for zones, fastest in (((limit,), 0.1), ((), 0.5)):
@@ -501,7 +500,7 @@ def test_a_speed_limit_holds_for_a_hand_too() -> None:
 
 
 @pytest.mark.parametrize("accepted", [True, False])
-def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start(
+def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_start(
     accepted: bool,
 ) -> None:
     driver = controller((3.0, 0.0))
@@ -518,8 +517,8 @@ def test_where_a_jump_was_accepted_the_robot_has_room_to_set_out_as_at_the_start
     else:
         driver._mapped = driver._watched = type(
             driver._mapped
-        )()  # the control: believed, and nobody has put it down there
+        )()  # the control: trusted, but not reset to this pose
     driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
-    trodden = driver.navigator.map.explored.known(SPEC)
+    known = driver.navigator.map.explored.known(SPEC)
     row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
-    assert trodden[row, col] == accepted
+    assert known[row, col] == accepted

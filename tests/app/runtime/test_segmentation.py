@@ -1,4 +1,4 @@
-"""Which segmenter drives, and that it is said when it is not the one it should be."""
+"""The choice of the segmenter, and the warning when it is not the intended one."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def damaged(folder: Path) -> Path:
     return path
 
 
-def test_without_shipped_weights_the_colour_rules_drive_and_say_so(
+def test_without_shipped_weights_the_colour_rules_are_used_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
@@ -61,7 +61,7 @@ def test_without_shipped_weights_the_colour_rules_drive_and_say_so(
     assert perception.warning in caplog.text
 
 
-def test_damaged_weights_are_never_driven_with(tmp_path: Path) -> None:
+def test_damaged_weights_are_never_used(tmp_path: Path) -> None:
     broken = damaged(tmp_path)
     perception = compose(SegmenterChoice(), shipped=broken)
     assert isinstance(perception.segmenter, ColourSegmenter)
@@ -77,7 +77,7 @@ def test_a_network_asked_for_by_name_is_refused_when_it_is_not_there(tmp_path: P
         compose(SegmenterChoice(kind="colour", weights=weights(tmp_path)))
 
 
-def test_a_network_drives_with_the_colour_rules_and_knows_entries_by_name_and_alias(
+def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_alias(
     tmp_path: Path,
 ) -> None:
     perception = compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1))
@@ -106,7 +106,7 @@ def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_o
     assert compose(colour_perception().choice).identity == colour_perception().identity
 
 
-def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_that_is_said(
+def test_engines_are_measured_with_the_given_weights_or_with_random_ones_as_the_title_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     what, trials = measure_segmenter(weights(tmp_path), trial_s=0.0, threads=1)
@@ -121,7 +121,7 @@ def test_engines_are_measured_with_the_weights_given_or_with_random_ones_and_tha
     assert (CAMERA.height, CAMERA.width) == (240, 424)
 
 
-def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_smaller_pictures(
+def test_a_machine_too_slow_for_the_size_it_was_trained_at_gives_the_network_smaller_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
@@ -134,13 +134,13 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_shows_the_network_sma
     assert compose(small.choice).identity == small.identity
     labels = small.segmenter.segment(picture(), default_beware_list())
     assert labels.class_ids.shape == picture().depth_m.shape
-    # Where the world waits, or who names an engine, gets the whole size, however slow: for figures
-    # that others get, too.
+    # Without real time, or with an explicit engine, the full size is used however slow, for
+    # reproducible results.
     assert "416 × 256" in compose(dataclasses.replace(choice, live=False)).title
     assert "416 × 256" in compose(dataclasses.replace(choice, engine="torch")).title
 
 
-def test_one_slow_engine_beside_a_quick_one_makes_no_picture_smaller(
+def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = open_network(weights(tmp_path), camera=CAMERA)

@@ -1,4 +1,4 @@
-"""What is acknowledged is stored; what is refused changes nothing."""
+"""An acknowledged write is stored; a refused one changes nothing."""
 
 from __future__ import annotations
 

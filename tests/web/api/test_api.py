@@ -19,7 +19,7 @@ from navcore.errors import StorageFailed
 from navcore.mission.beware_list import BewareList, load_beware_list
 from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.web.fake_operations import SPEC, FakeOperations
-from web.images.encode import bewared, overlaid
+from web.images.encode import beware_mask, with_overlay
 from web.server import ConsoleServer
 
 SQUARE = [[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]]
@@ -330,15 +330,15 @@ def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_i
 
     def tint(confidence: float, listed: BewareList) -> float:
         sure = np.full(picture.labels.shape, confidence, dtype=np.float32)
-        drawn = overlaid(
+        drawn = with_overlay(
             dataclasses.replace(picture, rgb=np.zeros_like(picture.rgb), confidence=sure), listed
         )
         return float(drawn[labelled].mean())
 
     assert tint(1.0, beware) > tint(0.6, beware) > 5
     assert tint(0.4, beware) == tint(1.0, beware.edited("red floor", enabled=False)) == 0
-    np.testing.assert_array_equal(bewared(picture, beware), labelled)
-    assert not bewared(picture, beware.edited("red floor", min_confidence=0.95)).any()
+    np.testing.assert_array_equal(beware_mask(picture, beware), labelled)
+    assert not beware_mask(picture, beware.edited("red floor", min_confidence=0.95)).any()
 
 
 def test_a_preview_tells_the_path_and_applies_nothing(client: httpx.Client) -> None:

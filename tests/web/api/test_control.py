@@ -18,12 +18,12 @@ from navcore.geometry.transform import Twist
 from navcore.mission.mission import Phase
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
-from web.api.control import LATE_S, Hand
+from web.api.control import MAX_DELAY_S, TeleopSession
 from web.auth.access import Access
-from web.auth.control_lease import LAPSE_S, Control
-from web.auth.presence import Attendance
+from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
+from web.auth.presence import PresenceMonitor
 from web.auth.roles import Role, Visitor
-from web.schemas.teleop import Drive
+from web.schemas.teleop import DriveMessage
 from web.server import ConsoleServer
 
 AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}
@@ -63,7 +63,7 @@ def eventually(holds: Any) -> None:
 @pytest.fixture
 def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slow machine is no silent operator."""
-    monkeypatch.setattr("web.auth.control_lease.LAPSE_S", 60.0)
+    monkeypatch.setattr("web.auth.control_lease.PAGE_LEASE_S", 60.0)
 
 
 @contextmanager
@@ -149,13 +149,13 @@ def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(
 
 def test_velocities_that_were_held_up_on_the_way_are_not_driven() -> None:
     operations = FakeOperations()
-    visitor = Visitor(name="anna", role=Role.OPERATOR, seat="page anna")
-    hand, sent_s = Hand(operations, Control(), visitor), time.monotonic()
-    assert hand.move(Drive(**AHEAD, t_ms=sent_s * 1000))  # type: ignore[arg-type]
-    late_s = sent_s - LATE_S - 0.05
-    assert not hand.move(Drive(**AHEAD, t_ms=late_s * 1000))  # type: ignore[arg-type]
+    visitor = Visitor(name="anna", role=Role.OPERATOR, client_id="page anna")
+    hand, sent_s = TeleopSession(operations, ControlLeases(), visitor), time.monotonic()
+    assert hand.move(DriveMessage(**AHEAD, t_ms=sent_s * 1000))  # type: ignore[arg-type]
+    late_s = sent_s - MAX_DELAY_S - 0.05
+    assert not hand.move(DriveMessage(**AHEAD, t_ms=late_s * 1000))  # type: ignore[arg-type]
     assert len(operations.hands) == 1
-    hand.let_go()
+    hand.release()
     assert operations.hands[-1] is None
 
 
@@ -186,19 +186,19 @@ def test_when_the_operator_goes_silent_the_mission_does_as_configured(
     unattended: Any, phase: Phase
 ) -> None:
     now_s = [0.0]
-    operations, control = FakeOperations(), Control(clock=lambda: now_s[0])
-    attendance = Attendance(operations, Access(control=control), unattended)
-    control.claim(Visitor(name="anna", role=Role.OPERATOR, seat="page anna"))
+    operations, control = FakeOperations(), ControlLeases(clock=lambda: now_s[0])
+    presence = PresenceMonitor(operations, Access(control=control), unattended)
+    control.claim(Visitor(name="anna", role=Role.OPERATOR, client_id="page anna"))
     operations.goals.add(3, 0)
     operations.mission("start")
-    attendance.look()
-    now_s[0] += LAPSE_S - 0.1
-    attendance.look()
+    presence.check()
+    now_s[0] += PAGE_LEASE_S - 0.1
+    presence.check()
     assert operations.state().phase is Phase.DRIVING
     now_s[0] += 0.2
-    attendance.look()
+    presence.check()
     assert operations.state().phase is phase
-    attendance.look()
+    presence.check()
     assert operations.state().phase is phase
 
 

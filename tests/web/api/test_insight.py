@@ -9,7 +9,7 @@ import pytest
 
 from tests.web.fake_operations import FakeOperations
 from web.images.encode import SCALE, paint_map
-from web.images.tiles import TILE, TileVersions, newer, part_of
+from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.drafts import ZoneDraft
 
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
@@ -179,17 +179,17 @@ def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(
 def test_only_tiles_whose_cells_changed_are_new(operations: FakeOperations) -> None:
     tiles, before = TileVersions(), operations.picture()
     assert before is not None
-    version, versions = tiles.follow(before, operations.beware.list)
+    version, versions = tiles.update(before, operations.beware.list)
     assert (versions == version).all()
     operations.step()
     after = operations.picture()
     assert after is not None
-    assert tiles.follow(after, operations.beware.list)[0] == version
+    assert tiles.update(after, operations.beware.list)[0] == version
     operations.zones.add(WET)
     zoned = operations.picture()
     assert zoned is not None
-    newest, versions = tiles.follow(zoned, operations.beware.list)
-    changed = {tile for tile, _ in newer(versions, version)}
+    newest, versions = tiles.update(zoned, operations.beware.list)
+    changed = {tile for tile, _ in changed_since(versions, version)}
     differing = np.argwhere(
         (paint_map(after, operations.beware.list) != paint_map(zoned, operations.beware.list)).any(
             axis=2
@@ -198,7 +198,7 @@ def test_only_tiles_whose_cells_changed_are_new(operations: FakeOperations) -> N
     assert newest == version + 1 and changed == {
         (int(i) // (TILE * SCALE), int(j) // (TILE * SCALE)) for i, j in differing
     }
-    assert all(part_of(tile, zoned)[3] <= zoned.grid_spec.cols for tile in changed)
+    assert all(tile_cells(tile, zoned)[3] <= zoned.grid_spec.cols for tile in changed)
 
 
 def test_the_page_of_runs_is_served(client: httpx.Client) -> None:

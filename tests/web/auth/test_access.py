@@ -19,12 +19,12 @@ from navcore.errors import BadConfiguration, Refused
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_server import PAGE, scene, viewer_of
-from web.auth.control_lease import LAPSE_S, PROGRAM_LAPSE_S, Control, NotInControl
-from web.auth.permissions import need_of
+from web.auth.control_lease import PAGE_LEASE_S, PROGRAM_LEASE_S, ControlLeases, NotInControl
+from web.auth.permissions import requirement_of
 from web.auth.roles import Role, Visitor
 from web.auth.sessions import IDLE_S, LONGEST_S, Sessions
 from web.auth.users import User, hash_password, is_password, new_user
-from web.gateway.rate_limit import AT_ONCE, EVERY_S, Throttle
+from web.gateway.rate_limit import BURST, PERIOD_S, RateLimiter
 from web.server import ConsoleServer
 
 ANNA = User(name="anna", role=Role.OPERATOR, password_hash="-")
@@ -117,14 +117,14 @@ def test_whoever_guesses_has_to_wait(
     locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "web.gateway.rate_limit.EVERY_S", 600.0
+        "web.gateway.rate_limit.PERIOD_S", 600.0
     )  # so that a slow machine gets no try more
     with browser(locked) as client:
         statuses = [
             client.post("/login", data={"name": "admin", "password": "no"}).status_code
-            for _ in range(AT_ONCE + 1)
+            for _ in range(BURST + 1)
         ]
-        assert statuses == [401] * AT_ONCE + [429]
+        assert statuses == [401] * BURST + [429]
         late = client.post("/login", data={"name": "admin", "password": PASSWORD})
         assert late.status_code == 429 and 0 < int(late.headers["retry-after"]) <= 600
 
@@ -133,14 +133,14 @@ def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address
     None
 ):
     clock = Clock()
-    throttle = Throttle(clock=clock)
-    assert [throttle.wait_s("a") for _ in range(AT_ONCE + 2)] == [0] * AT_ONCE + [6, 6]
-    assert throttle.wait_s("b") == 0
-    clock.now_s += EVERY_S
-    assert [throttle.wait_s("a"), throttle.wait_s("a")] == [0, 6]
-    throttle.forgive("a")
-    assert throttle.wait_s("a") == 0
-    assert sum(throttle.wait_s(f"address {n}") == 0 for n in range(1000)) <= 10 * AT_ONCE
+    limiter = RateLimiter(clock=clock)
+    assert [limiter.wait_s("a") for _ in range(BURST + 2)] == [0] * BURST + [6, 6]
+    assert limiter.wait_s("b") == 0
+    clock.now_s += PERIOD_S
+    assert [limiter.wait_s("a"), limiter.wait_s("a")] == [0, 6]
+    limiter.refund("a")
+    assert limiter.wait_s("a") == 0
+    assert sum(limiter.wait_s(f"address {n}") == 0 for n in range(1000)) <= 10 * BURST
 
 
 def test_a_password_is_kept_as_a_salted_hash_and_known_again() -> None:
@@ -334,46 +334,46 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
         ("POST", "/api/v1/mission/start"),
     ]
     drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
-    assert all(need_of(*request).control for request in drives)
+    assert all(requirement_of(*request).control for request in drives)
     frees = [
         ("POST", "/api/v1/mission/pause"),
         ("POST", "/api/v1/stop"),
         ("POST", "/api/v1/zones"),
         ("GET", "/api/v1/goals"),
     ]
-    assert not any(need_of(*request).control for request in frees)
-    assert need_of("POST", "/api/v1/something/new").role is Role.OPERATOR
-    assert need_of("POST", "/api/v1/stop").role is Role.VIEWER
+    assert not any(requirement_of(*request).control for request in frees)
+    assert requirement_of("POST", "/api/v1/something/new").role is Role.OPERATOR
+    assert requirement_of("POST", "/api/v1/stop").role is Role.VIEWER
 
 
-def seat(name: str, kind: str = "page") -> Visitor:
-    return Visitor(name=name, role=Role.OPERATOR, seat=f"{kind} {name}")
+def client_id(name: str, kind: str = "page") -> Visitor:
+    return Visitor(name=name, role=Role.OPERATOR, client_id=f"{kind} {name}")
 
 
 def test_the_first_who_acts_has_control_and_it_lapses_when_he_goes_silent() -> None:
     clock = Clock()
-    control, anna, bob = Control(clock=clock), seat("anna"), seat("bob")
+    control, anna, bob = ControlLeases(clock=clock), client_id("anna"), client_id("bob")
     assert control.now.holder is None
     control.claim(anna)
     with pytest.raises(NotInControl, match="anna is in control"):
         control.claim(bob)
-    clock.now_s += LAPSE_S - 0.1
-    control.note_life(anna)
-    control.note_life(bob)
-    clock.now_s += LAPSE_S - 0.1
+    clock.now_s += PAGE_LEASE_S - 0.1
+    control.heartbeat(anna)
+    control.heartbeat(bob)
+    clock.now_s += PAGE_LEASE_S - 0.1
     assert control.is_held_by(anna)
     clock.now_s += 0.2
     assert control.now.holder is None and control.now.before == anna
     control.claim(bob)
     assert control.is_held_by(bob)
-    program = seat("robot", "program")
+    program = client_id("robot", "program")
     control.take(program)
-    clock.now_s += PROGRAM_LAPSE_S - 0.1
+    clock.now_s += PROGRAM_LEASE_S - 0.1
     assert control.is_held_by(program)
 
 
 def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
-    control, anna, bob = Control(), seat("anna"), seat("bob")
+    control, anna, bob = ControlLeases(), client_id("anna"), client_id("bob")
     control.claim(anna)
     serials = [control.now.serial]
     act: Callable[[Visitor], None]

@@ -14,7 +14,7 @@ from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone import rasterise
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.images.encode import map_pgm, map_yaml
-from web.interface.snapshots import Picture
+from web.interface.snapshots import TickSnapshot
 
 CORNERS = ((-6.0, -5.0), (-5.0, -5.0), (-5.0, -3.5))
 
@@ -25,11 +25,11 @@ def handed_out(folder: Path, pgm: bytes, yaml: str) -> Nav2Map:
     return load(folder / "map.yaml")
 
 
-def with_grid(picture: Picture, grid: OccupancyGrid) -> Picture:
+def with_grid(picture: TickSnapshot, grid: OccupancyGrid) -> TickSnapshot:
     return dataclasses.replace(picture, occupancy=Costmap.of(grid, picture.blocked, version=0))
 
 
-def assert_says_the_same(nav2_map: Nav2Map, picture: Picture) -> None:
+def assert_says_the_same(nav2_map: Nav2Map, picture: TickSnapshot) -> None:
     occupied = picture.grid.occupied()
     for _, mask in picture.grid.wide_zones:
         occupied = occupied | mask

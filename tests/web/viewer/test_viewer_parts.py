@@ -13,8 +13,8 @@ from tests.web.fake_operations import SPEC
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
 from web.viewer.layers.cloud import TILE_M, CloudLayer, coloured, halvings, is_shown, surveyed
-from web.viewer.layers.geometry import flag, knob, ribbon, triangulated
-from web.viewer.layers.primitives import drawn
+from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
+from web.viewer.layers.primitives import primitive_segments
 from web.viewer.picking import clamped, floor_point
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -59,7 +59,7 @@ def test_the_triangles_of_a_zone_cover_exactly_its_area(points: list[tuple[float
     polygon = Polygon(ring)
     if not polygon.is_valid or polygon.area < 1e-3:
         return
-    vertices, faces = triangulated(np.array(ring), 0.5)
+    vertices, faces = triangulate(np.array(ring), 0.5)
     assert (vertices[:, 2] == 0.5).all()
     assert np.isclose(sum(Polygon(vertices[face, :2]).area for face in faces), polygon.area)
 
@@ -129,7 +129,7 @@ def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:
     arcs = np.stack([np.column_stack([np.arange(10), np.full(10, i)]) for i in range(4)]).astype(
         np.float64
     )
-    segments, is_free = drawn(Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0])))
+    segments, is_free = primitive_segments(Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0])))
     assert len(segments) == 9 + 4 and is_free.tolist() == [True] * 9 + [True] * 3 + [False]
 
 
@@ -140,6 +140,6 @@ def test_points_of_a_class_have_its_colour_and_the_rest_grows_lighter_with_heigh
 
 
 def test_shapes_name_only_vertices_they_have() -> None:
-    for vertices, faces in (flag(), knob()):
+    for vertices, faces in (flag_mesh(), handle_mesh()):
         assert faces.max() < len(vertices) and np.isfinite(vertices).all()
-    assert ribbon(np.zeros((5, 2)), 1.0).shape == (4, 2, 3)
+    assert polyline_segments(np.zeros((5, 2)), 1.0).shape == (4, 2, 3)

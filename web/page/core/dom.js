@@ -30,6 +30,8 @@ export function reconcile(list, items, keyOf, create, refresh) {
   for (const child of old.values()) child.remove();
 }
 
+// Written only when it is another: what is written is laid out and painted again.
+export function set(holder, values) { for (const [name, value] of Object.entries(values)) if (holder[name] !== value) holder[name] = value; }
 export function setText(node, text) { if (node.textContent !== text) node.textContent = text; }
 // What a field said has been taken; what was typed into it since then stays.
 export function spent(input, taken) { if (input.value === taken) input.value = ""; }

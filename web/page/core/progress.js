@@ -1,4 +1,6 @@
-// A bar for whatever takes longer than a second, with its name and how long it has taken.
+// A sign for whatever takes longer than a second, with its name and how long it has taken.
+
+import { set, setText } from "./dom.js";
 
 const SHOWN_AFTER_MS = 1000;
 const running = new Map();
@@ -21,8 +23,8 @@ export async function during(promise, what) {
 function show() {
   const now = performance.now();
   const slow = [...running.values()].filter((one) => now - one.since > SHOWN_AFTER_MS);
-  box.hidden = slow.length === 0;
-  if (slow.length) words.textContent = `waiting for ${slow.map((one) => `${one.what} (${((now - one.since) / 1000).toFixed(0)} s)`).join(", ")}`;
+  set(box, { hidden: slow.length === 0 });
+  if (slow.length) setText(words, `waiting for ${slow.map((one) => `${one.what} (${((now - one.since) / 1000).toFixed(0)} s)`).join(", ")}`);
 }
 
 setInterval(show, 250);

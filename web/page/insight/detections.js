@@ -1,7 +1,7 @@
 // What was recognised: how many of each class, a card with picture and place of each thing; "wrong" and "add" teach the next training.
 
 import { get, post } from "../core/api.js";
-import { age, make } from "../core/dom.js";
+import { age, make, setText } from "../core/dom.js";
 import { PATTERNS } from "../beware/beware_list.js";
 import { attempt, say } from "../core/toasts.js";
 
@@ -58,8 +58,8 @@ function draw({ seen, sightings, labelling }) {
   // Cards are made anew only when their set or a verdict changes: a choice half made is not wiped.
   const ids = sightings.map((one) => `${one.id}${one.verdict ?? ""}`).join();
   if (ids !== shownIds) { shownIds = ids; cards.replaceChildren(...sightings.map(card)); }
-  sightings.forEach((one, i) => { cards.children[i].querySelector(".soft").textContent = `${one.looks} looks · ${age(one.age_s ?? 0)} ago`; });
-  folder.textContent = `${labelling.pictures} of at most ${labelling.max_pictures} corrected pictures, ${(labelling.bytes_used / 1e6).toFixed(1)} MB, wait for the next training in ${labelling.folder}`;
+  sightings.forEach((one, i) => { setText(cards.children[i].querySelector(".soft"), `${one.looks} looks · ${age(one.age_s ?? 0)} ago`); });
+  setText(folder, `${labelling.pictures} of at most ${labelling.max_pictures} corrected pictures, ${(labelling.bytes_used / 1e6).toFixed(1)} MB, wait for the next training in ${labelling.folder}`);
 }
 
 // The count beside each class of the beware list.

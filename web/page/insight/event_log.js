@@ -2,7 +2,7 @@
 // of the console, whose entries are told apart.
 
 import { get } from "../core/api.js";
-import { clock, make } from "../core/dom.js";
+import { clock, make, set } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
 
 const KINDS = {
@@ -51,7 +51,7 @@ export async function tick(open) {
     const page = await get(`/journal?since=${newest}&limit=${MOST}${query()}`);
     // Another data folder counts from one again.
     if (page.newest < newest) list.replaceChildren();
-    if (newest === 0) more.hidden = page.entries.length < MOST;
+    if (newest === 0) set(more, { hidden: page.entries.length < MOST });
     newest = page.newest;
     unread = open ? 0 : unread + page.entries.filter((entry) => entry.start === page.start).length;
     list.prepend(...page.entries.reverse().map(item));

@@ -1,6 +1,6 @@
 // How old is what is shown: picture, map, path, connection. What is old fades, and says so.
 
-import { age, make } from "../core/dom.js";
+import { age, make, setText } from "../core/dom.js";
 
 const OLD_S = { picture: 1.0, map: 2.0, path: 2.0, link: 1.0 };
 const TITLES = {
@@ -30,8 +30,10 @@ export function heard(state, mapVersion, onMap) {
   else if (!onMap || shown.path === state.picture_serial || fresh.path === null) fresh.path = fresh.picture;
 }
 
-export function loaded(what, version, filled = true) {
+// Asked for at `asked`, it was the robot's own by the picture that was the newest then, whatever has come since.
+export function loaded(what, version, asked, filled = true) {
   shown[what] = version;
+  if (fresh.picture !== null) fresh[what] = Math.max(fresh[what] ?? 0, Math.min(asked, fresh.picture));
   if (what === "path") hasPath = filled;
 }
 
@@ -40,9 +42,8 @@ setInterval(() => {
   for (const [name, chip] of Object.entries(chips)) {
     const seconds = fresh[name] === null ? null : Math.max(now - fresh[name], 0) / 1000;
     const old = seconds !== null && seconds > OLD_S[name];
-    const words = `${old ? "▲ " : ""}${name} ${seconds === null ? "–" : age(seconds)}`;
-    if (chip.textContent !== words) chip.textContent = words;
-    chip.classList.toggle("old", old);
-    document.body.classList.toggle(`old-${name}`, old);
+    // What is fresh is not counted in tenths: the page would be painted for them five times a second.
+    setText(chip, `${old ? "▲ " : ""}${name} ${seconds === null ? "–" : old ? age(seconds) : `< ${OLD_S[name]} s`}`);
+    if (chip.classList.contains("old") !== old) { chip.classList.toggle("old", old); document.body.classList.toggle(`old-${name}`, old); }
   }
 }, 200);

@@ -3,24 +3,49 @@
 import { draft, drawing, onDraft, ring } from "../zones/draft.js";
 import { offer, onOffer } from "../mission/goals.js";
 import { onLayers, strength } from "./layers.js";
-import { arrow, COLOURS, dot, fill, flag, line, pen, raster, tag, texture } from "./strokes.js";
+import { painter } from "../core/paints.js";
+import { arrow, COLOURS, dot, drawOn, fill, flag, line, pen, raster, tag, texture } from "./strokes.js";
 import { middles } from "../core/geometry.js";
 import { isLight, onTheme } from "../core/theme.js";
 import * as tiles from "./tiles.js";
-import { canvas, centre, fit as fitTo, onView, toPage, toWorld, view } from "./view.js";
+import { canvas, centre, fit as fitTo, onView, placed, toPage, toWorld, view } from "./view.js";
 import { colourOf } from "../zones/zones.js";
 
 export const world = { map: null, picture: null, state: null, classes: [], path: [], waypoints: [], driven: [], people: [], closed: [], view: [], zones: [], candidates: { arcs: [], chosen: null } };
 export const hand = { stroke: [], goal: null, heading: null, way: [], verdict: "" };
 const AHEAD_S = 2;
-let asked = false;
+const VISIBLE_PX = 0.5;
+const VISIBLE_RAD = 0.01;
+const LINES = new Set(["path", "waypoints", "driven", "view"]);
+// What lies still under the robot: cells, raster and zones, drawn once for a place of the view and then copied.
+const ground = { canvas: new OffscreenCanvas(1, 1), of: "" };
+let zonesVersion = 0;
+let drawnState = null;
 
+// Nothing is drawn for values that would look the same: they are not even taken, so that small steps add up to a visible one.
 export function update(values) {
-  Object.assign(world, values);
-  if (values.classes) repaint();
+  const { state = world.state, picture = world.picture, ...others } = values;
+  const changed = Object.keys(others).filter((name) => !(LINES.has(name) ? coincide : same)(others[name], world[name]));
+  for (const name of changed) world[name] = others[name];
+  Object.assign(world, { state, picture });
+  if (changed.includes("classes")) repaint();
+  if (changed.includes("zones") || changed.includes("closed")) zonesVersion += 1;
   if (world.map && !view.fitted) fit();
+  if (changed.length === 0 && looksAlike(world.state, drawnState) && ground.of === groundNow()) return;
   centre(world.state?.pose);
   redraw();
+}
+
+const same = (one, other) => JSON.stringify(one) === JSON.stringify(other);
+const coincide = (one, other) => one.length === other.length && one.every(([x, y], i) => Math.hypot(x - other[i][0], y - other[i][1]) * view.scale < VISIBLE_PX);
+
+function looksAlike(state, drawn) {
+  if (!state || !drawn) return state === drawn;
+  const { pose, command, queue, reached } = state;
+  const moved = Math.hypot(pose.x_m - drawn.pose.x_m, pose.y_m - drawn.pose.y_m) * view.scale;
+  const steered = Math.hypot(command.v_mps - drawn.command.v_mps, command.w_radps - drawn.command.w_radps);
+  return (pose.x_m === null) === (drawn.pose.x_m === null) && moved < VISIBLE_PX && Math.abs(pose.yaw_rad - drawn.pose.yaw_rad) < VISIBLE_RAD
+    && steered < VISIBLE_RAD && same([queue, reached], [drawn.queue, drawn.reached]);
 }
 
 export const fit = () => fitTo(world.map);
@@ -28,13 +53,10 @@ export const fit = () => fitTo(world.map);
 // What others draw over the world, below the robot; each gets the tools of this file.
 export const overlays = [];
 
-export function redraw() {
-  if (asked || canvas.clientWidth === 0) return;
-  asked = true;
-  requestAnimationFrame(() => { asked = false; draw(); });
-}
+export const redraw = painter("map", canvas, draw);
 
 function draw() {
+  drawnState = world.state;
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
@@ -43,13 +65,13 @@ function draw() {
   }
   // Where the world is on the page, for tools that drive it: scale in px/m, and the middle in metres.
   canvas.dataset.place = `${view.scale} ${view.x} ${view.y}`;
-  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.clearRect(0, 0, width, height);
+  if (world.map && ground.of !== groundNow()) drawGround(ratio, width, height);
+  pen.setTransform(1, 0, 0, 1, 0, 0);
+  pen.clearRect(0, 0, canvas.width, canvas.height);
   if (!world.map) return;
-  drawCells();
-  raster(width, height, toWorld);
+  pen.drawImage(ground.canvas, 0, 0);
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   layer("view", () => { fill(world.view, "#ffb70326"); line(world.view, "#ffb70370", 1, [3, 3], true); });
-  layer("zones", () => { for (const zone of [...world.zones, ...world.closed]) if (zone.id !== draft.id) drawZone(zone); });
   layer("driven", () => line(world.driven, COLOURS.driven, 2, [2, 4]));
   layer("candidates", drawCandidates);
   layer("path", () => { line(world.path, "#ffffffc0", 5); line(world.path, COLOURS.path, 3); });
@@ -62,6 +84,19 @@ function draw() {
   if (drawing()) drawDraft();
   drawHand();
   drawScale(height);
+}
+
+const groundNow = () => `${placed()} ${tiles.painted} ${zonesVersion} ${draft.id}`;
+
+function drawGround(ratio, width, height) {
+  Object.assign(ground.canvas, { width: canvas.width, height: canvas.height });
+  drawOn(ground.canvas.getContext("2d"), () => {
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    drawCells();
+    raster(width, height, toWorld);
+    layer("zones", () => { for (const zone of [...world.zones, ...world.closed]) if (zone.id !== draft.id) drawZone(zone); });
+  });
+  ground.of = groundNow();
 }
 
 // Another list, layer or theme: what is here already looks different.

@@ -1,6 +1,7 @@
 // The pointer on the map: look around, place goals with a heading, draw by corner or by hand, move what was drawn. Two fingers zoom.
 
 import { clicked, draft, dragged, drawing, freeHand, grab, insert, ring, shift, snapshot, remove } from "../zones/draft.js";
+import { setText } from "../core/dom.js";
 import { offer, takeOffer } from "../mission/goals.js";
 import { hand, redraw, world } from "./map.js";
 import { ask } from "../zones/preview.js";
@@ -57,7 +58,7 @@ canvas.addEventListener("pointerdown", (event) => {
 
 canvas.addEventListener("pointermove", (event) => {
   const at = toWorld(event.offsetX, event.offsetY);
-  document.getElementById("where").textContent = `x ${at[0].toFixed(2)}  y ${at[1].toFixed(2)} m`;
+  setText(document.getElementById("where"), `x ${at[0].toFixed(2)}  y ${at[1].toFixed(2)} m`);
   if (!world.map) return;
   if (fingers.size === 2 && fingers.has(event.pointerId)) { pinch(event); return; }
   if (!pressed) { if (draft.mode === "goal" && event.pointerType === "mouse") hover(at); return; }

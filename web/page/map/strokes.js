@@ -2,7 +2,15 @@
 
 import { canvas, toPage, view } from "./view.js";
 
-export const pen = canvas.getContext("2d");
+export let pen = canvas.getContext("2d");
+
+// Draw on another canvas than the one on the page.
+export function drawOn(other, act) {
+  const page = pen;
+  pen = other;
+  try { act(); } finally { pen = page; }
+}
+
 export const COLOURS = { path: "#0a84ff", driven: "#57647a", goal: "#00a86b", draft: "#ffb703", bad: "#e5322d", person: "#e85d04" };
 
 export function trace(points, closed = false) {

@@ -6,6 +6,9 @@ const watchers = [];
 export const onView = (watcher) => watchers.push(watcher);
 const tell = () => { for (const watcher of watchers) watcher(); };
 
+// Where the world is on the page, in words: what is drawn for one place is drawn anew for another.
+export const placed = () => `${canvas.clientWidth} ${canvas.clientHeight} ${window.devicePixelRatio || 1} ${view.scale} ${view.x} ${view.y}`;
+
 export const toWorld = (px, py) => [view.x + (px - canvas.clientWidth / 2) / view.scale, view.y - (py - canvas.clientHeight / 2) / view.scale];
 export const toPage = ([x, y]) => [canvas.clientWidth / 2 + (x - view.x) * view.scale, canvas.clientHeight / 2 - (y - view.y) * view.scale];
 

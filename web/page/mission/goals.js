@@ -1,7 +1,7 @@
 // The goals that wait: picked, named, ordered, looped, kept; and the offer of a better place when one is refused.
 
 import { post, request } from "../core/api.js";
-import { element, make, reconcile, setText, setValue, spent } from "../core/dom.js";
+import { element, make, reconcile, set, setText, setValue, spent } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
 import { shelf } from "../core/saved_list.js";
 import { attempt, say } from "../core/toasts.js";
@@ -46,9 +46,9 @@ export function showGoals(state) {
     else setText(child.querySelector(".place"), `${goal.name} ${spot(goal)}`);
     setText(child.querySelector(".present"), goal.number === 1 ? (state.moving ? "driving here" : "next") : goal.number ? "" : "reached");
     const up = child.querySelector("[data-up]");
-    if (up) up.disabled = goal.number === 1;
+    if (up) set(up, { disabled: goal.number === 1 });
   });
-  element("no-goals").hidden = waiting.length + reached.length > 0;
+  set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
   setText(element("goal-count"), `${waiting.length} waiting · ${state.reached.length} reached`);
   if (!looping) element("loop").checked = state.loop;
 }

@@ -2,6 +2,7 @@
 // that is closed, frozen or cut off is silent, and what it last asked of the wheels is forgotten within a quarter of a second.
 
 import { alsoStopsBy, connect, get, post } from "../core/api.js";
+import { set, setText } from "../core/dom.js";
 import { attempt, say } from "../core/toasts.js";
 import { show as showUsers } from "../access/users.js";
 
@@ -35,20 +36,20 @@ async function whoAmI() {
 function show(now) {
   const { you, holder, asking } = now;
   const viewer = you.role === "viewer";
-  document.body.dataset.role = you.role;
-  for (const part of document.querySelectorAll(".left, [aria-label='Mode'], #beware, #beware-tools")) part.inert = viewer;
+  set(document.body.dataset, { role: you.role });
+  for (const part of document.querySelectorAll(".left, [aria-label='Mode'], #beware, #beware-tools")) set(part, { inert: viewer });
   const who = now.yours ? "you" : holder ? "other" : "nobody";
-  element("control").dataset.who = who;
+  set(element("control").dataset, { who });
   const words = { you: "● You drive", other: `▲ ${holder?.name} drives`, nobody: "○ Nobody drives" }[who];
   const wish = now.yours && asking ? ` · ${asking.name} asks` : now.asked_by_you ? " · asked" : "";
-  element("control-text").textContent = viewer ? `${words} · you watch` : words + wish;
-  element("control-text").title = now.yours && asking ? `${asking.name} would like to drive` : words;
-  element("control-take").hidden = viewer || now.yours;
-  element("control-ask").hidden = viewer || now.yours || !holder || now.asked_by_you;
-  element("control-give").hidden = !now.yours;
+  setText(element("control-text"), viewer ? `${words} · you watch` : words + wish);
+  set(element("control-text"), { title: now.yours && asking ? `${asking.name} would like to drive` : words });
+  set(element("control-take"), { hidden: viewer || now.yours });
+  set(element("control-ask"), { hidden: Boolean(viewer || now.yours || !holder || now.asked_by_you) });
+  set(element("control-give"), { hidden: !now.yours });
   element("control-give").classList.toggle("due", Boolean(now.yours && asking));
-  element("logout").hidden = !you.logged_in;
-  element("account-button").textContent = you.name;
+  set(element("logout"), { hidden: !you.logged_in });
+  setText(element("account-button"), you.name);
   showUsers(you);
   if (seen !== null && seen.serial !== now.serial) tell(now);
   seen = now;
@@ -117,6 +118,6 @@ for (const button of document.querySelectorAll("[data-hand]")) {
 }
 // Opening is told of late, when a key may already be held.
 element("byhand").addEventListener("toggle", () => { if (!element("byhand").open) letGo(); });
-window.addEventListener("blur", () => { if (document.activeElement !== element("viewer")) letGo(); });
+window.addEventListener("blur", () => { if (document.activeElement?.id !== "viewer") letGo(); });
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });

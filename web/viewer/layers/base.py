@@ -13,7 +13,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from web.images.palette import Rgb
 from web.interface.insight import Candidates
-from web.interface.snapshots import Picture, State
+from web.interface.snapshots import State, TickSnapshot
 from web.viewer.layers.geometry import faded
 
 
@@ -22,12 +22,12 @@ def _nothing() -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
+class Scene:
     """What all layers look at."""
 
     state: State
     """Newest state."""
-    picture: Picture
+    picture: TickSnapshot
     """Newest tick's values."""
     zones: tuple[Zone, ...]
     """All stored zones, and where the robot keeps out for a while of its own accord."""
@@ -51,5 +51,5 @@ class Layer(Protocol):
     period_s: float
     """Shortest time between two looks: what costs much to draw is drawn less often."""
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Send what has changed."""

@@ -8,8 +8,8 @@ import numpy as np
 import viser
 
 from web.images.encode import UNKNOWN_ALPHA, paint_floor
-from web.images.tiles import Tile, TileVersions, newer, part_of
-from web.viewer.layers.base import Snapshot
+from web.images.tiles import Tile, TileVersions, changed_since, tile_cells
+from web.viewer.layers.base import Scene
 
 FLOOR_Z = 0.0
 
@@ -27,19 +27,19 @@ class FloorLayer:
         self._shown = 0
         self._strength = 1.0
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """New pictures where a cell, the list or a zone changed."""
         picture, strength = snapshot.picture, snapshot.strength.get(self.name, 1.0)
-        newest, versions = self._tiles.follow(picture, snapshot.beware)
+        newest, versions = self._tiles.update(picture, snapshot.beware)
         since = self._shown if strength == self._strength else -1
         self._strength = strength
-        for tile, _ in newer(versions, since):
+        for tile, _ in changed_since(versions, since):
             self._push_tile(tile, snapshot, strength)
         self._shown = newest
 
-    def _push_tile(self, tile: Tile, snapshot: Snapshot, strength: float) -> None:
+    def _push_tile(self, tile: Tile, snapshot: Scene, strength: float) -> None:
         picture, spec = snapshot.picture, snapshot.picture.grid_spec
-        part = top, left, bottom, right = part_of(tile, picture)
+        part = top, left, bottom, right = tile_cells(tile, picture)
         image = paint_floor(picture, snapshot.beware, part)
         if (old := self._images.pop(tile, None)) is not None:
             old.remove()

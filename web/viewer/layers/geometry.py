@@ -13,7 +13,7 @@ Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.uint32]
 
 
-def triangulated(corners: Floats, z: float) -> tuple[Floats, Faces]:
+def triangulate(corners: Floats, z: float) -> tuple[Floats, Faces]:
     """Vertices (N, 3) and faces (M, 3) of a simple polygon given by its corners (N, 2)."""
     ends = np.array([len(corners)], dtype=np.uint32)
     faces = mapbox_earcut.triangulate_float64(np.ascontiguousarray(corners, dtype=np.float64), ends)
@@ -22,12 +22,12 @@ def triangulated(corners: Floats, z: float) -> tuple[Floats, Faces]:
     ).reshape(-1, 3)
 
 
-def closed(corners: Floats) -> Floats:
+def closed_ring(corners: Floats) -> Floats:
     """The ring with its first corner again at the end."""
     return np.vstack([corners, corners[:1]])
 
 
-def ribbon(points: Floats, z: float) -> npt.NDArray[np.float32]:
+def polyline_segments(points: Floats, z: float) -> npt.NDArray[np.float32]:
     """(N − 1, 2, 3) segments of a polyline (N, 2) at one height."""
     lifted = np.column_stack([points, np.full(len(points), z)]).astype(np.float32)
     return np.stack([lifted[:-1], lifted[1:]], axis=1)
@@ -41,7 +41,7 @@ def faded(colours: npt.NDArray[np.uint8], strength: float) -> npt.NDArray[np.uin
 
 
 @cache
-def flag() -> tuple[Floats, Faces]:
+def flag_mesh() -> tuple[Floats, Faces]:
     """A pole of 1 m with a pennant and a foot, standing on the origin."""
     pole = [(-0.02, 0.0, 0.0), (0.02, 0.0, 0.0), (0.02, 0.0, 1.0), (-0.02, 0.0, 1.0)]
     cross = [(0.0, -0.02, 0.0), (0.0, 0.02, 0.0), (0.0, 0.02, 1.0), (0.0, -0.02, 1.0)]
@@ -57,7 +57,7 @@ def flag() -> tuple[Floats, Faces]:
 
 
 @cache
-def knob() -> tuple[Floats, Faces]:
+def handle_mesh() -> tuple[Floats, Faces]:
     """An octahedron, the handle of a corner."""
     vertices = np.array(
         [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64

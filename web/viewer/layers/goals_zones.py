@@ -10,8 +10,8 @@ import viser
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
 from web.images import palette
-from web.viewer.layers.base import Snapshot
-from web.viewer.layers.geometry import closed, flag, ribbon, triangulated
+from web.viewer.layers.base import Scene
+from web.viewer.layers.geometry import closed_ring, flag_mesh, polyline_segments, triangulate
 
 ZONE_Z = 0.02
 
@@ -27,7 +27,7 @@ class GoalLayer:
         self._shown: dict[str, object] = {}
         self._nodes: dict[str, list[Any]] = {}
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Add, number anew, remove."""
         state = snapshot.state
         wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
@@ -46,7 +46,7 @@ class GoalLayer:
 
     def _add(self, key: str, goal: Goal, text: str, colour: palette.Rgb) -> list[Any]:
         scene, at = self._server.scene, (goal.x_m, goal.y_m, 0.0)
-        vertices, faces = flag()
+        vertices, faces = flag_mesh()
         mesh = scene.add_mesh_simple(
             f"/goals/{key}",
             vertices,
@@ -73,7 +73,7 @@ class ZoneLayer:
         self._shown: dict[str, tuple[Zone, float]] = {}
         self._nodes: dict[str, list[Any]] = {}
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Add, replace, remove."""
         wanted = {zone.id: (zone, snapshot.strength.get(self.name, 1.0)) for zone in snapshot.zones}
         with self._server.atomic():
@@ -93,7 +93,7 @@ class ZoneLayer:
         )
         opacity = strength * (0.35 if zone.enabled else 0.12)
         corners = np.array(zone.polygon)
-        vertices, faces = triangulated(corners, ZONE_Z)
+        vertices, faces = triangulate(corners, ZONE_Z)
         base = f"/zones/{zone.id}"
         limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
         text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
@@ -102,7 +102,7 @@ class ZoneLayer:
                 f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
             ),
             scene.add_line_segments(
-                f"{base}/outline", ribbon(closed(corners), ZONE_Z + 0.02), colour, thickness=0.06
+                f"{base}/outline", polyline_segments(closed_ring(corners), ZONE_Z + 0.02), colour, thickness=0.06
             ),
             scene.add_mesh_simple(
                 base,

@@ -11,8 +11,8 @@ import viser
 
 from navcore.perception.people.track import Track
 from web.images import palette
-from web.viewer.layers.base import Snapshot
-from web.viewer.layers.geometry import closed, ribbon
+from web.viewer.layers.base import Scene
+from web.viewer.layers.geometry import closed_ring, polyline_segments
 
 AHEAD_S = 2.0
 """The way that is shown of him."""
@@ -30,7 +30,7 @@ class PeopleLayer:
         self._shown: tuple[tuple[Track, ...], palette.Rgb] = ((), palette.PERSON)
         self._node: Any = None
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Draw everybody anew when anybody has moved."""
         people = snapshot.picture.people
         colour = snapshot.faded(palette.PERSON, self.name)
@@ -38,7 +38,7 @@ class PeopleLayer:
             return
         self._shown = (people, colour)
         if people:
-            segments = np.concatenate([outline_and_way(track) for track in people])
+            segments = np.concatenate([outline_and_prediction(track) for track in people])
             self._node = self._server.scene.add_line_segments(
                 "/people/ways", segments, colour, thickness=0.05
             )
@@ -47,11 +47,11 @@ class PeopleLayer:
             self._node = None
 
 
-def outline_and_way(track: Track) -> npt.NDArray[np.float32]:
+def outline_and_prediction(track: Track) -> npt.NDArray[np.float32]:
     """(N, 2, 3) segments of the ring that he fills and of his predicted way."""
     angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
     ring = np.array([track.x_m, track.y_m]) + track.radius_m * np.column_stack(
         [np.cos(angles), np.sin(angles)]
     )
     way = np.array([track.at(0.0), track.at(AHEAD_S)])
-    return np.concatenate([ribbon(closed(ring), ROUND_Z), ribbon(way, ROUND_Z)])
+    return np.concatenate([polyline_segments(closed_ring(ring), ROUND_Z), polyline_segments(way, ROUND_Z)])

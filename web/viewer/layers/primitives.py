@@ -11,8 +11,8 @@ import viser
 
 from web.images import palette
 from web.interface.insight import Candidates
-from web.viewer.layers.base import Snapshot
-from web.viewer.layers.geometry import ribbon
+from web.viewer.layers.base import Scene
+from web.viewer.layers.geometry import polyline_segments
 
 ARC_Z, LIFT = 0.07, 0.02
 BLOCKED: palette.Rgb = (190, 60, 50)
@@ -22,7 +22,7 @@ EVERY = 2
 whichever it is."""
 
 
-class CandidateLayer:
+class PrimitivesLayer:
     """Free parts in green, the step that would touch something in red, the arc that is driven broad
     and yellow."""
 
@@ -34,7 +34,7 @@ class CandidateLayer:
         self._shown: object = None
         self._nodes: dict[str, Any] = {}
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Draw them anew with every picture; nothing while nobody wants to see them."""
         found, strength = snapshot.candidates(), snapshot.strength.get(self.name, 1.0)
         key = None if found is None else (found.serial, strength)
@@ -44,7 +44,7 @@ class CandidateLayer:
         if found is None or not np.isfinite(found.arcs).all():
             self._clear("arcs", "chosen")
             return
-        segments, is_free = drawn(found)
+        segments, is_free = primitive_segments(found)
         colours = np.where(
             is_free[:, None, None],
             snapshot.faded(palette.GOAL, self.name),
@@ -54,7 +54,7 @@ class CandidateLayer:
         if found.chosen is None:
             self._clear("chosen")
         else:
-            line = ribbon(
+            line = polyline_segments(
                 found.arcs[found.chosen][: max(int(found.free[found.chosen]), 2)], ARC_Z + LIFT
             )
             yellow = np.broadcast_to(snapshot.faded(CHOSEN, self.name), line.shape)
@@ -78,12 +78,12 @@ class CandidateLayer:
                 self._nodes.pop(name).remove()
 
 
-def drawn(found: Candidates) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def primitive_segments(found: Candidates) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """(N, 2, 3) segments, and (N,) whether each is free: an arc ends one step after its first
     touch."""
     segments, is_free = [], []
     for arc, free in zip(found.arcs[::EVERY], found.free[::EVERY], strict=True):
-        line = ribbon(arc[: min(int(free) + 1, len(arc))], ARC_Z)
+        line = polyline_segments(arc[: min(int(free) + 1, len(arc))], ARC_Z)
         segments.append(line)
         is_free.append(np.arange(len(line)) < int(free) - 1)
     return np.concatenate(segments), np.concatenate(is_free)

@@ -13,14 +13,16 @@ import viser.transforms
 
 from navcore.geometry.transform import Pose2
 from web.images import palette
-from web.images.encode import overlaid
-from web.viewer.layers.base import Snapshot
-from web.viewer.layers.geometry import faded, ribbon
+from web.images.encode import with_overlay
+from web.viewer.layers.base import Scene
+from web.viewer.layers.geometry import faded, polyline_segments
 
 DRIVEN_Z, PATH_Z = 0.03, 0.05
 FRUSTUM_WIDTH_PX = 320
 FRUSTUM_SCALE = 0.45
 MAX_DRIVEN = 1500
+VISIBLE_M, VISIBLE_RAD = 0.002, 0.002
+"""Smallest step and turn of the robot that are sent."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,7 +39,7 @@ class RobotLayer:
         self._text = ""
         self._pose: Pose2 | None = None
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Move it, and say what it does."""
         state = snapshot.state
         why = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
@@ -51,7 +53,7 @@ class RobotLayer:
                 anchor="bottom-center",
                 font_screen_scale=0.9,
             )
-        if state.pose != self._pose and _is_finite(state.pose):
+        if _is_finite(state.pose) and (self._pose is None or _has_moved(state.pose, self._pose)):
             self._pose = state.pose
             half = state.pose.yaw_rad / 2
             with self._server.atomic():
@@ -70,7 +72,7 @@ class CameraLayer:
         self._frustum: Any = None
         self._serial, self._colour = -1, palette.DRAFT
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Picture and place in one go: one without the other would lie."""
         picture, colour = snapshot.picture, snapshot.faded(palette.DRAFT, "camera")
         if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(
@@ -81,7 +83,7 @@ class CameraLayer:
         wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
         position = picture.T_map_camera[:3, 3]
         image = faded(
-            _shrunk(overlaid(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0)
+            _shrunk(with_overlay(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0)
         )
         if self._frustum is None:
             intrinsics = picture.intrinsics
@@ -118,7 +120,7 @@ class PathLayer:
         self._waypoints: Any = None
         self._shown: tuple[Floats, palette.Rgb] = (np.empty((0, 2)), palette.PATH)
 
-    def push(self, snapshot: Snapshot) -> None:
+    def push(self, snapshot: Scene) -> None:
         """Each part when it changed."""
         picture = snapshot.picture
         with self._server.atomic():
@@ -172,8 +174,18 @@ class _Line:
                 self._node = None
             return
         self._node = self._server.scene.add_line_segments(
-            self._name, ribbon(finite, z), colour, thickness=thickness
+            self._name, polyline_segments(finite, z), colour, thickness=thickness
         )
+
+
+def _has_moved(pose: Pose2, shown: Pose2) -> bool:
+    """Whether the step from the pose shown can be seen; the pose of a robot at rest is never quite
+    the same."""
+    turn_rad = math.remainder(pose.yaw_rad - shown.yaw_rad, math.tau)
+    return (
+        math.hypot(pose.x_m - shown.x_m, pose.y_m - shown.y_m) > VISIBLE_M
+        or abs(turn_rad) > VISIBLE_RAD
+    )
 
 
 def _is_finite(pose: Pose2) -> bool:

@@ -1,0 +1,239 @@
+"""Cost of an open page: processor time of a headless Chromium beside the console with the simulated
+robot.
+
+The console runs in a process of its own, with the colour rules, so that the figures are those of
+the page. Chromium has no graphics card: WebGL is drawn by the processor, which is the worst case.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import numpy as np
+from rich.table import Table
+
+from app.console.port import taken_port
+from navcore.errors import BewareNavError
+from navcore.safety.gate import Cause
+from sim.scenario.load import load_scenario
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+ARGUMENTS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+)
+SETTLE_S = 8.0
+POLL_S = 0.1
+START_S = 120.0
+KINDS = {"gpu-process": "gpu", "renderer": "page", "browser": "main", "utility": "net"}
+"""Kind of a process of Chromium → the column of its share."""
+LATE = {Cause.STALE_FRAME, Cause.STALE_COMMAND}
+PAINTS = """Object.values(window.paints).reduce((sum, count) => sum + count, 0)
+  + (document.getElementById("viewer")?.contentWindow.framesDrawn ?? 0)"""
+
+
+class NoBrowser(BewareNavError):  # noqa: N818 - named after what happened, as all of them
+    """Chromium or Playwright is not installed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """A state of page and robot in which the cost is measured."""
+
+    title: str
+    """First column of the table."""
+    drives: bool
+    """Whether the robot drives its scenario's goals, again and again."""
+    view: str | None
+    """Test id of the tab that is shown; None for no page at all."""
+
+
+CONDITIONS = (
+    Condition(title="no page, standing", drives=False, view=None),
+    Condition(title="map, standing", drives=False, view="view-map"),
+    Condition(title="3D view, standing", drives=False, view="view-3d"),
+    Condition(title="no page, driving", drives=True, view=None),
+    Condition(title="map, driving", drives=True, view="view-map"),
+    Condition(title="3D view, driving", drives=True, view="view-3d"),
+)
+
+
+def page_table(scenario: str, seconds: float) -> Table:
+    """Measure every condition for `seconds`; raises `NoBrowser` without Chromium or Playwright."""
+    chromium = shutil.which("chromium")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        chromium = None
+    if chromium is None:
+        raise NoBrowser(
+            "the page is not measured: chromium or the Python package playwright is not installed"
+        )
+    columns = [*KINDS.values(), "all", "paints/s", "tick p50", "p95 ms", "late"]
+    table = Table(
+        "page, robot",
+        *columns,
+        title="Chromium's shares of a core in %; times of a tick; share of time held for lateness",
+    )
+    with _console(scenario) as program, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(ARGUMENTS))
+        goals = load_scenario(scenario).goals
+        for condition in CONDITIONS:
+            if condition.drives:
+                _drive(program, goals)
+            page = None
+            if condition.view is not None:
+                page = browser.new_page(viewport={"width": 1280, "height": 720})
+                page.goto(f"{program.base_url}")
+                page.get_by_test_id(condition.view).click()
+                page.wait_for_timeout(1000 * SETTLE_S)
+            table.add_row(condition.title, *_row(program, page, seconds))
+            if page is not None:
+                page.close()
+        browser.close()
+    return table
+
+
+def _row(program: httpx.Client, page: Page | None, seconds: float) -> list[str]:
+    began_s, used_before, painted = time.monotonic(), chromium_cpu_s(os.getpid()), _paints(page)
+    ticks_ms, late = _watch(program, seconds)
+    used, wall_s = chromium_cpu_s(os.getpid()), time.monotonic() - began_s
+    shares = {kind: 100 * (used[kind] - used_before[kind]) / wall_s for kind in KINDS}
+    figures = [*shares.values(), sum(shares.values()), (_paints(page) - painted) / wall_s]
+    ticks = np.percentile(ticks_ms, [50, 95])
+    return [
+        *(f"{value:.1f}" for value in figures),
+        *(f"{value:.0f}" for value in ticks),
+        f"{late:.1%}",
+    ]
+
+
+def _paints(page: Page | None) -> int:
+    return 0 if page is None else int(page.evaluate(PAINTS))
+
+
+def _watch(program: httpx.Client, seconds: float) -> tuple[list[float], float]:
+    """Times of the ticks in milliseconds, and the share of the time in which lateness held the
+    robot."""
+    ticks_ms: dict[int, float] = {}
+    looks = late = 0
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        state: dict[str, Any] = program.get("/api/v1/state").json()
+        ticks_ms[state["picture_serial"]] = state["tick_ms"]
+        looks += 1
+        late += any(reason["code"] in LATE for reason in state["reasons"])
+        time.sleep(POLL_S)
+    return list(ticks_ms.values()), late / looks
+
+
+def chromium_cpu_s(root: int) -> Mapping[str, float]:
+    """Processor seconds that each kind of Chromium's processes below a process has used so far."""
+    used: dict[str, float] = defaultdict(float)
+    for pid in _descendants(root):
+        try:
+            command = (
+                Path(f"/proc/{pid}/cmdline")
+                .read_bytes()
+                .replace(b"\0", b" ")
+                .decode(errors="replace")
+            )
+            fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue  # it has ended meanwhile
+        if "chromium" in command.split(" ", 1)[0]:
+            found = re.search(r"--type=(\S+)", command)
+            used[found.group(1) if found else "browser"] += (
+                int(fields[11]) + int(fields[12])
+            ) / os.sysconf("SC_CLK_TCK")
+    return used
+
+
+def _descendants(root: int) -> Iterator[int]:
+    children: dict[int, list[int]] = {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            except OSError:
+                continue
+            children.setdefault(parent, []).append(int(folder.name))
+    waiting = [root]
+    while waiting:
+        pid = waiting.pop()
+        yield pid
+        waiting += children.get(pid, [])
+
+
+@contextmanager
+def _console(scenario: str) -> Iterator[httpx.Client]:
+    """A console in a process of its own, and a program that talks to it."""
+    with taken_port("127.0.0.1", 0) as listener:
+        port = listener.getsockname()[1]
+    with tempfile.TemporaryDirectory() as data:
+        command = [
+            "console",
+            "--scenario",
+            scenario,
+            "--segmenter",
+            "colour",
+            "--port",
+            str(port),
+            "--data",
+            data,
+        ]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "app", *command],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            with httpx.Client(
+                base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=30.0
+            ) as program:
+                _patiently(lambda: process.poll() is not None or _answers(program))
+                yield program
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _answers(program: httpx.Client) -> bool:
+    try:
+        return program.get("/api/v1/state").json()["picture_serial"] is not None
+    except httpx.TransportError:
+        return False
+
+
+def _patiently(holds: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + START_S
+    while not holds() and time.monotonic() < until_s:
+        time.sleep(0.2)
+
+
+def _drive(program: httpx.Client, goals: tuple[tuple[float, float], ...]) -> None:
+    """Send the robot round the goals, unless it is on its way."""
+    if program.get("/api/v1/state").json()["phase"] == "driving":
+        return
+    for x_m, y_m in goals:
+        program.post("/api/v1/goals", json={"x_m": x_m, "y_m": y_m}).raise_for_status()
+    program.put("/api/v1/mission/loop", json={"loop": True}).raise_for_status()
+    program.post("/api/v1/mission/start").raise_for_status()
