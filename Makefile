@@ -4,13 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench reliability campaign setup debian clean
+.PHONY: run test check lint bench reliability campaign setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
 
 test: lint debian
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses=2 --dist=worksteal
+
+# For daily work: the linters, the types, and the tests of the rooms that differ from the last commit.
+check: lint
+	$(BIN)/pytest -q $$($(BIN)/python -m tests.changed_rooms)
 
 lint: setup
 	$(BIN)/ruff check .

@@ -30,7 +30,7 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Phase
 from navcore.robot.profile import HUSKY, RobotProfile
 from web.interface.operations import RobotService
-from web.interface.snapshots import Cloud, TickSnapshot, State
+from web.interface.snapshots import Cloud, State, TickSnapshot
 from web.server import ConsoleServer
 
 SIDE_M, CELL_M, POINTS = 150.0, 0.05, 2_000_000

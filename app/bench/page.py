@@ -25,10 +25,10 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.console.port import taken_port
 from navcore.errors import BewareNavError
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario
+from web.port import reserve
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -186,7 +186,7 @@ def _descendants(root: int) -> Iterator[int]:
 @contextmanager
 def _console(scenario: str) -> Iterator[httpx.Client]:
     """A console in a process of its own, and a program that talks to it."""
-    with taken_port("127.0.0.1", 0) as listener:
+    with reserve("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
     with tempfile.TemporaryDirectory() as data:
         command = [

@@ -19,7 +19,7 @@ import torch
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.loop import ControlLoop, PeriodicThread, put_robot_first
+from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_persistence import load_map, save_map
 from app.runtime.operator_state import OperatorState
 from app.runtime.recorder import Recorder
@@ -71,7 +71,7 @@ class ConsoleOptions:
     recording: Path | None = None
     """Folder of a recording that is played instead of the simulation; None for the simulation."""
     level: bool = False
-    """Whether the recording's world frame has z up and the floor at 0, so that no floor is fitted."""
+    """Whether the recording's frame has z up and the floor at 0, so that no floor is fitted."""
     data: Path
     """Data folder."""
     host: str = "127.0.0.1"
@@ -159,7 +159,9 @@ def console(
         stack.callback(loop.stop)
         locked = options.login or options.host not in LOOPBACK
         password = _first_admin(store) if locked else None
-        access = Access.by_login(store.users, store.audit) if locked else Access(audit_log=store.audit)
+        access = (
+            Access.by_login(store.users, store.audit) if locked else Access(audit_log=store.audit)
+        )
         server = ConsoleServer(
             operations,
             options.host,
@@ -170,7 +172,7 @@ def console(
         )
         server.start()
         stack.callback(server.stop)
-        put_robot_first()
+        lower_other_priorities()
         stack.callback(loop.stop)  # again, to be first: the robot stands before anything else ends
         yield RunningConsole(url=server.url, operations=operations, password=password)
 

@@ -35,7 +35,7 @@ from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision, StopReason
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.operations import MissionAction
-from web.interface.snapshots import Cloud, TickSnapshot, State
+from web.interface.snapshots import Cloud, State, TickSnapshot
 
 MOVING_MPS = 1e-3
 """Commanded speed from which the robot is shown as moving, m/s or rad/s."""

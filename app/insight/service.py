@@ -61,8 +61,8 @@ class Clock(Protocol):
 
 
 class LiveInsight:
-    """Satisfies the console's port `Diagnostics` for a running robot: `start`, feed by `note_decision`
-    and `note_verdict`, `stop`."""
+    """Satisfies the console's port `Diagnostics` for a running robot: `start`, feed by
+    `note_decision` and `note_verdict`, `stop`."""
 
     def __init__(
         self,

@@ -29,29 +29,27 @@ MAX_RETRY_S = 2.0
 """Longest wait after a failed tick, seconds; each failure doubles the wait."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
+ROBOT_THREADS = frozenset({"sense", "think", "command", "to-simulator", "MainThread"})
+"""Names of the threads that keep their priority; the main thread only waits, and threads that it
+starts inherit its priority."""
+LOW_PRIORITY_NICENESS = 5
+"""Niceness of all other threads: on a busy machine each gets a third of the CPU share of a robot
+thread."""
 log = logging.getLogger(__name__)
 
 
-ROBOT_THREADS = frozenset({"sense", "think", "command", "to-simulator", "MainThread"})
-"""Threads that keep their niceness; the main thread only waits, and what it starts inherits its
-own."""
-LATER = 5
-"""Niceness of all other threads: on a busy machine each gets a third of the share of a thread of
-the robot."""
-
-
-def put_robot_first() -> None:
-    """Lower the priority of every thread of this process but the robot's; threads that those start
+def lower_other_priorities() -> None:
+    """Lower the priority of every thread of this process but the robot's; threads that they start
     inherit it.
 
-    Only Linux has a niceness for each thread. Lowering a priority needs no privilege.
+    Only Linux has a niceness per thread. Lowering a priority needs no privilege.
     """
     if not sys.platform.startswith("linux"):
         return
     for thread in threading.enumerate():
         if thread.name not in ROBOT_THREADS and thread.native_id is not None:
-            with contextlib.suppress(OSError):  # it has ended meanwhile
-                os.setpriority(os.PRIO_PROCESS, thread.native_id, LATER)
+            with contextlib.suppress(OSError):  # the thread has ended
+                os.setpriority(os.PRIO_PROCESS, thread.native_id, LOW_PRIORITY_NICENESS)
 
 
 class LiveRobot(Robot, Protocol):

@@ -113,7 +113,7 @@ class RobotController:
         # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
         # a frame first and waits for no tick.
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
-        self._near = RecentObstacles()
+        self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
         self._corrected: dict[int, Pose2] = {}
         self._pose_accepted = False
@@ -132,6 +132,11 @@ class RobotController:
     def sent(self) -> Twist:
         """Velocity that was last sent to the wheels."""
         return self._sent
+
+    @property
+    def recent_obstacles(self) -> RecentObstacles:
+        """Obstacles near the robot, as the safety gate remembers them."""
+        return self._recent_obstacles
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
         """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
@@ -262,7 +267,7 @@ class RobotController:
             if self.pose_in_doubt:
                 self._pose_accepted = True
                 # The new pose does not tell where the obstacles are that are out of view.
-                self._near = RecentObstacles()
+                self._recent_obstacles = RecentObstacles()
             self._mapped = self._watched = SensorMonitor()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
@@ -270,7 +275,7 @@ class RobotController:
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile)
             if self._watched.newest_is_trusted:
-                self._near = self._near.after(newest)
+                self._recent_obstacles = self._recent_obstacles.after(newest)
         since_ns = self._blocked_since_ns
         held = since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
         if self._intent.mission.phase not in MOVING:
@@ -299,7 +304,7 @@ class RobotController:
             stopped_by=intent.stopped_by,
             command=command,
             sensors=self._watched,
-            obstacles=self._near.points,
+            obstacles=self._recent_obstacles.points,
             blocked_since_ns=self._blocked_since_ns,
         )
         verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)

@@ -54,7 +54,7 @@ def tidy(program: httpx.Client) -> None:
 def state_when(
     program: httpx.Client, holds: Callable[[dict[str, Any]], bool], patience_s: float = 60.0
 ) -> dict[str, Any]:
-    """Return the first state for which a condition holds; fails with the last state after a time."""
+    """Return the first state for which a condition holds; fails with the last one in time."""
     deadline = time.monotonic() + patience_s
     while True:
         state: dict[str, Any] = program.get("/api/v1/state").json()

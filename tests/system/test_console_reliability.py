@@ -111,7 +111,7 @@ def test_row_24_no_foreign_request_is_accepted() -> None:
     assert figure.met, figure.measured
 
 
-def test_row_24_without_the_check_of_host_and_origin_they_are(
+def test_row_24_without_the_origin_check_they_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(

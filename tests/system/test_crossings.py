@@ -3,13 +3,14 @@ almost hits them."""
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import pytest
 
 from app.evaluation.crossings import draw_crossing, drive_crossing
 from navcore.mission.beware_list import default_beware_list
-from navcore.perception.people.tracker import PeopleTracker
+from navcore.navigator import Stages
 
 
 def drive() -> dict[str, Any]:
@@ -24,7 +25,8 @@ def test_the_robot_yields_to_a_person_who_crosses_its_path_and_reaches_its_goal(
     assert report["goals_reached"] == 1
     assert report["min_clearance_m"] > 0.05
     # The control: without the tracker, with only the map and the gate to stop the robot.
-    monkeypatch.setattr(PeopleTracker, "follow", lambda *arguments: ())
+    blind = functools.partial(Stages, track=lambda *_: ())
+    monkeypatch.setattr("app.episode.episode.Stages", blind)
     assert drive()["min_clearance_m"] < 0.03
 
 

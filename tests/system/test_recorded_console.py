@@ -42,7 +42,7 @@ def test_the_console_plays_a_recording_and_plans_on_its_map(tmp_path: Path) -> N
         assert "pose_jump" not in _codes(program.get("/api/v1/state").json())
 
 
-def test_a_damaged_image_of_a_recording_is_reported_by_name_and_it_continues(
+def test_a_damaged_image_is_reported_by_name_and_the_recording_continues(
     tmp_path: Path,
 ) -> None:
     folder = write_recording(tmp_path / "walk", np.eye(4))

@@ -55,7 +55,7 @@ def sightings_router(operations: RobotService) -> APIRouter:
         return Response(operations.insight.detections.crop(sighting_id), media_type="image/jpeg")
 
     @router.post("/sightings/{sighting_id}/wrong", response_model=LabellingOut, responses=_REFUSALS)
-    def mark_wrong(sighting_id: SightingId, body: WrongIn) -> LabellingOut:
+    def call_wrong(sighting_id: SightingId, body: WrongIn) -> LabellingOut:
         """It is something else, or nothing of the list: its frame goes into the labelling folder,
         corrected."""
         return LabellingOut(**asdict(operations.insight.mark_wrong(sighting_id, body.class_name)))

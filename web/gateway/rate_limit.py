@@ -9,7 +9,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 
-BURST, EVERY_S = 5, 6.0
+BURST, PERIOD_S = 5, 6.0
 FOR_ALL = 10
 """So many times as much for all addresses together; whoever has many does not get much farther."""
 MAX_ADDRESSES = 10_000

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.runtime.loop import LATER, ControlLoop, put_robot_first
+from app.runtime.loop import LOW_PRIORITY_NICENESS, ControlLoop, lower_other_priorities
 from app.runtime.operator_state import OperatorState
 from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
@@ -57,8 +57,8 @@ class HangingSegmenter(ColourSegmenter):
 
 @dataclass
 class Bench:
-    """A robot on a bench: its wheels turn in the air, and its camera always shows the same wall with
-    a little noise."""
+    """A robot on a bench: its wheels turn in the air, and its camera always shows the same wall
+    with a little noise."""
 
     sent: list[tuple[int, Twist]] = field(default_factory=list)
     wall: Frame = field(default_factory=lambda: picture(Box(x=(4.0, 4.5), y=(-3, 3), z=(0, 1))))
@@ -284,10 +284,10 @@ def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_i
 
 
 @pytest.mark.skipif(
-    not sys.platform.startswith("linux") or os.nice(0) >= LATER,
-    reason="no niceness for each thread to compare",
+    not sys.platform.startswith("linux") or os.nice(0) >= LOW_PRIORITY_NICENESS,
+    reason="no niceness per thread to compare",
 )
-def test_every_thread_but_the_robots_comes_later() -> None:
+def test_every_thread_but_the_robots_gets_a_lower_priority() -> None:
     ended = threading.Event()
     threads = {
         name: threading.Thread(target=ended.wait, name=name, daemon=True)
@@ -297,12 +297,12 @@ def test_every_thread_but_the_robots_comes_later() -> None:
         thread.start()
     try:
         before = os.getpriority(os.PRIO_PROCESS, threads["think"].native_id or 0)
-        put_robot_first()
+        lower_other_priorities()
         niceness = {
             name: os.getpriority(os.PRIO_PROCESS, thread.native_id or 0)
             for name, thread in threads.items()
         }
-        assert niceness == {"think": before, "command": before, "console": LATER}
+        assert niceness == {"think": before, "command": before, "console": LOW_PRIORITY_NICENESS}
         assert os.getpriority(os.PRIO_PROCESS, threading.main_thread().native_id or 0) == before
     finally:
         ended.set()

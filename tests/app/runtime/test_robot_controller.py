@@ -144,7 +144,7 @@ def test_a_stale_command_and_a_stale_frame_mean_zero() -> None:
     assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
 
 
-def test_a_command_decided_while_the_clock_was_read_is_no_stale_one_and_one_from_the_future_is() -> (
+def test_a_command_decided_while_the_clock_was_read_is_fresh_and_one_from_the_future_is_not() -> (
     None
 ):
     driver = controller((3.0, 0.0))
@@ -185,9 +185,7 @@ def test_a_robot_that_rolls_over_its_goal_has_not_arrived() -> None:
     assert driver.intent.mission.phase is Phase.DRIVING
 
 
-def test_a_corrected_pose_moves_what_was_seen_from_it_at_the_next_tick_and_an_unknown_one_is_refused() -> (
-    None
-):
+def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
     driver = controller()
     wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
     think(driver, wall)
@@ -344,9 +342,7 @@ def test_planning_a_preview_changes_neither_map_nor_route() -> None:
     assert again.occupancy is decision.occupancy
 
 
-def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_and_no_further_than_allowed() -> (
-    None
-):
+def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_within_reach() -> None:
     blocked = np.zeros((20, 20), dtype=np.bool_)
     blocked[5:12, 5:12] = True
     assert nearest_free(CellMask.of(~blocked), (3, 3), 0.0) == (3, 3)
@@ -417,12 +413,12 @@ def test_teleoperation_stops_at_a_malformed_frame_and_recent_obstacles_are_kept(
         driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps
         > 0
     )
-    near = driver._near
+    near = driver.recent_obstacles
     verdict = driver.command(
         lambda: SECOND + 1, 0.05, newest=malformed(picture(stamp_ns=SECOND + 1), what)
     )
     assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
-    assert driver._near is near and len(near.points)
+    assert driver.recent_obstacles is near and len(near.points)
     assert (
         driver.command(
             lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)
@@ -445,9 +441,7 @@ def test_a_command_that_expires_while_the_gate_decides_is_not_sent() -> None:
     think(driver)
     assert command(driver, 0.1).twist != STANDSTILL
     life_ns = DEFAULT_SAFETY.gate.command_life_ns
-    times = iter(
-        [SECOND + life_ns - 1, SECOND + life_ns + 1]
-    )  # on entering, and after a slow check
+    times = iter([SECOND + life_ns - 1, SECOND + life_ns + 1])  # before and after a slow check
     verdict = driver.command(lambda: next(times), 0.05, newest=OPEN)
     assert verdict.twist == STANDSTILL and verdict.reasons[0].cause is Cause.STALE_COMMAND
 
@@ -456,9 +450,9 @@ def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> Non
     driver = controller((3.0, 0.0))
     wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
     driver.command(lambda: SECOND, 0.05, newest=wall)
-    before = len(driver._near.points)
+    before = len(driver.recent_obstacles.points)
     driver.trust_pose()
-    assert len(driver._near.points) == before > 0
+    assert len(driver.recent_obstacles.points) == before > 0
     away = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
     driver.command(lambda: 2 * SECOND, 0.05, newest=wall)
     driver.command(
@@ -466,7 +460,7 @@ def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> Non
     )
     assert driver.pose_in_doubt
     driver.trust_pose()
-    assert len(driver._near.points) == 0 and not driver.pose_in_doubt
+    assert len(driver.recent_obstacles.points) == 0 and not driver.pose_in_doubt
 
 
 NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
