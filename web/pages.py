@@ -1,5 +1,5 @@
-"""The operator's page and its files, read once at start: no path of a request ever becomes a path
-of the disk."""
+"""Routes of the operator's page. Its files are read once at start: no path of a request becomes a path
+on the disk."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TYPES = {
 
 
 def pages_router() -> APIRouter:
-    """`/`, its files, and the description of the API."""
+    """Return the routes of `/`, its files, and the description of the API."""
     router = APIRouter(include_in_schema=False)
     files = {
         path.relative_to(FOLDER).as_posix(): path.read_bytes()
@@ -38,22 +38,22 @@ def pages_router() -> APIRouter:
 
     @router.get("/")
     async def index(request: Request) -> Response:
-        """The operator's page."""
+        """Return the operator's page."""
         return file(request, "index.html")
 
     @router.get("/runs")
     async def runs(request: Request) -> Response:
-        """Reports of past missions, side by side."""
+        """Return the page that compares reports of past missions."""
         return file(request, "runs.html")
 
     @router.get("/docs")
     async def docs(request: Request) -> Response:
-        """The API's description, drawn from `/openapi.json` without anything from elsewhere."""
+        """Return the page that shows `/openapi.json`."""
         return file(request, "docs.html")
 
     @router.get("/page/{name:path}")
     async def static(request: Request, name: str) -> Response:
-        """Scripts and styles."""
+        """Return a script or a style sheet."""
         return file(request, name)
 
     return router

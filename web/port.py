@@ -1,4 +1,4 @@
-"""The console's TCP port, reserved before anything slow is started. Imports no slow package."""
+"""TCP port of the console, reserved before slow start-up work. Imports no slow package."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from navcore.errors import BadConfiguration
 
 
 class PortInUse(BadConfiguration):
-    """Another program uses the port."""
+    """Refusal of a port that another program uses."""
 
 
 def reserve(host: str, port: int) -> socket.socket:

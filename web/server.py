@@ -1,5 +1,4 @@
-"""The console's web application and the server that runs it in a thread of its own, with its own
-loop."""
+"""Web application of the console, and the server that runs it in its own thread and event loop."""
 
 from __future__ import annotations
 
@@ -40,13 +39,15 @@ log = logging.getLogger(__name__)
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 MAX_MESSAGE_BYTES = 2_000_000
-"""Of one websocket message from a browser; what the 3D view sends to browsers is not bound by it.
-"""
+"""Largest websocket message from a browser in bytes; messages to browsers may be larger."""
 START_S, STOP_S = 10.0, 5.0
-_ABOUT = """Operate the robot: goals, mission, beware zones, beware list, stop; read its map, path, camera and state.
+"""Time limits of start and stop, seconds."""
+_ABOUT = """Operate the robot: goals, mission, zones, beware list, emergency stop; read map, path, camera
+image and state.
 
-Lengths are metres of the map frame, angles radians.
-Every refusal is `{"error": {"code", "message", "where"}}` and changes nothing.
+Lengths are metres of the map frame, angles radians. Numbers that are not finite are null.
+Every refusal has the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, and changes
+nothing.
 The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
 
 
@@ -57,7 +58,7 @@ def create_app(
     access: Access | None = None,
     viewer: Viewer | None = None,
 ) -> FastAPI:
-    """The whole console as an ASGI app. `allowed_hosts` are the names it answers to, with or
+    """Return the console as an ASGI app. `allowed_hosts` are the names it answers to, with or
     without a port."""
     access = access or Access()
     auditor = Auditor(access.audit_log)
@@ -77,9 +78,10 @@ def create_app(
         maps_router,
         poses_router,
         events_router,
+        journal_router,
+        explain_router,
+        sightings_router,
     ):
-        app.include_router(router(operations), prefix="/api/v1")
-    for router in (journal_router, explain_router, sightings_router):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")
     app.include_router(access_router(access.authenticator), prefix="/api/v1")
@@ -100,7 +102,7 @@ def create_app(
 
 
 class ConsoleServer:
-    """The console on one port: `start`, `url`, `stop`."""
+    """Console on one port: `start`, `url`, `stop`."""
 
     def __init__(
         self,
@@ -113,8 +115,8 @@ class ConsoleServer:
         access: Access | None = None,
         unattended: Unattended = "go on",
     ) -> None:
-        """`listener` comes from `reserve`; without it, `start` takes the port itself. `unattended`:
-        what becomes of a mission when whoever is in control has gone silent.
+        """`listener`: socket of `web.port.reserve`; without it, `start` opens the port.
+        `unattended`: treatment of a mission when the visitor in control has become silent.
         """
         self._operations, self._host, self._port = operations, host, port
         self._access = access or Access()
@@ -127,13 +129,13 @@ class ConsoleServer:
 
     @property
     def url(self) -> str:
-        """Where the operator's browser goes."""
+        """URL of the operator's page."""
         name = _names_of(self._host)[0]
         return f"http://{name}:{self._port}"
 
     def start(self) -> None:
-        """Serve; returns when the port answers. Raises `PortInUse` and starts nothing when it is
-        taken."""
+        """Start serving; return when the port answers. Raises `PortInUse` when it is taken, and then
+        starts nothing."""
         listener = self._listener or reserve(self._host, self._port)
         self._port = listener.getsockname()[1]
         self._viewer = Viewer(self._operations)
@@ -151,12 +153,12 @@ class ConsoleServer:
             raise RuntimeError(f"the console did not come up within {START_S:g} s")
 
     def stop(self) -> None:
-        """Serve no more; open connections are closed."""
+        """Stop serving and close all connections."""
         self._presence.stop()
         if self._server is not None:
             self._server.should_exit = True
         if self._viewer is not None:
-            # First viser: its relays end by themselves then, and nothing is left to wait for.
+            # viser first: then its relays end by themselves, and there is nothing to wait for.
             self._viewer.close()
         if self._thread is not None:
             self._thread.join(STOP_S)
@@ -164,14 +166,14 @@ class ConsoleServer:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn in a thread: signals belong to whoever composes the program."""
+    """uvicorn in a thread; the main program handles the signals."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.up = threading.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's, and say so."""
+        """Start up and set `up`."""
         await super().startup(sockets)
         self.up.set()
 
@@ -195,7 +197,7 @@ def _config(app: FastAPI) -> uvicorn.Config:
 
 
 def _names_of(host: str) -> tuple[str, ...]:
-    """What this machine is called in the address of a browser, when it listens on `host`; the best
+    """Return the names of this machine in a browser's address when it listens on `host`, the best
     one first."""
     if host not in ("0.0.0.0", "::"):
         return (f"[{host}]" if ":" in host else host,)
@@ -204,8 +206,7 @@ def _names_of(host: str) -> tuple[str, ...]:
 
 
 def _address_on_the_network() -> str:
-    # Connecting a datagram socket sends nothing; it only asks which of this machine's addresses
-    # would be used.
+    # Connecting a datagram socket sends nothing; it only selects the local address.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))

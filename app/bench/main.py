@@ -19,7 +19,7 @@ from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
 from app.bench.training import training_table
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import measure_segmenter
 from app.runtime.stage_timer import STAGES, TICK
 from navcore.mission.beware_list import default_beware_list
@@ -87,7 +87,9 @@ def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
     warm_up()
     start = time.perf_counter()
     episode = Episode(
-        load_scenario(scenario), seed=0, beware=default_beware_list(), max_time_s=seconds
+        load_scenario(scenario),
+        EpisodeSettings(beware=default_beware_list(), max_time_s=seconds),
+        seed=0,
     )
     built_s = time.perf_counter() - start
     try:

@@ -138,7 +138,6 @@ def console(
             controller=controller,
             store=store,
             recorder=recorder,
-            world=back_end.name,
             robot_urdf=husky_urdf(),
             perception=perception,
             labelling=options.data / "labelling",

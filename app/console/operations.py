@@ -4,8 +4,7 @@ store, snapshots come from the newest tick."""
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -59,28 +58,22 @@ class LiveOperations:
         controller: RobotController,
         store: Store,
         recorder: Recorder,
-        world: str,
         robot_urdf: FilePath | None,
         perception: Perception,
-        calendar_s: Callable[[], float] = time.time,
         labelling: FilePath,
         config: NavigatorConfig,
     ) -> None:
-        """`calendar_s`: calendar clock of the robot, seconds since 1970; only the expiry of zones
-        uses it."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
             store,
             recorder,
         )
-        self._world, self._urdf, self._perception = world, robot_urdf, perception
+        self._urdf, self._perception = robot_urdf, perception
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         spec = controller.navigator.map.spec
         self.goals = Goals(controller, view=recorder, spec=spec, saved=SavedMissions(store))
-        self.zones = ZoneEditor(
-            controller, store=store, spec=spec, watcher=recorder, calendar_s=calendar_s
-        )
+        self.zones = ZoneEditor(controller, store=store, spec=spec, watcher=recorder)
         self.beware = BewareEditor(controller, store=store, segmenter=perception.segmenter)
         self.insight = LiveInsight(
             controller=controller,
@@ -122,11 +115,11 @@ class LiveOperations:
             self._verdict,
         )
         decision, now_ns = tick_state.decision, self._robot.now_ns()
-        reasons = tuple(self._controller.reasons(now_ns))
+        reasons, picture = tuple(self._controller.reasons(now_ns)), self._recorder.picture
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
         return State(
             stamp_s=now_ns / 1e9,
-            scenario=self._world,
+            scenario=self._recorder.scenario,
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,
@@ -156,6 +149,8 @@ class LiveOperations:
             segmenter=self._perception.title,
             segmenter_warning=self._perception.warning,
             loop=intent.mission.loop,
+            picture_serial=picture.serial if picture else None,
+            grid_version=picture.grid_version if picture else None,
         )
 
     def picture(self) -> TickSnapshot | None:
@@ -246,7 +241,7 @@ class LiveOperations:
         if target is None:
             raise Refused("there is no goal to preview a path to; give one")
         if decision is None:
-            raise Refused("there is no map yet; the camera has not delivered a picture")
+            raise Refused("there is no map yet; the camera has not delivered an image")
         grid, spec = decision.occupancy.grid, navigator.map.spec
         goal = position_on(grid, target, "goal")
         pose = (

@@ -100,16 +100,9 @@ class ZoneEditor:
     def checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
         """Return the zone of a draft; raises `BadGeometry` with what is wrong."""
         polygon = check_polygon(draft.polygon, self._spec)
-        zone = Zone(
-            id=zone_id,
-            name=draft.name,
+        zone = dataclasses.replace(
+            Zone.of(draft, zone_id=zone_id, version=version),
             polygon=polygon,
-            enabled=draft.enabled,
-            margin_m=draft.margin_m,
-            version=version,
-            kind=draft.kind,
-            max_speed_mps=draft.max_speed_mps,
-            colour=draft.colour,
             expires_at_s=self._expiry(draft),
             drawn=still_drawn(draft.drawn, polygon),
         )

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from app.episode.ablation import ablate, segmenter_for
 from app.episode.ablations import Ablation
 from app.episode.informed_baseline import SensorModel
-from app.episode.report import EpisodeRecord, Sample, report_of
+from app.episode.report import EpisodeRecord, Polygon, Sample, report_of
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.operator_state import OperatorState
 from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
@@ -70,35 +70,44 @@ class Progress:
         return f"{self.goals_done} of {self.goals} goals, {where}, {self.sim_time_s:5.0f} s"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EpisodeSettings:
+    """Everything about an episode but its world and its seed."""
+
+    beware: BewareList
+    """Beware list of the operator."""
+    goals: tuple[tuple[float, float], ...] = ()
+    """Goals (x, y) in metres of the map frame; empty for those of the world."""
+    config: NavigatorConfig | None = None
+    """Configuration of the navigation; None for the defaults."""
+    max_time_s: float = 600.0
+    """Simulated time in seconds after which the episode ends."""
+    perception: Perception | None = None
+    """Segmenter; None for the colour rules alone."""
+    camera_size: tuple[int, int] = (424, 240)
+    """Width and height of the camera images in pixels."""
+    robot: RobotProfile = HUSKY
+    """Profile of the platform."""
+    randomised: bool = False
+    """Whether the seed has changed the world already."""
+    zones: tuple[Polygon, ...] = ()
+    """Keep-out polygons (x, y) drawn by the operator, in metres of the map frame."""
+    ablation: Ablation = Ablation.NONE
+    """Part of the navigation that is left out."""
+    stages: Stages = field(default_factory=Stages)
+    """Stages of a tick, where some are to be replaced."""
+
+
 class Episode:
     """One seeded mission from start to end; `run` returns the episode report."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        *,
-        seed: int,
-        beware: BewareList,
-        goals: tuple[tuple[float, float], ...] = (),
-        config: NavigatorConfig | None = None,
-        max_time_s: float = 600.0,
-        perception: Perception | None = None,
-        camera_size: tuple[int, int] = (424, 240),
-        robot: RobotProfile = HUSKY,
-        randomised: bool = False,
-        zones: tuple[tuple[tuple[float, float], ...], ...] = (),
-        ablation: Ablation = Ablation.NONE,
-        stages: Stages | None = None,
-    ) -> None:
-        """Without a perception the colour rules segment.
-
-        `randomised`: the seed has changed the scenario already. `zones`: polygons (x, y) drawn by
-        the operator, in metres of the map frame.
-        """
-        self.seed, self.zones, self.ablation, self._max_time_s = seed, zones, ablation, max_time_s
+    def __init__(self, scenario: Scenario, settings: EpisodeSettings, *, seed: int) -> None:
+        self.seed, self.zones, self.ablation = seed, settings.zones, settings.ablation
+        self._max_time_s = settings.max_time_s
+        zones, ablation, robot = settings.zones, settings.ablation, settings.robot
         self.spec = spec = map_grid(scenario)
         mission = Mission()
-        for x_m, y_m in goals or scenario.goals:
+        for x_m, y_m in settings.goals or scenario.goals:
             mission = mission.add(x_m, y_m, spec)
         if not mission.queue:
             raise BadConfiguration(
@@ -106,11 +115,16 @@ class Episode:
             )
         self.goals = mission.queue
         self.simulator = Simulator(
-            scenario, seed=seed, camera_size=camera_size, robot=robot, randomised=randomised
+            scenario,
+            seed=seed,
+            camera_size=settings.camera_size,
+            robot=robot,
+            randomised=settings.randomised,
         )
         self.scenario, profile = self.simulator.scenario, self.simulator.profile
         self.simulator.referee.set_zones([np.array(zone) for zone in zones])
-        config, perception = config or NavigatorConfig(), perception or colour_perception()
+        config = settings.config or NavigatorConfig()
+        perception = settings.perception or colour_perception()
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Inflation radius: distance of the robot's centre from obstacles, metres."""
         across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
@@ -126,7 +140,7 @@ class Episode:
         self._fault_injector = FaultInjector(lambda: self.simulator.faults, lambda: self.now_s)
         self.timer = StageTimer()
         """Durations of the ticks and their stages."""
-        stages = self._fault_injector.wrap(ablate(stages or Stages(), ablation, profile, config))
+        stages = self._fault_injector.wrap(ablate(settings.stages, ablation, profile, config))
         navigator = Navigator(
             spec=spec,
             profile=profile,
@@ -142,7 +156,7 @@ class Episode:
         self.controller = RobotController(
             navigator=navigator,
             profile=profile,
-            intent=OperatorState(mission=mission, beware=beware, zones=told),
+            intent=OperatorState(mission=mission, beware=settings.beware, zones=told),
             timer=self.timer,
         )
         self.detections = DetectionScore(self.scenario)

@@ -7,7 +7,7 @@ import functools
 from dataclasses import dataclass
 
 from app.episode.ablations import Ablation
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
@@ -87,17 +87,19 @@ def episode_of(
     inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,
-        seed=seed,
-        beware=beware,
-        config=config,
-        max_time_s=task.max_time_s,
-        perception=perception,
-        robot=robot,
-        randomised=True,
-        zones=draw_zones(
-            world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
+        EpisodeSettings(
+            beware=beware,
+            config=config,
+            max_time_s=task.max_time_s,
+            perception=perception,
+            robot=robot,
+            randomised=True,
+            zones=draw_zones(
+                world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
+            ),
+            ablation=task.ablation,
         ),
-        ablation=task.ablation,
+        seed=seed,
     )
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of
 from app.evaluation.campaign import Campaign, conclude, mean_of
 from navcore.config.navigator import NavigatorConfig, config_for
@@ -143,11 +143,13 @@ def drive_world(
     rules = ChallengeRules(world)
     episode = Episode(
         world.scenario,
+        EpisodeSettings(
+            beware=NO_CLASSES,
+            config=config or _fitted(suite, config_for(profile)),
+            max_time_s=2 * world.limit_s,
+            robot=profile,
+        ),
         seed=seed,
-        beware=NO_CLASSES,
-        config=config or _fitted(suite, config_for(profile)),
-        max_time_s=2 * world.limit_s,
-        robot=profile,
     )
     try:
         report = episode.run(ended=rules.ended, look_first_s=OBSERVE_FIRST_S)

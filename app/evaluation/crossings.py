@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.campaign import Campaign, conclude
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
@@ -185,7 +185,9 @@ def drive_crossing(
     """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
     episode = Episode(
-        crossing.scenario(), seed=seed, beware=beware, max_time_s=max_time_s, config=config
+        crossing.scenario(),
+        EpisodeSettings(beware=beware, max_time_s=max_time_s, config=config),
+        seed=seed,
     )
     try:
         report = episode.run()

@@ -18,7 +18,7 @@ from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
 from navcore.safety.gate import StopReason
-from web.interface.insight import Place
+from web.interface.wire import Position
 
 MIN_DEVIATION_M = 0.3
 """Largest distance between two paths from which they are different paths, metres."""
@@ -50,7 +50,7 @@ class EventDetector:
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
     def on_tick(
-        self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Place
+        self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Position
     ) -> None:
         """Log the changes of the operator's state and of the newest tick."""
         before, self._intent = self._intent, intent
@@ -63,7 +63,7 @@ class EventDetector:
             self._path(now_s, decision, intent)
         self._settle(now_s, pose)
 
-    def on_gate(self, now_s: float, reasons: tuple[StopReason, ...], pose: Place) -> None:
+    def on_gate(self, now_s: float, reasons: tuple[StopReason, ...], pose: Position) -> None:
         """Log the reason for which the gate holds the robot; called whenever it changes."""
         self._settle(now_s, pose)
         if not reasons:
@@ -77,7 +77,7 @@ class EventDetector:
         self._held = (cause, now_s, None)
         self._event_log.note(now_s, "stopped", reasons[0].text, pose)
 
-    def _settle(self, now_s: float, pose: Place) -> None:
+    def _settle(self, now_s: float, pose: Position) -> None:
         if self._held is None:
             return
         cause, since_s, clear_s = self._held
@@ -88,7 +88,7 @@ class EventDetector:
         text = f"Nothing holds the robot any more; {lasted}."
         self._event_log.note(now_s, "released", text, pose)
 
-    def _mission(self, now_s: float, before: Mission, after: Mission, pose: Place) -> None:
+    def _mission(self, now_s: float, before: Mission, after: Mission, pose: Position) -> None:
         known = {goal.id for goal in before.reached}
         for goal in after.reached:
             if goal.id not in known:
@@ -166,7 +166,7 @@ def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
     return "was changed" if before != after else None
 
 
-def _end(route: Route | None) -> Place | None:
+def _end(route: Route | None) -> Position | None:
     """Return the end point of a path; None without one."""
     return (
         (float(route.points[-1, 0]), float(route.points[-1, 1]))
@@ -177,7 +177,7 @@ def _end(route: Route | None) -> Place | None:
 
 def _why_replanned(
     before: TickResult | None, after: TickResult, intent: OperatorState, *, changed_goal: bool
-) -> tuple[str, Place | None] | None:
+) -> tuple[str, Position | None] | None:
     """Return the text and the position for the newest path; None when it is the same path as
     before."""
     route, here = after.route, (after.frame.pose.x_m, after.frame.pose.y_m)
@@ -214,7 +214,7 @@ def _why_replanned(
 
 def _largest_deviation(
     path: npt.NDArray[np.float64], old: npt.NDArray[np.float64]
-) -> tuple[float, Place]:
+) -> tuple[float, Position]:
     """Return the largest distance in metres of a path from another, and its position."""
     deviations_m, _ = cKDTree(old).query(path)
     at = int(np.argmax(deviations_m))

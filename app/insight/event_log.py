@@ -14,7 +14,8 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
 from navcore.errors import StorageFailed
-from web.interface.insight import Entry, Kind, Page, Place
+from web.interface.insight import Entry, Kind, Page
+from web.interface.wire import Position
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +65,7 @@ class EventLog:
         self._oldest = 0 if store is None else store.oldest()
         self._fails = False
 
-    def note(self, stamp_s: float, kind: Kind, text: str, place: Place | None = None) -> None:
+    def note(self, stamp_s: float, kind: Kind, text: str, place: Position | None = None) -> None:
         """Add an entry; a full memory drops its oldest."""
         at = None if place is None else (round(place[0], 3), round(place[1], 3))
         with self._lock:

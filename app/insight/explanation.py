@@ -21,7 +21,8 @@ from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
 from navcore.robot.profile import RobotProfile
-from web.interface.insight import Alternative, ExplainedRule, Explanation, Place
+from web.interface.insight import Alternative, ExplainedRule, Explanation
+from web.interface.wire import Position
 
 MAX_COSTED = 12
 """Largest number of rules whose cost is computed."""
@@ -41,7 +42,7 @@ class ExplanationQuery:
     """Zones of the snapshot."""
     pose: Pose2
     """Pose of the robot in the map frame."""
-    goal: Place
+    goal: Position
     """Goal (x, y) in metres of the map frame."""
     path: Path | None
     """Path that the robot follows; without one the shortest path is planned and explained."""
@@ -93,15 +94,13 @@ def explain(query: ExplanationQuery) -> Explanation:
             goal=query.goal,
             reason=str(path.reason),
             length_m=None,
-            points=np.empty((0, 2)),
+            path=np.empty((0, 2)),
             stretches=(),
             rules=tuple(
                 ExplainedRule(key=rule.key, name=rule.name, along_m=0.0) for rule in rules.removable
             ),
             all_cost_m=None,
-            lift=lift.keys,
-            lift_exact=lift.exact,
-            lift_at_least=lift.at_least,
+            lift=lift,
         )
     parts = stretches(path, rules)
     steps = metres_along(path.cells.astype(np.float64)) * spec.resolution_m
@@ -115,13 +114,11 @@ def explain(query: ExplanationQuery) -> Explanation:
         goal=query.goal,
         reason=None,
         length_m=path.length * spec.resolution_m,
-        points=spec.centres(path.cells),
-        stretches=tuple((part.key, part.first, part.last) for part in parts),
+        path=spec.centres(path.cells),
+        stretches=parts,
         rules=_costed(query, rules, path, along),
         all_cost_m=_all_cost_m(query, rules, path),
-        lift=(),
-        lift_exact=True,
-        lift_at_least=0,
+        lift=None,
     )
 
 
@@ -135,12 +132,12 @@ def alternative(query: ExplanationQuery, keys: Collection[str]) -> Alternative:
     other = path_without(rules, tuple(keys), query.start(rules, keys), query.target, budget=BUDGET)
     if isinstance(other, NoPath):
         return Alternative(
-            reason=str(other.reason), length_m=None, difference_m=None, points=np.empty((0, 2))
+            reason=str(other.reason), length_m=None, difference_m=None, path=np.empty((0, 2))
         )
     difference = (other.length - present.length) * metre if isinstance(present, Path) else None
     points = query.occupancy.spec.centres(other.cells)
     return Alternative(
-        reason=None, length_m=other.length * metre, difference_m=difference, points=points
+        reason=None, length_m=other.length * metre, difference_m=difference, path=points
     )
 
 

@@ -37,8 +37,8 @@ from web.interface.insight import (
     Candidates,
     Explanation,
     LabellingState,
-    Place,
 )
+from web.interface.wire import Position
 
 log = logging.getLogger(__name__)
 PERIOD_S = 0.25
@@ -243,10 +243,10 @@ class LiveInsight:
                 return decision
         raise NotKnown(f"image {snapshot} is no longer held; take another one")
 
-    def _here(self) -> Place:
+    def _here(self) -> Position:
         return self._recorder.pose.x_m, self._recorder.pose.y_m
 
-    def _place_of(self, sighting_id: int) -> Place | None:
+    def _place_of(self, sighting_id: int) -> Position | None:
         return next(
             (sighting.place for sighting in self.detections.all() if sighting.id == sighting_id),
             None,

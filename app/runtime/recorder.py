@@ -35,6 +35,8 @@ class Recorder:
         self, *, controller: RobotController, store: Store, referee: Referee | None, scenario: str
     ) -> None:
         self._controller = controller
+        self.scenario = scenario
+        """Name of the world."""
         self._reporter = RunReporter(
             store=store, referee=referee, scenario=scenario, robot=controller.profile.name
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.runtime.operator_state import OperatorState
 from app.runtime.stage_timer import TICK, StageTimer
@@ -18,7 +18,9 @@ from navcore.behaviours.assisted_teleop import stays_out
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.cell_description import describe_cell
+from navcore.costmap.local_costmap import beware_cells
 from navcore.errors import BadConfiguration, BadFrame
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
@@ -37,6 +39,7 @@ from navcore.safety.gate import (
     ranked,
     wheels_blocked,
 )
+from navcore.safety.keep_out_monitor import NO_CELLS, KeepOuts
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_PERIOD_S = 0.05
@@ -48,6 +51,9 @@ STANDSTILL_MPS = 0.03
 CLOCK_SLACK_NS = 100_000_000
 """A command that is younger than the clock's reading by at most this much was decided while the
 command thread waited for the lock, nanoseconds."""
+KEEP_OUT_REACH_M = 2.5
+"""Distance in metres from the robot within which beware cells are given to the gate; at full speed
+the robot stops within 0.5 m."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
 CONTROLLER_STOPS = {
@@ -83,6 +89,8 @@ class TickState:
     """Command of the newest tick; None when it asks for nothing."""
     request: NavigationRequest | None = None
     """Request that the command was decided for."""
+    beware_cells: Points = field(default_factory=lambda: NO_CELLS)
+    """(N, 2) centres of the known beware cells near the robot, map frame."""
     bad_frame: str | None = None
     """Reason for which the newest frame was refused; None when it was not."""
     failure: str | None = None
@@ -201,7 +209,11 @@ class RobotController:
             else None
         )
         self._tick_state = TickState(
-            decision=decision, frame_ns=frame.stamp_ns, command=command, request=request
+            decision=decision,
+            frame_ns=frame.stamp_ns,
+            command=command,
+            request=request,
+            beware_cells=beware_cells(decision.occupancy.around(frame.pose, KEEP_OUT_REACH_M)),
         )
         # Without a path the robot arrives at a viewpoint before the blockage, not at the goal.
         on_path = decision.route is not None and isinstance(decision.route.outcome, Path)
@@ -305,6 +317,7 @@ class RobotController:
             command=command,
             sensors=self._watched,
             obstacles=self._recent_obstacles.points,
+            keep_outs=KeepOuts() if hand is not None else self._keep_outs(),
             blocked_since_ns=self._blocked_since_ns,
         )
         verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
@@ -315,6 +328,17 @@ class RobotController:
         )
         twist = STANDSTILL if hand is not None and found else verdict.twist
         return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
+
+    def _keep_outs(self) -> KeepOuts:
+        """Return what the gate keeps the robot out of in a mission: the operator's present zones,
+        and the beware cells of the newest tick."""
+        newest = self._watched.newest
+        return KeepOuts(
+            pose=None if newest is None else newest.pose,
+            zones=self._intent.zones,
+            cells=self._tick_state.beware_cells,
+            leaving=self._intent.mission.phase is Phase.LEAVING,
+        )
 
     def hand(self, now_ns: int) -> Command | None:
         """Return the command of teleoperation while it is fresh and no mission drives."""

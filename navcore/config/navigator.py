@@ -21,12 +21,12 @@ class NavigatorConfig:
     name."""
 
     safety_margin_m: float = ranged(0.0, 1.0, default=0.15)
-    """Clearance in metres added to half the vehicle's width to give the inflation radius, s_m in the
-    paper."""
+    """Clearance in metres added to half the vehicle's width to give the inflation radius, s_m in
+    the paper."""
     max_vertex_angle_deg: float = ranged(135.1, 179.9, default=MAX_VERTEX_ANGLE_DEG)
-    """Angle in degrees between the two neighbours of a path cell below which the cell is a waypoint,
-    θ_th in the paper. A path turns by at least 45°: with less than 135° bends would be left out, and
-    the lines between waypoints would cross obstacles."""
+    """Angle in degrees between the two neighbours of a path cell below which the cell is a
+    waypoint, θ_th in the paper. A path turns by at least 45°: with less than 135° bends would be
+    left out, and the lines between waypoints would cross obstacles."""
     start_relief_m: float = ranged(0.0, 2.0, default=0.6)
     """Distance in metres within which a robot that stands inside the inflation looks for the free
     cell to plan from."""

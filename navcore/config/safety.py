@@ -99,6 +99,26 @@ class CollisionMonitorConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KeepOutMonitorConfig:
+    """How the motion of the robot is predicted against zones and beware cells."""
+
+    reaction_s: float = ranged(0.0, 2.0, default=0.25)
+    """Time in seconds from the newest pose to the braking of the wheels."""
+    reaction_after_frame_s: float = ranged(0.0, 2.0, default=0.15)
+    """Part of the reaction time in seconds that follows the capture of an image that is late."""
+    stop_margin_m: float = ranged(0.0, 1.0, default=0.05)
+    """Distance in metres that wheels which skid may add to the braking distance."""
+    standing_mps: float = ranged(0.001, 0.1, default=0.005)
+    """Speed in metres per second of the fastest point of the body below which the robot stands."""
+    spacing_m: float = ranged(0.005, 0.2, default=0.03)
+    """Spacing in metres of the points of the footprint that are checked."""
+    step_m: float = ranged(0.005, 0.2, default=0.03)
+    """Largest distance in metres that a point of the body moves between two checks."""
+    shares: tuple[float, ...] = ranged(0.0, 1.0, default=(1.0, 0.75, 0.5, 0.3, 0.15))
+    """Shares of the commanded velocity that are tried, the largest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SensorMonitorConfig:
     """Which motion odometry may report, and how a repeated image is recognised."""
 
@@ -126,6 +146,8 @@ class SafetyConfig:
     """Expiry of commands and frames, blocked wheels."""
     collision: CollisionMonitorConfig = field(default_factory=CollisionMonitorConfig)
     """Imminent contact."""
+    keep_out: KeepOutMonitorConfig = field(default_factory=KeepOutMonitorConfig)
+    """Zones and beware cells ahead."""
     sensors: SensorMonitorConfig = field(default_factory=SensorMonitorConfig)
     """Plausibility of frames."""
 

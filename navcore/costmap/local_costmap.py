@@ -33,6 +33,15 @@ def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDAr
     return grid.geometric, forbidden
 
 
+def beware_cells(grid: OccupancyGrid) -> Points:
+    """Return the (N, 2) centres of all cells of beware classes, without margins, in metres of the
+    map frame."""
+    layers = list(grid.beware.values())
+    if not layers:
+        return np.empty((0, 2))
+    return grid.spec.centres(np.argwhere(np.logical_or.reduce(layers)))
+
+
 def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_m: float) -> Points:
     """Return the (N, 2) centres of marked cells within a square of `reach_m` around the robot, in
     metres of the base frame."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import lru_cache
 
@@ -48,11 +48,9 @@ class ZoneKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Zone:
-    """Area of the map frame in which a rule of the operator holds."""
+class ZoneSpec:
+    """Area of the map frame and the rule that holds in it."""
 
-    id: str
-    """Unique id, made by the store."""
     name: str
     """Name that the operator gave it."""
     polygon: tuple[tuple[float, float], ...]
@@ -61,8 +59,6 @@ class Zone:
     """Whether the rule holds; a disabled zone stays stored."""
     margin_m: float = 0.0
     """Clearance in metres beyond the robot's own margin."""
-    version: int = 1
-    """Version that grows with every edit; the ETag of HTTP."""
     kind: ZoneKind = ZoneKind.KEEP_OUT
     """Rule that holds in the zone."""
     max_speed_mps: float | None = None
@@ -74,6 +70,22 @@ class Zone:
     clock; None for never."""
     drawn: Shape | None = None
     """Shape that the polygon was made from; None for a zone drawn corner by corner."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Zone(ZoneSpec):
+    """Stored area of the map frame in which a rule of the operator holds."""
+
+    id: str
+    """Unique id, made by the store."""
+    version: int = 1
+    """Version that grows with every edit; the ETag of HTTP."""
+
+    @classmethod
+    def of(cls, spec: ZoneSpec, *, zone_id: str, version: int) -> Zone:
+        """Return the zone with an id, a version, and the area and rule of `spec`."""
+        shared = {field.name: getattr(spec, field.name) for field in fields(ZoneSpec)}
+        return cls(id=zone_id, version=version, **shared)
 
     @property
     def closed(self) -> bool:

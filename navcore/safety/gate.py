@@ -20,6 +20,7 @@ from navcore.safety.collision_monitor import (
     allowed_share,
     time_to_contact,
 )
+from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 
@@ -77,6 +78,8 @@ class GateInput:
     """Plausibility of the newest frame."""
     obstacles: NearPoints = field(default_factory=lambda: NO_POINTS)
     """(N, 2) obstacle points in metres of the base frame."""
+    keep_outs: KeepOuts = field(default_factory=KeepOuts)
+    """Zones and beware cells that the footprint must not enter."""
     blocked_since_ns: int | None = None
     """Time in nanoseconds since which commanded wheels have not turned; None when they turn, or
     need not."""
@@ -108,6 +111,18 @@ def gate(
     slowed = _slowed(asked, contact_s, facts, profile, config)
     if slowed == STANDSTILL and asked != STANDSTILL:
         objections.append(_contact_reason(asked, contact_s, config))
+    share, area = permitted_share(
+        facts.keep_outs,
+        slowed,
+        profile,
+        frame_age_s=_frame_age_s(facts),
+        config=config.keep_out,
+    )
+    if share < 1.0:
+        slowed = Twist(v_mps=share * slowed.v_mps, w_radps=share * slowed.w_radps)
+    if area and _fastest_point(slowed, profile) < config.collision.creep_mps:
+        text = f"Driving on would enter {area}."
+        objections.append(StopReason(cause=Cause.BEWARE_AHEAD, text=text))
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
     period_s = min(period_s, config.gate.max_period_s)
@@ -196,14 +211,21 @@ def _slowed(
     hardly any motion is left."""
     if not contact_s <= config.collision.horizon_s:
         return asked
-    age_s = (facts.now_ns - facts.frame_ns) / 1e9 if facts.frame_ns is not None else 0.0
     share = allowed_share(
-        contact_s, asked, frame_age_s=age_s, profile=profile, config=config.collision
+        contact_s,
+        asked,
+        frame_age_s=_frame_age_s(facts),
+        profile=profile,
+        config=config.collision,
     )
     if share == 1.0:
         return asked
     slowed = Twist(v_mps=share * asked.v_mps, w_radps=share * asked.w_radps)
     return STANDSTILL if _fastest_point(slowed, profile) < config.collision.creep_mps else slowed
+
+
+def _frame_age_s(facts: GateInput) -> float:
+    return 0.0 if facts.frame_ns is None else (facts.now_ns - facts.frame_ns) / 1e9
 
 
 def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> StopReason:

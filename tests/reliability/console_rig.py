@@ -103,7 +103,6 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             controller=controller,
             store=store,
             recorder=recorder,
-            world="bench",
             robot_urdf=None,
             perception=colour_perception(),
             labelling=Path(folder) / "labelling",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.loop import ControlLoop
 from app.runtime.operator_state import OperatorState
@@ -109,11 +109,13 @@ def fault_run(
     world = dataclasses.replace(scenario or load_scenario(ROOM), faults=faults)
     episode = Episode(
         world,
+        EpisodeSettings(
+            beware=default_beware_list(),
+            max_time_s=until_s,
+            camera_size=CAMERA,
+            stages=stages or Stages(),
+        ),
         seed=seed,
-        beware=default_beware_list(),
-        max_time_s=until_s,
-        camera_size=CAMERA,
-        stages=stages,
     )
     record = FaultRun(episode=episode, on_command=on_command)
     episode.on_verdict = record.note

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from shapely import LineString, box
 
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.mission.beware_list import default_beware_list
@@ -61,10 +61,8 @@ def drive(folder: Path, text: str, perception: Perception) -> tuple[dict[str, ob
     file.write_text(ROOM + text, encoding="utf-8")
     episode = Episode(
         load_scenario(file),
+        EpisodeSettings(beware=default_beware_list(), max_time_s=30.0, perception=perception),
         seed=0,
-        beware=default_beware_list(),
-        max_time_s=30.0,
-        perception=perception,
     )
     try:
         return episode.run(), LineString(np.array(episode.driven))

@@ -132,6 +132,8 @@ class FakeOperations:
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 loop=self._intent.mission.loop,
+                picture_serial=self._picture.serial,
+                grid_version=self._picture.grid_version,
             )
 
     def picture(self) -> TickSnapshot | None:

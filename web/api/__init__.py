@@ -1,1 +1,1 @@
-"""The routes of `/api/v1` and what stands beside them; one file per concept."""
+"""Routes of `/api/v1`, and the health routes; one file per concept."""

@@ -1,4 +1,4 @@
-"""`GET /api/v1/audit`: who did what, newest first."""
+"""Route of the audit log."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from pydantic import AwareDatetime
 
 from web.auth.audit import AuditLog, is_deep
 from web.gateway.problems import JsonResponse
-from web.schemas.convert import finite
 
 LARGEST_ID = 2**53
 
 
 def audit_router(audit_log: AuditLog | None) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["access"], default_response_class=JsonResponse)
 
     @router.get("/audit")
@@ -23,27 +22,27 @@ def audit_router(audit_log: AuditLog | None) -> APIRouter:
         count: Annotated[int, Query(ge=1, le=1000)] = 100,
         before: Annotated[int | None, Query(ge=0, le=LARGEST_ID)] = None,
         who: Annotated[
-            str | None, Query(max_length=60, description="only what this visitor did")
+            str | None, Query(max_length=60, description="Only the actions of this visitor.")
         ] = None,
         since: Annotated[
-            AwareDatetime | None, Query(description="with a time zone, e.g. 2026-03-01T08:00:00Z")
+            AwareDatetime | None,
+            Query(description="With a time zone, such as 2026-03-01T08:00:00Z."),
         ] = None,
-        until: Annotated[AwareDatetime | None, Query(description="the same")] = None,
+        until: Annotated[AwareDatetime | None, Query(description="With a time zone.")] = None,
     ) -> list[dict[str, Any]]:
-        """Every request that could change something, with who made it, when (UTC) and how it ended;
-        newest first.
+        """Return the requests that could change something, newest first, with visitor, time (UTC)
+        and status.
 
-        `before` takes the id of the last entry of one answer and gives those that are older.
+        `before` continues from the id of the last entry of an answer.
         """
         entries = (
             []
             if audit_log is None
             else audit_log.newest(count, before=before, who=who, since=since, until=until)
         )
-        shown = (
+        return [
             {**entry, "detail": "nested too deep"} if is_deep(entry.get("detail")) else entry
             for entry in entries
-        )
-        return [finite(dict(entry)) for entry in shown]
+        ]
 
     return router

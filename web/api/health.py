@@ -1,4 +1,4 @@
-"""What machines ask: is it alive, and its figures for Prometheus."""
+"""Routes for monitoring: health check, and metrics for Prometheus."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from navcore.mission.mission import Phase
 from web.gateway.problems import JsonResponse
 from web.interface.operations import RobotService
 from web.interface.snapshots import State
-from web.schemas.responses import HealthOut
+from web.schemas.health import HealthOut
 
 
 def health_router(operations: RobotService) -> APIRouter:
-    """Routes at the top."""
+    """Return the routes at the root."""
     router = APIRouter(tags=["health"], default_response_class=JsonResponse)
 
     @router.get("/healthz", response_model=HealthOut)
     async def healthz() -> HealthOut:
-        """That the console answers and reads the system's state."""
+        """Return the age of the newest frame; an answer proves that the console runs."""
         state = operations.state()
         return HealthOut(scenario=state.scenario, robot=state.robot, frame_age_s=state.frame_age_s)
 
     @router.get("/metrics", response_class=Response)
     async def metrics() -> Response:
-        """Figures in Prometheus' text format."""
+        """Return metrics in Prometheus' text format."""
         text = "".join(_lines(operations.state()))
         return Response(text, media_type="text/plain; version=0.0.4; charset=utf-8")
 
@@ -34,20 +34,25 @@ def health_router(operations: RobotService) -> APIRouter:
 
 
 def _lines(state: State) -> Iterator[str]:
-    figures: tuple[tuple[str, str, str, float | None], ...] = (
+    metrics: tuple[tuple[str, str, str, float | None], ...] = (
         ("stop_latched", "gauge", "1 while the emergency stop holds.", float(state.stop_latched)),
         ("moving", "gauge", "1 while a command other than zero is sent.", float(state.moving)),
-        ("stop_reasons", "gauge", "Reasons that hold the robot now.", float(len(state.reasons))),
+        (
+            "stop_reasons",
+            "gauge",
+            "Present reasons why the robot stands.",
+            float(len(state.reasons)),
+        ),
         ("goals_waiting", "gauge", "Goals still to reach.", float(len(state.queue))),
         ("goals_reached_total", "counter", "Goals reached.", float(len(state.reached))),
         ("travelled_metres_total", "counter", "Distance driven.", state.travelled_m),
-        ("explored_square_metres", "gauge", "Floor seen.", state.explored_m2),
+        ("explored_square_metres", "gauge", "Area of the floor seen.", state.explored_m2),
         ("replans_total", "counter", "Paths planned.", float(state.replans)),
         ("tick_seconds", "gauge", "Duration of the navigator's last tick.", state.tick_ms / 1000),
         ("frame_age_seconds", "gauge", "Age of the newest camera frame.", state.frame_age_s),
         ("speed_metres_per_second", "gauge", "Forward speed by odometry.", state.twist.v_mps),
     )
-    for name, kind, meaning, value in figures:
+    for name, kind, meaning, value in metrics:
         if value is not None and math.isfinite(value):
             yield f"# HELP bewarenav_{name} {meaning}\n# TYPE bewarenav_{name} {kind}\nbewarenav_{name} {value!r}\n"
     yield "# HELP bewarenav_phase What the operator has asked for.\n# TYPE bewarenav_phase gauge\n"

@@ -1,68 +1,45 @@
-"""Why this way, and why none: which rule each stretch of the path keeps clear of, what lifting one
-would bring, and which motions there are to choose from.
-"""
+"""Routes of the event log, the time series and the explanation of the path."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 from fastapi import APIRouter, Query
 
-from web.gateway.problems import RESPONSES, JsonResponse
-from web.interface.insight import Explanation, Kind
+from web.gateway.problems import JsonResponse, refusals
+from web.interface.insight import Alternative, Explanation, Kind, Page
 from web.interface.operations import RobotService
-from web.schemas.convert import track
-from web.schemas.insight import (
-    AlternativeOut,
-    ArcOut,
-    CandidatesOut,
-    EntryOut,
-    ExplanationOut,
-    JournalOut,
-    LiftOut,
-    RuleOut,
-    StretchOut,
-    WithoutIn,
-)
-from web.schemas.responses import Figure
+from web.interface.wire import rounded
+from web.schemas.insight import ArcOut, CandidatesOut, WithoutIn
 
-THINNED = 4
+STEP = 4
+"""Every fourth point of a motion primitive is sent: it bends evenly, and all primitives are sent
+several times a second."""
+MAX_LIMIT = 1000
+"""Largest number of entries of the event log in an answer."""
 
 
 def explain_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`. Plain functions on purpose: they run in the server's pool, beside
-    everything that drives."""
+    """Return the routes below `/api/v1`. They are plain functions, so that they run in the server's
+    pool, beside everything that drives."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
 
-    @router.get("/explain", response_model=ExplanationOut, responses={409: RESPONSES[409]})
-    def explain() -> ExplanationOut:
-        """The present path, cut by what it lies against, with each rule's cost; without a path, the
-        fewest rules to lift."""
-        return _out(operations.insight.explain())
+    @router.get("/explain", response_model=Explanation, responses=refusals(409))
+    def explain() -> Explanation:
+        """Explain the present path by the rules it touches and the cost of each; without a path,
+        name the fewest rules whose removal opens one."""
+        return operations.insight.explain()
 
-    @router.post(
-        "/explain",
-        response_model=AlternativeOut,
-        responses={status: RESPONSES[status] for status in (404, 409, 422)},
-    )
-    def without(body: WithoutIn) -> AlternativeOut:
-        """The path if some rules did not stand; nothing is applied."""
-        other = operations.insight.without(body.without)
-        return AlternativeOut(
-            found=other.reason is None,
-            reason=other.reason,
-            length_m=other.length_m,
-            difference_m=other.difference_m,
-            path=track(other.points),
-        )
+    @router.post("/explain", response_model=Alternative, responses=refusals(404, 409, 422))
+    def without(body: WithoutIn) -> Alternative:
+        """Plan the path without some rules; nothing is applied."""
+        return operations.insight.without(body.without)
 
     @router.get("/candidates", response_model=CandidatesOut)
     def candidates() -> CandidatesOut:
-        """The motions that the robot chooses from now, and which it has chosen. Made anew for
-        whoever asks."""
+        """Return the present motion primitives of the local planner and the chosen one."""
         found = operations.insight.candidates()
         if found is None or not np.isfinite(found.arcs).all():
             return CandidatesOut(arcs=[], chosen=None)
@@ -75,90 +52,52 @@ def explain_router(operations: RobotService) -> APIRouter:
 
 
 def _arc(points: npt.NDArray[np.float64], free: int) -> ArcOut:
-    """Every few points are enough for a line: an arc bends evenly, and all of them are sent several
-    times a second."""
-    clear = points[:free]
-    thin = np.vstack([clear[:-1:THINNED], clear[-1:]]).round(3)
+    clear, touch = points[:free], rounded(points[free : free + 1])
     return ArcOut(
-        points=[(x, y) for x, y in thin.tolist()],
-        touch=None
-        if free >= len(points)
-        else (round(float(points[free, 0]), 3), round(float(points[free, 1]), 3)),
+        points=rounded(np.vstack([clear[:-1:STEP], clear[-1:]])),
+        touch=touch[0] if touch else None,
     )
-
-
-def _out(explanation: Explanation) -> ExplanationOut:
-    lift = LiftOut(
-        keys=None if explanation.lift is None else list(explanation.lift),
-        exact=explanation.lift_exact,
-        at_least=explanation.lift_at_least,
-    )
-    return ExplanationOut(
-        goal=explanation.goal,
-        found=explanation.reason is None,
-        reason=explanation.reason,
-        length_m=explanation.length_m,
-        # Not thinned: the stretches count its points, and a path has no more than the map has cells
-        # across, times a few.
-        path=[(x, y) for x, y in explanation.points.round(3).tolist()],
-        stretches=[
-            StretchOut(key=key, first=first, last=last)
-            for key, first, last in explanation.stretches
-        ],
-        rules=[
-            RuleOut(key=rule.key, name=rule.name, along_m=rule.along_m, saves_m=rule.saves_m)
-            for rule in explanation.rules
-        ],
-        all_cost_m=explanation.all_cost_m,
-        lift=None if explanation.reason is None else lift,
-    )
-
-
-MAX_LIMIT = 1000
 
 
 def journal_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
 
-    @router.get(
-        "/journal", response_model=JournalOut, responses={422: RESPONSES[422], 503: RESPONSES[503]}
-    )
+    @router.get("/journal", response_model=Page, responses=refusals(422, 503))
     def get_journal(
         kind: Annotated[
             list[Kind] | None,
-            Query(description="repeat for several; all kinds if left out", max_length=16),
+            Query(description="Kinds of entries; repeat for several, omit for all.", max_length=16),
         ] = None,
         since: Annotated[
-            int, Query(ge=0, le=2**53, description="only entries with a larger id")
+            int, Query(ge=0, le=2**53, description="Only entries with a larger id.")
         ] = 0,
         before: Annotated[
             int | None,
-            Query(ge=0, le=2**53, description="only entries with a smaller id: page back"),
+            Query(ge=0, le=2**53, description="Only entries with a smaller id, to page back."),
         ] = None,
         limit: Annotated[int, Query(ge=1, le=MAX_LIMIT)] = 200,
-    ) -> JournalOut:
-        """Why the path changed, why the robot stood, what was seen first where: the newest entries,
-        oldest first.
+    ) -> Page:
+        """Return the newest entries of the event log, oldest first: changes of the path, reasons of
+        standstills, first detections.
 
-        Entries of earlier starts of the console come last, when one pages back with `before`.
+        Paging back with `before` reaches the entries of earlier starts of the console.
         """
-        event_log = operations.insight.event_log
-        page = event_log.page(kinds=kind or (), since=since, before=before, limit=limit)
-        entries = [EntryOut(**asdict(entry)) for entry in page.entries]
-        return JournalOut(newest=page.newest, oldest=page.oldest, start=page.start, entries=entries)
+        return operations.insight.event_log.page(
+            kinds=kind or (), since=since, before=before, limit=limit
+        )
 
-    @router.get("/series", response_model=dict[str, list[Figure]], responses={422: RESPONSES[422]})
+    @router.get("/series", response_model=dict[str, list[float | None]], responses=refusals(422))
     def get_series(
         since_s: Annotated[
             float,
             Query(
-                allow_inf_nan=False, description="only rows after this time of the robot's clock"
+                allow_inf_nan=False, description="Only rows after this time of the robot's clock."
             ),
         ] = -1.0,
     ) -> dict[str, list[float | None]]:
-        """Speed, distance, explored area and volume, tick times: one row a second of the last hour,
-        column by column."""
+        """Return speed, distance, explored area and volume, and tick times: one row per second of
+        the last hour, column by column."""
         return dict(operations.insight.series.after(since_s))
 
     return router

@@ -1,4 +1,5 @@
-"""The large values as files: map, cloud, path, camera, and reports of past missions."""
+"""Routes of the large values: map, point cloud, path, camera image, poses, and reports of past
+missions."""
 
 from __future__ import annotations
 
@@ -7,8 +8,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
-from navcore.perception.people.track import Track
-from web.gateway.problems import RESPONSES, JsonResponse
+from web.gateway.problems import JsonResponse, refusals
 from web.images.encode import (
     LatestOnly,
     camera_jpg,
@@ -23,19 +23,25 @@ from web.images.encode import (
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
-from web.schemas.convert import finite, track, zone_of
-from web.schemas.poses import PosesIn
-from web.schemas.responses import MapOut, NumberedPoseOut, PathOut, PersonOut, PosesOut, TilesOut
+from web.interface.wire import polyline, values_of
+from web.schemas.maps import MapOut, PathOut, PersonOut, TilesOut
+from web.schemas.poses import NumberedPose, PosesIn, PosesOut
+from web.schemas.zones import ZoneOut
 
-_NOTHING_YET: dict[int | str, dict[str, Any]] = {404: RESPONSES[404]}
+_NOTHING_YET = refusals(404)
 TileIndex = Annotated[int, Path(ge=0, le=10_000)]
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
 def maps_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
-    png, camera, labelled, ply = LatestOnly[bytes](), LatestOnly[bytes](), LatestOnly[bytes](), LatestOnly[bytes]()
+    png, camera, labelled, ply = (
+        LatestOnly[bytes](),
+        LatestOnly[bytes](),
+        LatestOnly[bytes](),
+        LatestOnly[bytes](),
+    )
     tiles = TileVersions()
 
     def newest() -> TickSnapshot:
@@ -46,7 +52,7 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/map", response_model=MapOut, responses=_NOTHING_YET)
     def get_map() -> MapOut:
-        """Where the map lies; `version` changes whenever its cells do."""
+        """Return position and size of the map; `version` changes whenever its cells do."""
         picture, profile = newest(), operations.profile
         spec = picture.grid_spec
         return MapOut(
@@ -62,7 +68,7 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
     def get_map_png(request: Request) -> Response:
-        """All layers as a picture, north up, two pixels per cell and side."""
+        """Return an image of all layers, y upwards, two pixels per cell and side."""
         picture, beware = newest(), operations.beware.list
         key = (picture.grid_version, beware.version)
         return _tagged(
@@ -72,15 +78,14 @@ def maps_router(operations: RobotService) -> APIRouter:
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
     def get_tiles(
         since: Annotated[
-            int, Query(ge=0, le=2**53, description="version of the answer before")
+            int, Query(ge=0, le=2**53, description="Version of the previous answer.")
         ] = 0,
     ) -> TilesOut:
-        """Which tiles of the map have changed since an answer before; row 0 lies at the smallest y."""
+        """Return the tiles that have changed since a previous answer; row 0 is at the smallest y."""
         picture = newest()
         version, versions = tiles.update(picture, operations.beware.list)
         spec = picture.grid_spec
-        # A version from before a restart of the console is newer than the newest: then everything
-        # is.
+        # A version larger than the newest is from before a restart: then all tiles are sent.
         changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
             version=version,
@@ -92,12 +97,10 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/map/tiles/{row}/{col}.png", response_class=_Png, responses=_NOTHING_YET)
     def get_tile(row: TileIndex, col: TileIndex) -> Response:
-        """The cells of one tile, a pixel a cell, its uppermost row at the top, for a page that
-        paints the map itself.
+        """Return the cells of one tile, one pixel per cell, uppermost row first.
 
-        Red holds bits: 1 seen, 2 obstacle, 4 the robot's centre may not be here, 8 keep-out zone,
-        16 prior map. Green and blue hold the class ids of the beware list of what is there, 0 for
-        none.
+        Red holds bits: 1 observed, 2 obstacle, 4 closed to the robot's centre, 8 keep-out zone, 16
+        prior map. Green and blue hold the ids of the classes of the beware list, 0 for none.
         """
         picture = newest()
         if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
@@ -106,17 +109,17 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
     def get_map_pgm() -> Response:
-        """Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top."""
+        """Return Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top."""
         return Response(map_pgm(newest()), media_type="image/x-portable-graymap")
 
     @router.get("/map.yaml", response_class=Response, responses=_NOTHING_YET)
     def get_map_yaml() -> Response:
-        """Nav2's description of `map.pgm`; the origin is its lower-left corner."""
+        """Return Nav2's description of `map.pgm`; the origin is its lower-left corner."""
         return Response(map_yaml(newest()), media_type="application/yaml")
 
     @router.get("/cloud.ply", response_class=Response, responses=_NOTHING_YET)
     def get_cloud() -> Response:
-        """The points of the map as binary PLY with colour and class id."""
+        """Return the points of the map as binary PLY with colour and class id."""
         cloud = operations.cloud()
         if cloud is None:
             raise HTTPException(404, "the map has no points yet")
@@ -126,24 +129,24 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/path", response_model=PathOut, responses=_NOTHING_YET)
     def get_path() -> PathOut:
-        """The planned path, its corners, and the way driven so far."""
+        """Return the planned path, the driven path and the moving objects."""
         picture = newest()
         return PathOut(
             serial=picture.serial,
-            path=track(picture.path),
-            waypoints=track(picture.waypoints),
-            driven=track(picture.driven),
-            people=[_person(someone) for someone in picture.people],
-            closed=[zone_of(zone) for zone in picture.closed],
-            view=track(floor_view(picture)),
+            path=polyline(picture.path),
+            waypoints=polyline(picture.waypoints),
+            driven=polyline(picture.driven),
+            people=[PersonOut.model_validate(person) for person in picture.people],
+            closed=[ZoneOut.of(zone) for zone in picture.closed],
+            view=polyline(floor_view(picture)),
         )
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(
         overlay: Annotated[Literal["none", "segmentation"], Query()] = "none",
     ) -> Response:
-        """What the camera sees; with `overlay=segmentation`, each enabled class is tinted, surer is
-        stronger, and named."""
+        """Return the camera image; with `overlay=segmentation`, each enabled class is named and
+        tinted by its confidence."""
         picture, beware = newest(), operations.beware.list
         if overlay == "none":
             data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
@@ -155,27 +158,15 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/runs")
     def get_runs() -> list[dict[str, Any]]:
-        """Reports of past missions, newest first, without their series."""
-        return [finite(dict(run)) for run in operations.runs()]
+        """Return the reports of past missions, newest first, without their time series."""
+        return [dict(run) for run in operations.runs()]
 
     @router.get("/runs/{run_id}", responses=_NOTHING_YET)
     def get_run(run_id: Annotated[str, Path(pattern=RUN_ID)]) -> dict[str, Any]:
-        """One mission's whole report."""
-        report: dict[str, Any] = finite(dict(operations.run(run_id)))
-        return report
+        """Return the whole report of one mission."""
+        return dict(operations.run(run_id))
 
     return router
-
-
-def _person(track: Track) -> PersonOut:
-    return PersonOut(
-        id=track.id,
-        x_m=track.x_m,
-        y_m=track.y_m,
-        vx_mps=track.vx_mps,
-        vy_mps=track.vy_mps,
-        radius_m=track.radius_m,
-    )
 
 
 class _Png(Response):
@@ -196,27 +187,21 @@ def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) 
 
 
 def poses_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
 
     @router.get("/map/poses", response_model=PosesOut)
     def get_poses() -> PosesOut:
-        """Where the robot was when it saw the map's points; a new ID every so many metres or
-        degrees."""
+        """Return the poses from which the points of the map were observed; a new one follows after
+        some metres or degrees."""
         poses = enumerate(operations.poses())
         return PosesOut(
-            poses=[
-                NumberedPoseOut(id=i, x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad)
-                for i, pose in poses
-            ]
+            poses=[NumberedPose.model_construct(id=i, **values_of(pose)) for i, pose in poses]
         )
 
-    @router.patch(
-        "/map/poses", status_code=204, response_class=Response, responses={422: RESPONSES[422]}
-    )
+    @router.patch("/map/poses", status_code=204, response_class=Response, responses=refusals(422))
     def correct_poses(body: PosesIn) -> None:
-        """Put past poses right: what was seen from them moves along, and the path follows, from the
-        next tick on."""
+        """Correct past poses; from the next tick on, the points observed from them move along."""
         operations.correct_poses(
             {
                 pose.id: Pose2(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad)

@@ -1,8 +1,8 @@
-"""State, goals, missions and the stop.
+"""Routes of state, goals, missions and emergency stop.
 
-The stop's handlers are coroutines on purpose: a plain function waits for a thread of the pool, and
-the pool may be busy with pictures. They answer when the intent is posted, which takes no longer
-than a function call.
+The handlers of the stop are coroutines: a plain function waits for a thread of the pool, which may
+be busy with images. They answer when the request is posted, which takes no longer than a function
+call.
 """
 
 from __future__ import annotations
@@ -11,120 +11,123 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 
+from navcore.mission.mission import Goal
 from web.api.control import stop_source
 from web.auth.roles import CurrentVisitor
-from web.gateway.problems import RESPONSES, JsonResponse
+from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import MissionAction, RobotService
-from web.schemas.convert import goals, mission_of, state_of
+from web.interface.snapshots import State
 from web.schemas.fields import MAX_NAME, Name
-from web.schemas.mission import GoalIn, GoalOrderIn, GoalPatchIn, LoopIn
-from web.schemas.responses import GoalOut, MissionOut, SavedMissionOut, StateOut
+from web.schemas.mission import (
+    GoalIn,
+    GoalOrderIn,
+    GoalPatchIn,
+    LoopIn,
+    MissionOut,
+    SavedMissionOut,
+)
 
 
 def mission_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["mission"], default_response_class=JsonResponse)
 
-    @router.get("/state", response_model=StateOut)
-    async def get_state() -> StateOut:
-        """Everything small that is shown, in one consistent snapshot; the reasons of a stop with
-        the worst first."""
-        return state_of(operations)
+    def mission() -> MissionOut:
+        state = operations.state()
+        return MissionOut(
+            phase=state.phase, queue=state.queue, reached=state.reached, loop=state.loop
+        )
+
+    @router.get("/state", response_model=State)
+    async def get_state() -> State:
+        """Return the small values of the system in one consistent snapshot."""
+        return operations.state()
 
     @router.get("/goals", response_model=MissionOut)
     async def get_goals() -> MissionOut:
-        """The goals that wait, the present one first, and those reached."""
-        return mission_of(operations.state())
+        """Return the waiting goals, the present one first, and the reached ones."""
+        return mission()
 
-    @router.post("/goals", status_code=201, response_model=GoalOut, responses=_refusals(409, 422))
-    def add_goal(goal: GoalIn) -> GoalOut:
-        """Queue a goal; refused outside the map and inside an obstacle or zone that is known
-        already.
+    @router.post("/goals", status_code=201, response_model=Goal, responses=refusals(409, 422))
+    def add_goal(goal: GoalIn) -> Goal:
+        """Queue a goal; refused outside the map and inside a known obstacle or zone.
 
-        Such a refusal names the `nearest` place where the robot could stand.
+        Such a refusal names the `nearest` free position.
         """
-        return goals(
-            [operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)]
-        )[0]
+        return operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)
 
-    @router.put("/goals/order", response_model=MissionOut, responses=_refusals(409, 422))
+    @router.put("/goals/order", response_model=MissionOut, responses=refusals(409, 422))
     def order_goals(order: GoalOrderIn) -> MissionOut:
-        """Drive to the waiting goals in this order; the ids have to name every one of them once."""
+        """Change the order of the waiting goals; the ids must name each of them once."""
         operations.goals.order(order.ids)
-        return mission_of(operations.state())
+        return mission()
 
-    @router.patch("/goals/{goal_id}", response_model=GoalOut, responses=_refusals(404, 422))
-    def change_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)], changes: GoalPatchIn) -> GoalOut:
+    @router.patch("/goals/{goal_id}", response_model=Goal, responses=refusals(404, 422))
+    def change_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)], changes: GoalPatchIn) -> Goal:
         """Move, turn or rename a waiting goal."""
-        return goals([operations.goals.change(goal_id, changes.changes())])[0]
+        return operations.goals.change(goal_id, changes.changes())
 
-    @router.delete("/goals/{goal_id}", status_code=204, responses=_refusals(404, 422))
+    @router.delete("/goals/{goal_id}", status_code=204, responses=refusals(404, 422))
     def remove_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)]) -> None:
-        """Take a waiting goal, or the present one, out of the queue."""
+        """Remove a waiting goal, or the present one."""
         operations.goals.remove(goal_id)
 
-    @router.put("/mission/loop", response_model=MissionOut, responses=_refusals(422))
+    @router.put("/mission/loop", response_model=MissionOut, responses=refusals(422))
     def loop(body: LoopIn) -> MissionOut:
-        """Whether goals that are reached wait again, behind the others."""
+        """Set whether reached goals are queued again, behind the others."""
         operations.goals.loop(body.loop)
-        return mission_of(operations.state())
+        return mission()
 
     @router.get("/missions")
     def list_missions() -> list[SavedMissionOut]:
-        """Goals that are kept under a name."""
+        """Return the saved missions."""
         saved = operations.goals.missions().items()
         return [
             SavedMissionOut(name=name, goals=len(mission.goals), loop=mission.loop)
             for name, mission in saved
         ]
 
-    @router.put("/missions/{name:path}", status_code=204, responses=_refusals(409, 422, 503))
+    @router.put("/missions/{name:path}", status_code=204, responses=refusals(409, 422, 503))
     def save_mission(name: Annotated[Name, Path()]) -> Response:
-        """Keep the waiting goals under a name."""
+        """Save the waiting goals under a name."""
         operations.goals.save(name)
         return Response(status_code=204)
 
     @router.post(
-        "/missions/{name:path}/load", response_model=MissionOut, responses=_refusals(404, 409, 422)
+        "/missions/{name:path}/load", response_model=MissionOut, responses=refusals(404, 409, 422)
     )
     def load_mission(name: Annotated[Name, Path()]) -> MissionOut:
-        """Put kept goals in the place of those that wait; the mission then stands and waits for its
-        start."""
+        """Replace the waiting goals by those of a saved mission, which then waits for its start."""
         operations.goals.load(name)
-        return mission_of(operations.state())
+        return mission()
 
-    @router.delete("/missions/{name:path}", status_code=204, responses=_refusals(404, 503))
+    @router.delete("/missions/{name:path}", status_code=204, responses=refusals(404, 503))
     def delete_mission(name: Annotated[Name, Path()]) -> Response:
-        """Forget a kept mission."""
+        """Delete a saved mission."""
         operations.goals.forget(name)
         return Response(status_code=204)
 
-    @router.post("/mission/{action}", response_model=MissionOut, responses=_refusals(409, 422))
+    @router.post("/mission/{action}", response_model=MissionOut, responses=refusals(409, 422))
     async def act(action: MissionAction) -> MissionOut:
-        """Start, pause, resume or cancel; the answer is the state after it."""
+        """Start, pause, resume or cancel the mission, or leave a beware area; return the mission
+        after it."""
         operations.mission(action)
-        return mission_of(operations.state())
+        return mission()
 
-    @router.post("/stop", response_model=StateOut)
+    @router.post("/stop", response_model=State)
     async def stop(
         visitor: CurrentVisitor, by: Annotated[str, Query(max_length=MAX_NAME)] = "REST"
-    ) -> StateOut:
-        """Emergency stop, for everybody who may look. It holds until it is reset, whatever else is
-        asked for. `by` says by what means, for the operators' eyes.
-        """
+    ) -> State:
+        """Stop the robot at once; allowed for every visitor. The stop holds until it is reset. `by`
+        names the means for the operators, such as a button."""
         by = by if by.isprintable() and by.strip() else "REST"
         operations.stop(stop_source(visitor, by))
-        return state_of(operations)
+        return operations.state()
 
-    @router.post("/stop/reset", response_model=StateOut, responses=_refusals(409))
-    async def reset_stop() -> StateOut:
-        """Release the emergency stop. The mission stays paused until it is started or resumed
-        again."""
+    @router.post("/stop/reset", response_model=State, responses=refusals(409))
+    async def reset_stop() -> State:
+        """Release the emergency stop. The mission stays paused until it is started or resumed."""
         operations.reset_stop()
-        return state_of(operations)
+        return operations.state()
 
     return router
-
-
-def _refusals(*statuses: int) -> dict[int | str, dict[str, object]]:
-    return {status: RESPONSES[status] for status in statuses}

@@ -1,5 +1,4 @@
-"""Who am I, and, for admins, who may come in. On a console without log-in there are no users to
-speak of."""
+"""Routes of the visitor and, for admins, of the users. A console without log-in has no users."""
 
 from __future__ import annotations
 
@@ -11,18 +10,23 @@ from navcore.errors import NotKnown, Refused
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.roles import CurrentVisitor, Role
 from web.auth.users import User, hash_password, is_password, new_token, new_user
-from web.gateway.problems import RESPONSES, JsonResponse
-from web.schemas.access import NewUserIn, OwnPasswordIn, PasswordIn, RoleIn
-from web.schemas.responses import TokenOut, UserOut, VisitorOut
+from web.gateway.problems import JsonResponse, refusals
+from web.schemas.access import (
+    NewUserIn,
+    OwnPasswordIn,
+    PasswordIn,
+    RoleIn,
+    TokenOut,
+    UserOut,
+    VisitorOut,
+)
 
-_REFUSALS: dict[int | str, dict[str, Any]] = {
-    status: RESPONSES[status] for status in (404, 409, 422, 503)
-}
+_REFUSALS = refusals(404, 409, 422, 503)
 UserName = Annotated[str, Path(max_length=40)]
 
 
 def access_router(authenticator: Authenticator) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["access"], default_response_class=JsonResponse)
 
     def locked() -> PasswordAuthenticator:
@@ -43,12 +47,12 @@ def access_router(authenticator: Authenticator) -> APIRouter:
 
     @router.get("/me", response_model=VisitorOut)
     async def get_me(visitor: CurrentVisitor) -> VisitorOut:
-        """Whom the console takes this visitor for."""
-        return VisitorOut(name=visitor.name, role=str(visitor.role), logged_in=visitor.logged_in)
+        """Return the visitor as the console knows them."""
+        return VisitorOut.model_validate(visitor)
 
     @router.put("/me/password", status_code=204, responses=_REFUSALS)
     def change_own_password(body: OwnPasswordIn, visitor: CurrentVisitor) -> None:
-        """Change one's own password; every session of this user ends."""
+        """Change the visitor's own password; every session of this user ends."""
         known = user(visitor.name)
         if not is_password(body.present, known.password_hash):
             raise Refused("the present password is another")
@@ -56,14 +60,14 @@ def access_router(authenticator: Authenticator) -> APIRouter:
             known.name, password_hash=hash_password(body.password), instead_of=known.password_hash
         )
 
-    @router.get("/users", response_model=list[UserOut], responses={409: RESPONSES[409]})
+    @router.get("/users", response_model=list[UserOut], responses=refusals(409))
     def list_users() -> list[UserOut]:
-        """Who may log in."""
+        """Return all users."""
         return [_user_of(known) for known in locked().users.all()]
 
     @router.post("/users", status_code=201, response_model=UserOut, responses=_REFUSALS)
     def add_user(body: NewUserIn) -> UserOut:
-        """One more."""
+        """Add a user."""
         added = new_user(body.name, Role(body.role), body.password)
         locked().users.add(added)
         locked().refresh()
@@ -71,26 +75,27 @@ def access_router(authenticator: Authenticator) -> APIRouter:
 
     @router.put("/users/{name}/role", response_model=UserOut, responses=_REFUSALS)
     def change_role(name: UserName, body: RoleIn) -> UserOut:
-        """What he may do; his sessions end."""
+        """Change the role of a user; the user's sessions end."""
         return change(name, role=Role(body.role))
 
     @router.put("/users/{name}/password", response_model=UserOut, responses=_REFUSALS)
     def change_password(name: UserName, body: PasswordIn) -> UserOut:
-        """A new password for somebody; his sessions end."""
+        """Change the password of a user; the user's sessions end."""
         return change(name, password_hash=hash_password(body.password))
 
     @router.post(
         "/users/{name}/token", status_code=201, response_model=TokenOut, responses=_REFUSALS
     )
     def make_token(name: UserName) -> TokenOut:
-        """A bearer token for programs, shown this once; the one before it is void."""
+        """Return a new bearer token for programs, shown only once; the previous one becomes
+        invalid."""
         token, token_hash = new_token()
         change(name, token_hash=token_hash)
         return TokenOut(token=token)
 
     @router.delete("/users/{name}", status_code=204, responses=_REFUSALS)
     def remove_user(name: UserName) -> None:
-        """One fewer; his sessions end at once."""
+        """Remove a user; the user's sessions end at once."""
         locked().users.remove(name)
         locked().refresh()
 
@@ -98,4 +103,4 @@ def access_router(authenticator: Authenticator) -> APIRouter:
 
 
 def _user_of(user: User) -> UserOut:
-    return UserOut(name=user.name, role=str(user.role), has_token=user.token_hash is not None)
+    return UserOut(name=user.name, role=user.role, has_token=user.token_hash is not None)

@@ -1,10 +1,9 @@
-"""What helps to draw zones: what a draft would lead to, zones from files and to files, zones from
-the camera's picture."""
+"""Routes that help to draw zones: preview of a draft, import and export, regions of the camera
+image."""
 
 from __future__ import annotations
 
 import base64
-import math
 
 import cv2
 import numpy as np
@@ -17,64 +16,62 @@ from navcore.formats.nav2_map import description_of, map_from_cells, read, yaml_
 from navcore.mapping.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
-from web.gateway.problems import RESPONSES, JsonResponse
+from web.gateway.problems import JsonResponse, refusals
 from web.images.encode import beware_mask
 from web.interface.drafts import PathPreview, Preview, ZoneDraft
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
-from web.schemas.convert import track, zones_of
-from web.schemas.drafts import PixelIn, PreviewIn
+from web.interface.wire import polyline
+from web.schemas.drafts import PathPreviewOut, PixelIn, PreviewIn, PreviewOut, RegionOut
 from web.schemas.fields import MAX_NAME
-from web.schemas.responses import PreviewOut, RegionOut, WayOut, ZonesOut
-from web.schemas.zones import MaskImportIn, ZoneImportIn
-
-_BY_STATUS = {status: {status: RESPONSES[status]} for status in RESPONSES}
-_IMPORTS = {**_BY_STATUS[409], **_BY_STATUS[422], **_BY_STATUS[503]}
+from web.schemas.zones import MaskImportIn, ZoneImportIn, ZonesOut
 
 
 def drawing_router(operations: RobotService) -> APIRouter:
-    """Routes below `/api/v1`."""
+    """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
 
     def newest() -> TickSnapshot:
-        picture = operations.picture()
-        if picture is None:
+        tick = operations.picture()
+        if tick is None:
             raise HTTPException(404, "the camera has delivered no picture yet")
-        return picture
+        return tick
 
-    @router.post(
-        "/preview", response_model=PreviewOut, responses={**_BY_STATUS[409], **_BY_STATUS[422]}
-    )
+    def all_zones() -> ZonesOut:
+        return ZonesOut.of(operations.zones.stored, operations.zones.history)
+
+    @router.post("/preview", response_model=PreviewOut, responses=refusals(409, 422))
     def preview(draft: PreviewIn) -> PreviewOut:
-        """The path from here if the draft zone stood or the draft goal were the present one;
-        nothing is applied.
+        """Plan the path with a draft zone or to a draft goal; nothing is applied.
 
-        `present` is the path without the draft zone, `change_m` and `change_s` what the draft would
-        cost. Without a path, `cut_by` names the zones that cut the goal off.
+        `present` is the path without the draft zone, `change_m` and `change_s` are the cost of the
+        draft. Without a path, `cut_by` names the zones that cut the goal off.
         """
         return _preview_of(operations.preview(draft.draft()))
 
-    @router.post("/zones/import", status_code=201, response_model=ZonesOut, responses=_IMPORTS)
+    @router.post(
+        "/zones/import", status_code=201, response_model=ZonesOut, responses=refusals(409, 422, 503)
+    )
     def import_zones(collection: ZoneImportIn) -> ZonesOut:
         """Add the zones of a GeoJSON FeatureCollection in metres of the map frame, all or none, as
         one edit."""
         operations.zones.add_all([feature.draft() for feature in collection.features])
-        return zones_of(operations)
+        return all_zones()
 
     @router.post(
         "/zones/import-mask",
         status_code=201,
         response_model=ZonesOut,
-        responses={**_BY_STATUS[404], **_IMPORTS},
+        responses=refusals(404, 409, 422, 503),
     )
     def import_mask(mask: MaskImportIn) -> ZonesOut:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
         try:
-            picture = base64.b64decode(mask.picture, validate=True)
+            image = base64.b64decode(mask.picture, validate=True)
         except ValueError:
             raise BadConfiguration("mask.picture: is not base64") from None
         spec = newest().grid.spec
-        cells = prior_layer(read(mask.yaml.encode(errors="replace"), picture, "mask"), spec)
+        cells = prior_layer(read(mask.yaml.encode(errors="replace"), image, "mask"), spec)
         if not cells.any():
             raise BadConfiguration(
                 "the mask keeps nothing out; expected occupied, that is dark, pixels on the map"
@@ -89,46 +86,44 @@ def drawing_router(operations: RobotService) -> APIRouter:
         operations.zones.add_all(
             [ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)]
         )
-        return zones_of(operations)
+        return all_zones()
 
-    @router.get("/zones.pgm", response_class=Response, responses=_BY_STATUS[404])
+    @router.get("/zones.pgm", response_class=Response, responses=refusals(404))
     def get_mask() -> Response:
-        """The keep-outs that are switched on as a Nav2 keep-out mask: 0 kept out, 254 free, row 0
-        at the top."""
+        """Return the enabled keep-out zones as a Nav2 keep-out mask: 0 closed, 254 free, row 0 at
+        the top."""
         spec = newest().grid.spec
         cells = closed_cells(operations.zones.stored, spec)
         image = map_from_cells(occupied=cells, known=np.ones_like(cells), spec=spec).image
         return Response(encode(image), media_type="image/x-portable-graymap")
 
-    @router.get("/zones.yaml", response_class=Response, responses=_BY_STATUS[404])
+    @router.get("/zones.yaml", response_class=Response, responses=refusals(404))
     def get_mask_yaml() -> Response:
-        """Nav2's description of `zones.pgm`."""
+        """Return Nav2's description of `zones.pgm`."""
         return Response(
             yaml_text(description_of(newest().grid.spec), "zones.pgm"),
             media_type="application/yaml",
         )
 
-    @router.post(
-        "/camera/region", response_model=RegionOut, responses={**_BY_STATUS[404], **_BY_STATUS[422]}
-    )
+    @router.post("/camera/region", response_model=RegionOut, responses=refusals(404, 422))
     def region(pixel: PixelIn) -> RegionOut:
-        """What is seen at a place of the camera's picture, and its outline on the floor, as a zone
-        could have it.
+        """Return the object at a position in the camera image with its outline on the floor, which
+        can become a zone.
 
-        A thing that is recognised is taken by its pixels, any other by what stands connected with
-        it in depth.
+        A labelled object is found by its pixels, any other by its connected region in the depth
+        image.
         """
-        picture, beware = newest(), operations.beware.list
-        if picture.depth_m is None:
+        tick, beware = newest(), operations.beware.list
+        if tick.depth_m is None:
             raise HTTPException(404, "this picture has no distances")
-        height, width = picture.labels.shape
+        height, width = tick.labels.shape
         found = region_at(
             min(int(pixel.down * height), height - 1),
             min(int(pixel.right * width), width - 1),
-            class_ids=np.where(beware_mask(picture, beware), picture.labels, np.uint8(0)),
-            depth_m=picture.depth_m,
-            intrinsics=picture.intrinsics,
-            T_map_camera=picture.T_map_camera,
+            class_ids=np.where(beware_mask(tick, beware), tick.labels, np.uint8(0)),
+            depth_m=tick.depth_m,
+            intrinsics=tick.intrinsics,
+            T_map_camera=tick.T_map_camera,
         )
         outlines, _ = cv2.findContours(
             found.pixels.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
@@ -144,8 +139,8 @@ def drawing_router(operations: RobotService) -> APIRouter:
         )
         return RegionOut(
             name=name,
-            footprint=list(found.footprint),
-            outline=track(ring / np.array([width, height], dtype=np.float64)),
+            footprint=found.footprint,
+            outline=polyline(ring / np.array([width, height], dtype=np.float64)),
         )
 
     return router
@@ -154,28 +149,23 @@ def drawing_router(operations: RobotService) -> APIRouter:
 def _preview_of(preview: Preview) -> PreviewOut:
     path, present = preview.path, preview.present
     return PreviewOut(
-        **_way_of(path).model_dump(),
+        **dict(_path_of(path)),
         reason=str(path.outcome.reason) if isinstance(path.outcome, NoPath) else None,
-        cut_by=list(preview.cut_by),
-        present=None if present is None else _way_of(present),
-        change_m=_less(path.length_m, present.length_m if present else None),
-        change_s=_less(path.time_s, present.time_s if present else None),
+        cut_by=preview.cut_by,
+        present=None if present is None else _path_of(present),
+        change_m=_difference(path.length_m, present.length_m if present else None),
+        change_s=_difference(path.time_s, present.time_s if present else None),
     )
 
 
-def _way_of(path: PathPreview) -> WayOut:
-    found = not isinstance(path.outcome, NoPath)
-    return WayOut(
-        found=found,
-        length_m=_finite(path.length_m),
-        time_s=_finite(path.time_s),
-        path=track(path.points),
+def _path_of(preview: PathPreview) -> PathPreviewOut:
+    return PathPreviewOut(
+        found=not isinstance(preview.outcome, NoPath),
+        length_m=preview.length_m,
+        time_s=preview.time_s,
+        path=polyline(preview.points),
     )
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _less(new: float | None, old: float | None) -> float | None:
-    return None if new is None or old is None else _finite(round(new - old, 3))
+def _difference(new: float | None, old: float | None) -> float | None:
+    return None if new is None or old is None else round(new - old, 3)

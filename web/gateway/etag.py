@@ -1,5 +1,4 @@
-"""ETag and If-Match: an edit says which version it was made from, and a lost update becomes a
-refusal."""
+"""ETag and If-Match: an edit names the version it was made from, so that a lost update is refused."""
 
 from __future__ import annotations
 
@@ -9,18 +8,18 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Header, HTTPException
 
-from web.gateway.problems import JsonResponse, problem
+from web.gateway.problems import ProblemResponse, problem
 
 _ETAG = re.compile(r'"(\d{1,15})"')
 
 
 def etag(version: int) -> dict[str, str]:
-    """The header that names a version."""
+    """Return the header that names a version."""
     return {"ETag": f'"{version}"'}
 
 
 def _expected(
-    if_match: Annotated[str | None, Header(description="ETag of the version edited")] = None,
+    if_match: Annotated[str | None, Header(description="ETag of the edited version.")] = None,
 ) -> int | None:
     if if_match is None or if_match.strip() == "*":
         return None
@@ -33,11 +32,16 @@ def _expected(
 
 
 ExpectedVersion = Annotated[int | None, Depends(_expected)]
-"""The version in `If-Match`; None when the client does not care."""
+"""Version in `If-Match`; None without the header."""
 
 
-def outdated(what: str, given: int | None, stored: Mapping[str, Any], version: int) -> JsonResponse:
-    """409 with both versions, so that the second of two editors can compare and try again."""
-    message = f"{what} is at version {version}, your edit was made from version {given}; look at the stored one and edit again"
+def outdated(
+    what: str, given: int | None, stored: Mapping[str, Any], version: int
+) -> ProblemResponse:
+    """Return 409 with both versions, so that the second of two operators can compare and retry."""
+    message = (
+        f"{what} is at version {version}, your edit was made from version {given}; "
+        "look at the stored one and edit again"
+    )
     extra = {"stored": dict(stored), "stored_version": version, "given_version": given}
     return problem(409, "outdated", message, "If-Match", extra=extra, headers=etag(version))

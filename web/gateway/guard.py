@@ -51,7 +51,11 @@ class Guard:
         self._app = app
         self._hosts = frozenset(host.lower() for host in allowed_hosts)
         self._authenticator, self._control, self._auditor = authenticator, control, auditor
-        self._login = Login(authenticator, auditor) if isinstance(authenticator, PasswordAuthenticator) else None
+        self._login = (
+            Login(authenticator, auditor)
+            if isinstance(authenticator, PasswordAuthenticator)
+            else None
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or hand on to the app."""
@@ -121,7 +125,9 @@ class Guard:
             return {}
         client_id = self._authenticator.issue_client_cookie(_cookie(scope, headers))
         return (
-            {} if client_id is None else {"Set-Cookie": cookie_header(_cookie_name(scope), client_id, scope)}
+            {}
+            if client_id is None
+            else {"Set-Cookie": cookie_header(_cookie_name(scope), client_id, scope)}
         )
 
     async def _upgrade(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -31,7 +31,10 @@ class Login:
     """What answers to somebody who is not known yet."""
 
     def __init__(
-        self, authenticator: PasswordAuthenticator, auditor: Auditor, limiter: RateLimiter | None = None
+        self,
+        authenticator: PasswordAuthenticator,
+        auditor: Auditor,
+        limiter: RateLimiter | None = None,
     ) -> None:
         self._authenticator, self._auditor = authenticator, auditor
         self._limiter = limiter or RateLimiter()

@@ -12,9 +12,7 @@ from starlette.types import Scope
 from web.gateway.problems import problem
 
 
-def check_origin(
-    scope: Scope, headers: Headers, allowed_hosts: frozenset[str]
-) -> Response | None:
+def check_origin(scope: Scope, headers: Headers, allowed_hosts: frozenset[str]) -> Response | None:
     """421 for a foreign name (DNS rebinding), 403 for a foreign page. CORS rules do not cover
     websockets; this does.
 

@@ -1,14 +1,15 @@
-"""Every refusal in one shape, `{"error": {"code", "message", "where"}}`, and never the input itself
-in it.
+"""Refusals in one shape: the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, never
+the input itself.
 
 FastAPI's own 422 echoes what was sent; NaN, 1e999 and lone surrogates in an echo cannot be written
-as JSON and turn the refusal into a 500. So an answer holds the place and the reason only.
+as JSON and turn the refusal into a 500. So an answer holds position and reason only.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -28,15 +29,15 @@ from navcore.errors import (
     Refused,
     StorageFailed,
 )
-from web.schemas.responses import Problem
+from web.schemas.problem import Problem, ProblemBody
 
 log = logging.getLogger(__name__)
 
-MAX_WHERE = 120
+MAX_WHERE, MAX_MESSAGE = 120, 600
+"""Largest lengths of texts in a refusal, characters."""
 _TAGS = ("Feature", "plain", "Polygon", "Point", "LineString")
-MAX_MESSAGE = 600
 
-# The first match wins, so a subclass stands before its parent.
+# The first match applies, so a subclass comes before its parent.
 _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
     (BadGeometry, HTTPStatus.UNPROCESSABLE_ENTITY, "bad_geometry"),
     (BadConfiguration, HTTPStatus.UNPROCESSABLE_ENTITY, "bad_value"),
@@ -47,31 +48,60 @@ _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
 )
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
-    status: {"model": Problem, "description": text}
+    status: {
+        "description": text,
+        "model": Problem,
+    }
     for status, text in (
-        (404, "Nothing has this id, or there is nothing to show yet"),
+        (404, "Nothing has this id, or no value is known yet"),
         (
             409,
-            "Refused in the present state, or somebody else changed it meanwhile (then both versions are in the body)",
+            "Refused in the present state, or changed by another operator meanwhile (then both "
+            "versions are in the body)",
         ),
-        (422, "A value is wrong; the answer names the place and the reason"),
-        (503, "The store did not take it; what was stored before is intact"),
+        (422, "A value is wrong; the answer names it and the reason"),
+        (503, "The store failed; the values stored before are intact"),
     )
 }
-"""For OpenAPI: how a route may refuse."""
+"""Refusals by status, for OpenAPI."""
+
+
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the description of some refusals for OpenAPI."""
+    return {status: RESPONSES[status] for status in statuses}
 
 
 class JsonResponse(Response):
-    """JSON that can always be written: whatever is no Unicode text is escaped, a number that is
-    none is an error here."""
+    """JSON that can always be written: text that is not Unicode is escaped, and a number that is not
+    finite becomes null."""
 
     media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
-        """ASCII only, so that no surrogate can fail the encoding."""
-        return json.dumps(
-            content, ensure_ascii=True, allow_nan=False, separators=(",", ":")
-        ).encode("ascii")
+        """Return ASCII, so that no surrogate can fail the encoding."""
+        try:
+            return _json(content)
+        except ValueError:
+            return _json(finite(content))
+
+
+class ProblemResponse(JsonResponse):
+    """Refusal by RFC 9457."""
+
+    media_type = "application/problem+json"
+
+
+def _json(content: Any) -> bytes:
+    return json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":")).encode()
+
+
+def finite(value: Any) -> Any:
+    """Return plain values with null for each number that is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def problem(
@@ -82,20 +112,27 @@ def problem(
     *,
     extra: Mapping[str, Any] | None = None,
     headers: Mapping[str, str] | None = None,
-) -> JsonResponse:
-    """A refusal."""
-    error = {
-        "code": code,
-        "message": _clean(message, MAX_MESSAGE),
-        "where": _clean(where, MAX_WHERE) if where else None,
-    }
-    return JsonResponse(
-        {"error": error, **(extra or {})}, status_code=int(status), headers=dict(headers or {})
+) -> ProblemResponse:
+    """Return a refusal; see `web.schemas.problem.Problem`."""
+    text = _clean(message, MAX_MESSAGE)
+    body = Problem(
+        type="about:blank",
+        title=HTTPStatus(status).phrase,
+        status=int(status),
+        detail=text,
+        error=ProblemBody(
+            code=code, message=text, where=_clean(where, MAX_WHERE) if where else None
+        ),
+    )
+    return ProblemResponse(
+        {**body.model_dump(), **(extra or {})},
+        status_code=int(status),
+        headers=dict(headers or {}),
     )
 
 
-def refusal(error: BewareNavError) -> JsonResponse:
-    """The answer to a refusal of the system behind the console."""
+def refusal(error: BewareNavError) -> ProblemResponse:
+    """Return the answer to a refusal of the system behind the console."""
     for kind, status, code in _STATUS:
         if isinstance(error, kind):
             return problem(status, code, str(error), extra=_more(error))
@@ -103,7 +140,7 @@ def refusal(error: BewareNavError) -> JsonResponse:
 
 
 def _more(error: BewareNavError) -> dict[str, Any] | None:
-    """What to do about it, where that is known."""
+    """Return the nearest free position for a blocked goal."""
     if not isinstance(error, BlockedGoal) or error.nearest is None:
         return None
     x_m, y_m = error.nearest
@@ -111,7 +148,7 @@ def _more(error: BewareNavError) -> dict[str, Any] | None:
 
 
 def install(app: FastAPI) -> None:
-    """Make the app answer every failure in the one shape."""
+    """Make the app answer every failure in this shape."""
 
     @app.exception_handler(BewareNavError)
     async def _(_: Request, error: BewareNavError) -> Response:
@@ -128,8 +165,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def _(request: Request, error: Exception) -> Response:
-        # Starlette raises the error again after this answer, and the server logs it with its
-        # traceback.
+        # Starlette raises the error again after this answer; the server logs its traceback.
         return problem(
             500,
             "internal_error",
@@ -137,7 +173,7 @@ def install(app: FastAPI) -> None:
         )
 
 
-def _invalid(errors: Sequence[Any]) -> JsonResponse:
+def _invalid(errors: Sequence[Any]) -> ProblemResponse:
     details = [
         {"where": _where(error.get("loc", ())), "message": _reason(error)} for error in errors[:10]
     ]
@@ -166,7 +202,7 @@ def _where(location: Sequence[Any]) -> str:
 
 
 def _parts(location: Sequence[Any]) -> list[str]:
-    # The tags of the zone's forms and of its geometries are no part of what the client sent.
+    # The tags of the unions of zones and geometries are not part of the request.
     parts = [str(part) for part in location]
     return [
         part
@@ -176,7 +212,6 @@ def _parts(location: Sequence[Any]) -> list[str]:
 
 
 def _clean(text: str, limit: int) -> str:
-    """Text that can be printed and sent: an unknown key is named here, and its name came from
-    outside."""
+    """Return text that can be printed: the names of unknown keys come from outside."""
     printable = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text[: limit + 1])
     return printable if len(printable) <= limit else printable[: limit - 1] + "…"

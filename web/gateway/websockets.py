@@ -9,11 +9,16 @@ from typing import Any
 from fastapi import WebSocket, WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
 
+GOING_AWAY, BAD_MESSAGE, POLICY_VIOLATION, TRY_AGAIN = 1001, 1007, 1008, 1013
+"""Close codes of RFC 6455 and its registry."""
 
-async def until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
-    """Run all; when the first ends, cancel the others. Raises its error, unless it only says that
-    the other side has gone."""
-    tasks = [asyncio.create_task(way) for way in ways]
+
+async def until_one_ends(*directions: Coroutine[Any, Any, None]) -> None:
+    """Run all coroutines; when the first ends, cancel the others.
+
+    Raises its error, unless it only reports that the other side has closed the connection.
+    """
+    tasks = [asyncio.create_task(direction) for direction in directions]
     try:
         ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -27,6 +32,6 @@ async def until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
 
 
 async def until_gone(socket: WebSocket) -> None:
-    """Read and forget, until the client goes: nothing it says here has a meaning."""
+    """Read and drop all messages until the client closes the connection."""
     while (await socket.receive())["type"] != "websocket.disconnect":
         pass

@@ -153,7 +153,9 @@ def floor_view(picture: TickSnapshot) -> npt.NDArray[np.float64]:
 def map_pgm(picture: TickSnapshot) -> bytes:
     """Nav2's trinary image: row 0 at the top; occupied 0, zones too, free 254, unknown 205."""
     occupied = picture.grid.occupied() | _zones(picture.grid)
-    return encode(map_from_cells(occupied=occupied, known=picture.seen, spec=picture.grid.spec).image)
+    return encode(
+        map_from_cells(occupied=occupied, known=picture.seen, spec=picture.grid.spec).image
+    )
 
 
 def map_yaml(picture: TickSnapshot) -> str:

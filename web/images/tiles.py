@@ -30,7 +30,9 @@ class TileVersions:
         self._versions: npt.NDArray[np.int64] = np.zeros((0, 0), dtype=np.int64)
         self._newest = 0
 
-    def update(self, picture: TickSnapshot, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
+    def update(
+        self, picture: TickSnapshot, beware: BewareList
+    ) -> tuple[int, npt.NDArray[np.int64]]:
         """The newest version, and (tiles down, tiles across) the version at which each tile last
         changed."""
         with self._lock:

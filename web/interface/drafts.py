@@ -1,5 +1,5 @@
-"""What an operator gives, not yet applied: drafts of zones and goals, what they would lead to, and
-what is kept of them."""
+"""Requests of an operator that are not yet applied: drafts of zones and goals, previews of their
+effect, and saved missions."""
 
 from __future__ import annotations
 
@@ -10,49 +10,32 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.mission.mission import Goal
-from navcore.mission.zone import ZoneKind
-from navcore.mission.zone_shapes import Shape
+from navcore.mission.zone import ZoneSpec
 from navcore.planning.path import NoPath, Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ZoneDraft:
-    """A zone as an operator gives it, not yet checked."""
+class ZoneDraft(ZoneSpec):
+    """Zone as an operator gives it, not yet checked; `drawn` is dropped if the polygon is not that
+    of the shape."""
 
-    name: str
-    """What the operator calls it."""
-    polygon: tuple[tuple[float, float], ...]
-    """Corners (x, y) in metres of the map frame."""
-    enabled: bool = True
-    """Whether it binds the robot."""
-    margin_m: float = 0.0
-    """Room kept around it beyond the robot's own margin."""
-    kind: ZoneKind = ZoneKind.KEEP_OUT
-    """What it demands."""
-    max_speed_mps: float | None = None
-    """The limit, of a speed limit."""
-    colour: str | None = None
-    """`#rrggbb`; None for the console's own."""
-    expires_at_s: float | None = None
-    """When it is switched off, seconds since 1970 by the robot's calendar clock."""
     expires_in_s: float | None = None
-    """The same from now on, by the robot's clock; one of the two at most."""
-    drawn: Shape | None = None
-    """What the polygon was made of; dropped where the polygon is another one."""
+    """Time from now until the zone is disabled, seconds by the robot's clock; takes precedence over
+    `expires_at_s`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoneHistory:
-    """What can be taken back."""
+    """Edits of the zones that can be undone and redone."""
 
     undo: str | None
-    """The edit that undo takes back, in words; None without one."""
+    """Description of the edit that undo would take back; None without one."""
     redo: str | None
-    """The edit that redo does again."""
+    """Description of the edit that redo would repeat; None without one."""
 
 
 class GoalChanges(TypedDict, total=False):
-    """The fields of a waiting goal that change."""
+    """Changed fields of a waiting goal."""
 
     x_m: float
     """x in metres of the map frame."""
@@ -66,50 +49,51 @@ class GoalChanges(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SavedMission:
-    """Goals that are kept under a name."""
+    """Goals saved under a name."""
 
     goals: tuple[Goal, ...]
-    """In order; their ids mean nothing."""
+    """Goals in order; their ids have no meaning."""
     loop: bool
-    """Whether they are driven again and again."""
+    """Whether reached goals are queued again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreviewDraft:
-    """What is to be tried without applying it."""
+    """Goal or zone to preview without applying it."""
 
     goal: tuple[float, float] | None = None
-    """Default: the present goal."""
+    """Goal (x, y) in metres of the map frame; None for the present goal."""
     start: tuple[float, float] | None = None
-    """Default: where the robot stands."""
+    """Start (x, y) in metres of the map frame; None for the robot's position."""
     zone: ZoneDraft | None = None
-    """A zone to be added …"""
+    """Zone to add; None to add none."""
     replaces: str | None = None
-    """… in the place of the stored one with this id, whose outline then does not count."""
+    """Id of the stored zone that is left out, because `zone` replaces it or it is to be deleted;
+    None for none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathPreview:
-    """A path that would be driven."""
+    """Path that would be driven."""
 
     outcome: Path | NoPath
-    """The path, or why there would be none."""
+    """Path, or the reason why there would be none."""
     points: npt.NDArray[np.float64]
-    """(N, 2) the path in metres of the map frame; (0, 2) without one."""
+    """(N, 2) path in metres of the map frame; (0, 2) without one."""
     length_m: float | None
-    """Its length; None without one."""
+    """Length of the path in metres; None without one."""
     time_s: float | None
-    """How long it would take, about; None without one."""
+    """Estimated travel time in seconds; None without a path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview:
-    """What a draft would lead to; nothing is applied."""
+    """Effect of a draft; nothing is applied."""
 
     path: PathPreview
-    """With the draft."""
+    """Path with the draft."""
     present: PathPreview | None
-    """Without it: between the same places under the stored zones, or to the present goal where no
-    zone is drafted."""
+    """Path without the draft: between the same positions under the stored zones, or to the present
+    goal for a draft without a zone. None without a goal."""
     cut_by: tuple[str, ...] = ()
-    """Names of the zones that cut the goal off, where they do."""
+    """Names of the zones that cut the goal off; empty if none does."""

@@ -1,169 +1,192 @@
-"""What the console needs to explain the robot: its log of decisions, why its path leads where it
-does, what it has recognised, its figures over time. `app` satisfies this port; every method may be
-called from any thread, and none of them waits for, or holds up, the tick or the command thread.
+"""Port of the console to explanations: event log, path explanation, detections, time
+series. `app` implements it.
+
+Every method may be called from any thread; none waits for, or delays, the tick or the command
+thread.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict, computed_field
+
+from navcore.planning.constraint_removal import Removal
+from navcore.planning.path_explanation import Stretch
+from web.interface.wire import DOCUMENTED, Polyline, Position, WholePolyline
 
 Kind = Literal[
     "mission", "goal", "replanned", "stopped", "released", "seen", "zone", "beware", "labelled"
 ]
-"""What a decision is about."""
-Place = tuple[float, float]
+"""Subject of an entry of the event log."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One decision, or something that led to one."""
+    """Entry of the event log: a decision of the robot, or an event that led to one."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
-    """Grows by one with every entry, and goes on after a restart."""
+    """Number of the entry; grows by one with every entry, across restarts."""
     start: int
-    """Which start of the console wrote it, counted from 1."""
+    """Number of the start of the console that wrote the entry, counted from 1."""
     stamp_s: float
-    """Robot's monotonic clock, of that start."""
+    """Time by the robot's monotonic clock of that start, seconds."""
     unix_s: float
-    """The wall clock."""
+    """Time by the wall clock, seconds since 1970."""
     kind: Kind
-    """What it is about."""
+    """Subject of the entry."""
     text: str
-    """A sentence for the operator, with the figures that matter."""
-    place: Place | None = None
-    """Where, in metres of the map frame; None when it has no place."""
+    """Sentence for the operator, with the figures that matter."""
+    place: Position | None = None
+    """Position (x, y) in metres of the map frame; null for an entry without a position."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """A part of the log."""
+    """Part of the event log, oldest entry first."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     newest: int
-    """Id of the newest entry of all; 0 before the first."""
+    """Id of the newest entry of the whole log, 0 for an empty log; the next `since`."""
     oldest: int
-    """Id of the oldest entry that is still kept; 0 before the first."""
+    """Id of the oldest entry that is kept, 0 for an empty log; pages with `before` end here."""
     start: int
-    """Which start of the console this is: entries with a smaller one are from earlier."""
+    """Number of the present start of the console; earlier starts have smaller numbers."""
     entries: tuple[Entry, ...]
-    """Oldest first."""
+    """Entries, oldest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainedRule:
-    """Something that closes cells, and what it does to the path."""
+    """Rule that blocks cells, and its effect on the path."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     key: str
-    """`class:<id>`, `zone:<id>` or `wall`."""
+    """Key of the rule: `class:<id>`, `zone:<id>` or `wall`."""
     name: str
-    """What the operator calls it."""
+    """Name that the operator gave it."""
     along_m: float
-    """Metres of the path that lie against it."""
+    """Length of the path that touches the rule, metres."""
     saves_m: float | None = None
-    """How much shorter the path would be without it; None when that was not asked or cannot be
-    said."""
+    """Length in metres by which the path is shorter without the rule; null when not computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """Why the path leads where it does, or what would open one."""
+    """Rules that shape the path, or the fewest rules whose removal opens one."""
 
-    goal: Place
-    """Where it leads."""
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    goal: Position
+    """Goal (x, y) in metres of the map frame."""
     reason: str | None
-    """Why there is no path; None when there is one."""
+    """Reason why there is no path; null when there is one."""
     length_m: float | None
-    """Of the path; None without one."""
-    points: npt.NDArray[np.float64]
-    """(N, 2) the path in metres of the map frame; (0, 2) without one."""
-    stretches: tuple[tuple[str | None, int, int], ...]
-    """(key of a rule or None, first, last index of `points`), in order, all of the path."""
+    """Length of the path in metres; null without a path."""
+    path: WholePolyline
+    """(N, 2) points of the path in metres of the map frame; empty without a path."""
+    stretches: tuple[Stretch, ...]
+    """Consecutive parts of the path with the rule that each one touches."""
     rules: tuple[ExplainedRule, ...]
-    """What stands there, where the path lies against it, and all that can be lifted; the costliest
-    first."""
+    """Rules along the path and all rules that can be removed, costliest first."""
     all_cost_m: float | None
-    """How much shorter the path would be with every rule lifted; None without a path, or when that
-    cannot be said."""
-    lift: tuple[str, ...] | None
-    """Without a path: keys of the smallest set of rules whose lifting opens one; None when none
-    does, or none was found."""
-    lift_exact: bool
-    """Whether that is proven; False when the search was given up at its bound."""
-    lift_at_least: int
-    """No smaller number of rules opens a path."""
+    """Length in metres by which the path is shorter without all rules; null when not known."""
+    lift: Removal | None
+    """Smallest set of rules whose removal opens a path; null when there is a path."""
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def found(self) -> bool:
+        """Whether there is a path."""
+        return self.reason is None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Alternative:
-    """The path without some rules; nothing is applied."""
+    """Path without some rules; nothing is applied."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     reason: str | None
-    """Why there would be none; None when there would be one."""
+    """Reason why there would be no path; null when there would be one."""
     length_m: float | None
-    """Its length."""
+    """Length of the path in metres; null without one."""
     difference_m: float | None
-    """Its length less that of the present path; None when one of them is missing."""
-    points: npt.NDArray[np.float64]
-    """(N, 2) in metres of the map frame."""
+    """Length in metres beyond that of the present path; null when one of them is missing."""
+    path: Polyline
+    """(N, 2) points of the path in metres of the map frame; empty without one."""
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def found(self) -> bool:
+        """Whether there would be a path."""
+        return self.reason is None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidates:
-    """The motion primitives that the local planner chooses from, of the newest tick."""
+    """Motion primitives of the local planner in the newest tick."""
 
     serial: int
-    """Of the picture that they belong to."""
+    """Serial number of the tick."""
     arcs: npt.NDArray[np.float64]
-    """(A, S, 2) points of each arc in metres of the map frame."""
+    """(A, S, 2) points of each primitive in metres of the map frame."""
     free: npt.NDArray[np.int64]
-    """(A,) how many points of it the body can be driven along, the first ones."""
+    """(A,) number of leading points that the body reaches without a collision."""
     chosen: int | None = None
-    """Index of the one that is driven; None while the robot does something else, such as turning in
-    place."""
+    """Index of the primitive that is driven; None during any other motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
-    """A thing of the beware list that was recognised at one place."""
+    """Detected object of the beware list at one position."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
-    """Stays with it."""
+    """Constant id of the object."""
     class_name: str
-    """Of the beware list."""
+    """Name of its class in the beware list."""
     class_id: int
-    """The same."""
-    place: Place
-    """Map frame, metres."""
+    """Id of its class in the beware list."""
+    place: Position
+    """Position (x, y) in metres of the map frame."""
     confidence: float
-    """Of its best picture, 0 to 1."""
+    """Confidence in its best view, 0 to 1."""
     looks: int
-    """Pictures that showed it."""
+    """Number of frames in which it was detected."""
     first_s: float
-    """When it was first recognised, robot's clock."""
+    """Time of the first detection by the robot's clock, seconds."""
     last_s: float
-    """When last."""
+    """Time of the last detection by the robot's clock, seconds."""
     verdict: Literal["wrong"] | None = None
-    """What the operator said of it."""
+    """Correction by the operator; null for none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabellingState:
-    """The folder of pictures for the next training."""
+    """State of the folder of images for the next training."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     folder: str
-    """Where it is."""
+    """Path of the folder."""
     pictures: int
-    """In it."""
+    """Number of images in the folder."""
     bytes_used: int
-    """By them."""
+    """Size of these images in bytes."""
     max_pictures: int
-    """More are refused."""
+    """Largest number of images; further ones are refused."""
     max_bytes: int
-    """The same."""
+    """Largest size of all images in bytes; further ones are refused."""
 
 
 class EventLog(Protocol):

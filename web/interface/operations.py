@@ -1,9 +1,10 @@
-"""What the console needs of the system behind it. `app` satisfies this port; `web` imports nothing
-else of the project's composition. Every method returns at once: it posts an intent or reads an
-immutable snapshot, and may be called from any thread.
+"""Port of the console to the robot. `app` implements it.
+
+Every method returns at once: it posts a request or reads an immutable snapshot, and may be called
+from any thread.
 
 Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422),
-`NotKnown` (404), `Outdated` (409), `Refused` (409), `StorageFailed` (503). What is refused changes
+`NotKnown` (404), `Outdated` (409), `Refused` (409), `StorageFailed` (503). A refusal changes
 nothing.
 """
 
@@ -34,50 +35,47 @@ MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
 
 class GoalList(Protocol):
-    """The goals that wait, and goals kept under a name."""
+    """Waiting goals and saved missions."""
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """Queue a goal, perhaps with a heading to stand in. Refused outside the map, and inside an
-        obstacle or zone that is known already (`BlockedGoal`, which names the nearest place where
-        the robot could stand).
-        """
+        """Queue a goal, with a heading or for any; refused outside the map and inside a known
+        obstacle or zone (`BlockedGoal`, which names the nearest free position)."""
 
     def change(self, goal_id: int, changes: GoalChanges) -> Goal:
         """Change `x_m`, `y_m`, `yaw_rad` (None for any heading) or `name` of a waiting goal."""
 
     def order(self, ids: Sequence[int]) -> None:
-        """Drive to the waiting goals in this order."""
+        """Change the order of the waiting goals."""
 
     def loop(self, loop: bool) -> None:
-        """Whether goals that are reached wait again."""
+        """Set whether reached goals are queued again."""
 
     def remove(self, goal_id: int) -> None:
-        """Take a goal out of the queue."""
+        """Remove a goal from the queue."""
 
     def missions(self) -> Mapping[str, SavedMission]:
-        """Goals kept under a name."""
+        """Return the saved missions by name."""
 
     def save(self, name: str) -> None:
-        """Keep the waiting goals under a name, in the place of what had it before."""
+        """Save the waiting goals under a name, replacing a mission of that name."""
 
     def load(self, name: str) -> None:
-        """Put the goals of a kept mission in the place of those that wait; refused while driving."""
+        """Replace the waiting goals by those of a saved mission; refused while driving."""
 
     def forget(self, name: str) -> None:
-        """Forget a kept mission."""
+        """Delete a saved mission."""
 
 
 class ZoneEdits(Protocol):
-    """The stored zones, what can be undone of them, and sets of them by name. An edit binds the
-    robot from the next tick on."""
+    """Stored zones, their history, and named sets. An edit applies from the next tick on."""
 
     @property
     def stored(self) -> tuple[Zone, ...]:
-        """All of them, in the order they were first stored."""
+        """All zones, in the order in which they were first stored."""
 
     @property
     def history(self) -> ZoneHistory:
-        """What undo and redo would do now."""
+        """Edits that can be undone and redone."""
 
     def add(self, draft: ZoneDraft) -> Zone:
         """Store a zone."""
@@ -91,121 +89,120 @@ class ZoneEdits(Protocol):
         """Change a zone; `Outdated` when its version is not the expected one."""
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
-        """Forget a zone."""
+        """Delete a zone."""
 
     def undo(self) -> str:
-        """Take the newest edit back; what it was."""
+        """Undo the newest edit and return its description."""
 
     def redo(self) -> str:
-        """Do again what was taken back last; what it was."""
+        """Repeat the edit that was undone last and return its description."""
 
     def sets(self) -> Mapping[str, tuple[Zone, ...]]:
-        """Zones kept under a name."""
+        """Return the named sets of zones."""
 
     def save_set(self, name: str) -> None:
-        """Keep the present zones under a name."""
+        """Save the present zones under a name."""
 
     def use_set(self, name: str) -> None:
-        """Let a set's zones bind the robot in the place of the present ones, as one edit."""
+        """Replace the present zones by those of a set, as one edit."""
 
     def delete_set(self, name: str) -> None:
-        """Forget a set; the present zones stay."""
+        """Delete a set; the present zones stay."""
 
 
 class BewareEdits(Protocol):
-    """The beware list."""
+    """Beware list and its edits."""
 
     @property
     def list(self) -> BewareList:
-        """The list in force."""
+        """List in force."""
 
     @property
     def can_undo(self) -> bool:
         """Whether an earlier list is known."""
 
     def finder(self, entry: BewareClass) -> LabelSource:
-        """What finds an entry of the list in the pictures; perhaps nothing."""
+        """Return which part of the segmenter detects an entry of the list."""
 
     def edit(
         self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
     ) -> BewareList:
         """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a
-        table); None takes an optional one away. `Outdated` when the list's version is not the
-        expected one.
-        """
+        table); None removes an optional one. `Outdated` when the list's version is not the expected
+        one."""
 
     def replace(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
-        """Put another list in force; it gets the next version."""
+        """Replace the list; the new one gets the next version."""
 
     def restore_defaults(self) -> BewareList:
-        """Put the shipped list in force; it gets the next version."""
+        """Restore the list of the package, as the next version."""
 
     def undo(self) -> BewareList:
-        """Put the list before the newest edit in force, as the next version; `Refused` when there
-        is none."""
+        """Restore the list before the newest edit, as the next version; `Refused` without one."""
 
 
 class RobotService(Protocol):
-    """The system as seen from the console."""
+    """Robot as seen from the console."""
 
     @property
     def profile(self) -> RobotProfile:
-        """The platform's body."""
+        """Profile of the platform."""
 
     @property
     def robot_urdf(self) -> FilePath | None:
-        """A URDF of the robot for the 3D view; None when there is none (a box is drawn)."""
+        """URDF file of the robot for the 3D view; None without one (a box is drawn)."""
 
     @property
     def goals(self) -> GoalList:
-        """Where to drive."""
+        """Goals and saved missions."""
 
     @property
     def zones(self) -> ZoneEdits:
-        """Where not to, or only slowly."""
+        """Keep-out and speed-limit zones."""
 
     @property
     def beware(self) -> BewareEdits:
-        """What not to touch."""
+        """Objects that must not be touched."""
 
     @property
     def insight(self) -> Diagnostics:
-        """Why the robot does what it does, and what it has recognised."""
+        """Explanations, detections and measurements."""
 
     def state(self) -> State:
-        """The newest snapshot."""
+        """Return the newest snapshot."""
 
     def picture(self) -> TickSnapshot | None:
-        """The newest tick's values; None before the first."""
+        """Return the values of the newest tick; None before the first."""
 
     def cloud(self) -> Cloud | None:
-        """The map's points, copied at most about once a second; None before the first."""
+        """Return the points of the map, copied at most once a second; None before the first
+        tick."""
 
     def mission(self, action: MissionAction) -> None:
-        """Start, pause, resume or cancel; or leave the beware area that the robot stands in."""
+        """Start, pause, resume or cancel the mission, or leave the beware area that the robot is in."""
 
     def drive(self, twist: Twist | None) -> None:
-        """By hand: this velocity for 0.25 s at most, through the safety gate; None lets go. A
+        """Drive by hand: a velocity for at most 0.25 s, through the safety gate; None ends it. A
         driving mission is paused."""
 
     def stop(self, source: str) -> None:
-        """Latched emergency stop; `source` says who, e.g. `console button`, `REST`."""
+        """Latch the emergency stop; `source` names its origin, such as `console button`."""
 
     def reset_stop(self) -> None:
-        """Release the latched stop; the mission stays paused until it is started or resumed again."""
+        """Release the emergency stop; the mission stays paused until it is started or resumed."""
 
     def preview(self, draft: PreviewDraft) -> Preview:
-        """What the path would be under a draft beside what it is; applies nothing."""
+        """Plan the path with and without a draft; nothing is applied."""
 
     def poses(self) -> tuple[Pose2, ...]:
-        """T_map_base by pose ID: the places from which the map's points were seen."""
+        """Return T_map_base by pose id, the poses from which the map was observed."""
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Put past poses right, e.g. after a loop closure: what was seen from them moves along,
-        before the next tick."""
+        """Correct past poses, for example after a loop closure; the points observed from them move
+        along before the next tick."""
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
-        """Reports of past missions, newest first, without their series."""
+        """Return the reports of past missions, newest first, without their time series."""
 
     def run(self, run_id: str) -> Mapping[str, object]:
-        """One mission's whole report."""
+        """Return the whole report of one mission; raises `NotKnown`."""

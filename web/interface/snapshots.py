@@ -1,12 +1,14 @@
-"""What is shown of the running system: one small snapshot of its state, and the large values of the
+"""Snapshots of the running system for the console: the small state, and the large values of the
 newest tick."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict, PlainSerializer
 
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
@@ -16,116 +18,141 @@ from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.mission import Goal, Phase
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
-from navcore.safety.gate import StopReason
+from navcore.safety.gate import Cause, StopReason
+from web.interface.wire import DOCUMENTED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReasonOut:
+    """Reason why the robot does not move."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    code: Cause
+    """Stable word for programs."""
+    text: str
+    """Sentence for the operator."""
+
+
+def _reason_out(reason: StopReason) -> ReasonOut:
+    return ReasonOut(code=reason.cause, text=reason.text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """Everything small that is shown or sent on: one consistent snapshot."""
+    """Small values of the system, one consistent snapshot; sent as they are."""
 
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    type: Literal["state"] = "state"
+    """Kind of the message."""
     stamp_s: float
-    """Robot's monotonic clock at the snapshot."""
+    """Time of the snapshot by the robot's monotonic clock, seconds."""
     scenario: str
-    """Name of the world, or of the robot when it is real."""
+    """Name of the world, or of a real robot."""
     robot: str
-    """Platform name."""
+    """Name of the platform."""
     phase: Phase
-    """What the operator has asked for."""
+    """State of the mission as the operator asked for it."""
     moving: bool
     """Whether a command other than zero is being sent."""
     summary: str
-    """One sentence: what the robot does now, or why it does not move."""
+    """Sentence on the present motion, or on the reason of the standstill."""
     stop_latched: bool
-    """An emergency stop holds until it is reset."""
-    reasons: tuple[StopReason, ...]
-    """Why the robot stands although it was told to drive; the worst first. Empty when nothing holds
+    """Whether an emergency stop holds; it holds until it is reset."""
+    reasons: tuple[Annotated[StopReason, PlainSerializer(_reason_out, return_type=ReasonOut)], ...]
+    """Reasons why the robot stands during a mission, the worst first; empty when nothing holds
     it."""
     pose: Pose2
     """T_map_base by odometry."""
     twist: Twist
     """Velocity by odometry."""
     command: Twist
-    """What was last sent to the wheels."""
+    """Velocity that was last sent to the wheels."""
     queue: tuple[Goal, ...]
-    """Goals still to reach, the present one first."""
+    """Goals to reach, the present one first."""
     reached: tuple[Goal, ...]
-    """Goals reached."""
+    """Reached goals, oldest first."""
     distance_to_goal_m: float | None
-    """Along the planned path; None without one."""
+    """Remaining length of the planned path in metres; null without a path."""
     travelled_m: float
-    """Driven since start."""
+    """Distance driven since the start, metres."""
     explored_m2: float
-    """Floor seen since start."""
+    """Area of the floor seen since the start, square metres."""
     replans: int
-    """Paths planned since start."""
+    """Number of paths planned since the start."""
     tick_ms: float
-    """Duration of the last tick of the navigator."""
+    """Duration of the last tick of the navigator, milliseconds."""
     frame_age_s: float | None
-    """Age of the newest camera frame; None before the first."""
+    """Age of the newest camera frame in seconds; null before the first."""
     zones_version: int
-    """Grows with every change of the zones."""
+    """Number of changes of the zones."""
     beware_version: int
     """Version of the beware list."""
     beware_enabled: int
     """Number of enabled classes of the beware list; at 0 only geometric obstacles and zones keep
     the robot away."""
     by_hand: bool = False
-    """Somebody drives it by hand."""
+    """Whether an operator drives the robot by hand."""
     in_zone: bool = False
-    """The robot stands in an area that it must not be in; `leave` gets it out."""
+    """Whether the robot is in an area that it must not be in; the action `leave` gets it out."""
     segmenter: str
-    """What labels the pictures, e.g. `network r18-nbt1d × 0.5, onnxruntime f32, 416 × 256` or
-    `colour rules`."""
+    """Description of what labels the images, for example `network r18-nbt1d × 0.5, onnxruntime f32,
+    416 × 256` or `colour rules`."""
     segmenter_warning: str | None
-    """Why it is not what it should be, e.g. that the network does not run; None when it is."""
+    """Reason why the segmenter is not the configured one; null when it is."""
     loop: bool = False
-    """Goals that are reached wait again."""
+    """Whether reached goals are queued again."""
+    picture_serial: int | None = None
+    """Serial number of the newest tick, which `path` and `camera.jpg` show; null before the
+    first."""
+    grid_version: int | None = None
+    """Version of the map in the newest tick, which `map.png` shows; null before the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TickSnapshot:
-    """Everything large that is shown: the newest tick's values, arrays read-only."""
+    """Large values of the newest tick; all arrays are read-only."""
 
     serial: int
-    """Grows with every new picture."""
+    """Serial number; grows with every tick."""
     pose: Pose2
-    """T_map_base when the frame was taken."""
+    """T_map_base at the time of the frame."""
     T_map_camera: Matrix
-    """(4, 4) where the camera was, optical frame."""
+    """(4, 4) pose of the camera's optical frame in the map frame."""
     intrinsics: Intrinsics
-    """Of the camera."""
+    """Intrinsics of the camera."""
     rgb: npt.NDArray[np.uint8]
-    """(H, W, 3) the camera's picture."""
+    """(H, W, 3) colour image of the camera."""
     labels: npt.NDArray[np.uint8]
     """(H, W) class id of the beware list per pixel, 0 for nothing."""
     confidence: npt.NDArray[np.float32]
-    """(H, W) how sure the segmenter is of them, 0 to 1."""
+    """(H, W) confidence of the labels, 0 to 1."""
     occupancy: Costmap
     """Occupied and blocked cells, packed."""
     seen_mask: CellMask
-    """Cells into which the camera has looked, packed."""
+    """Observed cells, packed."""
     grid_version: int
-    """Changes whenever `occupancy` or `seen_mask` do."""
+    """Version of `occupancy` and `seen_mask`."""
     path: npt.NDArray[np.float64]
     """(N, 2) planned path in metres of the map frame; (0, 2) without one."""
     waypoints: npt.NDArray[np.float64]
-    """(M, 2) the path's corners and its end."""
+    """(M, 2) corners and end of the path in metres of the map frame."""
     driven: npt.NDArray[np.float64]
-    """(K, 2) where the robot has been."""
+    """(K, 2) past positions of the robot in metres of the map frame."""
     people: tuple[Track, ...] = ()
-    """Who walks or stands about, and how."""
+    """Tracked people."""
     closed: tuple[Zone, ...] = ()
-    """Where the robot keeps out for a while of its own accord, with the name of why."""
+    """Areas that the robot keeps out of for a while by its own decision; the names say why."""
     depth_m: npt.NDArray[np.float32] | None = None
-    """(H, W) distance along the optical axis, 0 where nothing was measured; None where it is not
+    """(H, W) distance along the optical axis in metres, 0 for no measurement; None when not
     kept."""
     prior: CellMask | None = None
-    """Cells that are occupied on a map from elsewhere and were not seen free; None without such a
-    map."""
+    """Cells that are occupied on a prior map and were not seen free; None without a prior map."""
 
     @property
     def grid_spec(self) -> GridSpec:
-        """Where the grid lies, without unpacking it."""
+        """Position and resolution of the grid, without unpacking it."""
         return self.occupancy.spec
 
     @property
@@ -135,25 +162,24 @@ class TickSnapshot:
 
     @property
     def blocked(self) -> npt.NDArray[np.bool_]:
-        """(rows, cols) where the robot's centre may not be."""
+        """(rows, cols) cells that the robot's centre must not enter."""
         return self.occupancy.blocked
 
     @property
     def seen(self) -> npt.NDArray[np.bool_]:
-        """(rows, cols) cells into which the camera has looked; the rest is unknown (and counts as
-        free)."""
+        """(rows, cols) observed cells; the others are unknown and count as free."""
         return self.seen_mask.bools
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cloud:
-    """The points of the map."""
+    """Points of the map."""
 
     serial: int
-    """Changes whenever the points do."""
+    """Version of the points."""
     points_map: npt.NDArray[np.float32]
-    """(N, 3) metres of the map frame."""
+    """(N, 3) points in metres of the map frame."""
     rgb: npt.NDArray[np.uint8]
-    """(N, 3) colours as the camera saw them."""
+    """(N, 3) colours in the camera image."""
     class_ids: npt.NDArray[np.uint8]
     """(N,) class id of the beware list, 0 for a geometric obstacle."""

@@ -1,2 +1,1 @@
-"""What may come in by HTTP: pydantic models, strict about types, keys and finite numbers; a file
-for each kind of thing."""
+"""Bodies of requests and answers, where they differ from the dataclasses of the interface."""

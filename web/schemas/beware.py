@@ -1,69 +1,71 @@
-"""The beware list as it may come in."""
+"""The beware list in requests and answers."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
-from pydantic import Field, StrictBool, StrictStr
+from pydantic import ConfigDict, Field, StrictBool
 
-from navcore.mission.beware_list import LARGEST_CLASS_ID
-from web.schemas.fields import Closed, Margin, Name, Share
+from navcore.mission.beware_list import LARGEST_CLASS_ID, OPTIONAL, BewareClass, BewareList
+from web.images import palette
+from web.interface.operations import BewareEdits
+from web.interface.wire import DOCUMENTED, documented_as, values_of
+from web.schemas.fields import Body, Changes, Closed
 
-MAX_CLASSES = LARGEST_CLASS_ID
-Relief = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=2.0)]
-Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=360.0)]
-
-
-class ColourRuleIn(Closed):
-    """Pixels of a colour, in HSV."""
-
-    hue_deg: tuple[Degrees, Degrees] = Field(
-        description="first and last hue, going up; may wrap around red"
-    )
-    min_saturation: Share = 0.5
-    min_value: Share = 0.2
-    max_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=3.0)] = 0.05
-    fallback: StrictBool = Field(False, description="used only while no network knows the class")
-
-
-class BewareClassIn(Closed):
-    """One thing to beware of."""
-
-    name: Name
-    class_id: Annotated[int, Field(strict=True, ge=1, le=LARGEST_CLASS_ID)]
-    enabled: StrictBool = True
-    margin_m: Margin = 0.0
-    min_confidence: Share = 0.5
-    colour: ColourRuleIn | None = None
-    min_height_m: Relief | None = Field(None, description="what is flatter is only a picture of it")
-    max_height_m: Relief | None = Field(
-        None, description="what has something higher above it is a part of that"
-    )
-    min_size_m: Relief | None = Field(
-        None, description="what of it is seen at once and is shorter is only a speck"
-    )
-    label: Name | None = Field(None, description="what the console calls it")
-    display: StrictStr | None = Field(None, description="ignored: the console's own colour")
-    found_by: StrictStr | None = Field(None, description="ignored: what finds it here")
+BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
+BewareChanges = Annotated[
+    Mapping[str, object], Changes(BewareClass, fixed=("name", "class_id"), optional=OPTIONAL)
+]
+"""Changed fields of one class; null removes an optional one."""
 
 
 class BewareListIn(Closed):
-    """A whole list, in the operator's order."""
+    """Whole list, in the operator's order."""
 
-    classes: Annotated[list[BewareClassIn], Field(max_length=MAX_CLASSES)]
-    version: int | None = Field(None, description="ignored; `If-Match` guards against lost edits")
-    can_undo: StrictBool | None = Field(None, description="ignored")
+    classes: Annotated[list[BewareEntry], Field(max_length=LARGEST_CLASS_ID)]
+    """Classes of the list."""
+    version: int | None = None
+    """Ignored; `If-Match` guards against lost edits."""
+    can_undo: StrictBool | None = None
+    """Ignored."""
 
 
-class BewarePatchIn(Closed):
-    """The fields of one class that change; null takes away `colour`, the heights, `min_size_m` or
-    `label`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListedClass(BewareClass):
+    """Class of the beware list as the console shows it."""
 
-    enabled: StrictBool | None = None
-    margin_m: Margin | None = None
-    min_confidence: Share | None = None
-    colour: ColourRuleIn | None = None
-    min_height_m: Relief | None = None
-    max_height_m: Relief | None = None
-    min_size_m: Relief | None = None
-    label: Name | None = None
+    __pydantic_config__: ClassVar[ConfigDict] = documented_as(BewareClass)
+
+    display: str
+    """Colour of the class in the console, `#rrggbb`."""
+    found_by: str
+    """Part of the segmenter that detects the class."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareOut:
+    """Beware list in force; its version is the ETag."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    version: int
+    """Version of the list."""
+    classes: tuple[ListedClass, ...]
+    """Classes in the operator's order."""
+    can_undo: bool
+    """Whether `beware/undo` has an edit to undo."""
+
+    @staticmethod
+    def of(beware: BewareList, editor: BewareEdits) -> BewareOut:
+        """Return a list with the console's colours and what detects each class."""
+        classes = tuple(
+            ListedClass(
+                **values_of(entry),
+                display=palette.hex_colour(palette.class_colour(entry.class_id)),
+                found_by=str(editor.finder(entry)),
+            )
+            for entry in beware.classes
+        )
+        return BewareOut(version=beware.version, classes=classes, can_undo=editor.can_undo)

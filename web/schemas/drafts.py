@@ -1,53 +1,101 @@
-"""What is only tried or pointed at: a place in the camera's picture, a draft of a goal or a zone."""
+"""Previews and positions in the camera image, in requests and answers."""
 
 from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, StrictStr
+from pydantic import BaseModel, Field, StrictStr
 
 from navcore.mission.zone import MAX_CORNERS
 from web.interface.drafts import PreviewDraft, ZoneDraft
+from web.interface.wire import DOCUMENTED, Position
 from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share
 from web.schemas.mission import GoalIn
 from web.schemas.zones import ZoneIn
 
 
 class PixelIn(Closed):
-    """A place in the camera's picture, as shares of its width and height."""
+    """Position in the camera image."""
 
-    right: Share = Field(description="from the left edge, 0 to 1")
-    down: Share = Field(description="from the upper edge, 0 to 1")
+    right: Share
+    """Distance from the left edge as a share of the width, 0 to 1."""
+    down: Share
+    """Distance from the upper edge as a share of the height, 0 to 1."""
 
 
 class PlaceIn(Closed):
-    """A place on the map."""
+    """Position on the map."""
 
     x_m: Metres
+    """x in metres of the map frame."""
     y_m: Metres
+    """y in metres of the map frame."""
 
 
 class PreviewIn(Closed):
-    """A draft: a goal, a zone, or both."""
+    """Draft of a goal, of a zone, or of both."""
 
-    goal: GoalIn | None = Field(None, description="default: the present goal")
-    start: PlaceIn | None = Field(None, description="default: where the robot stands")
-    polygon: Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)] | None = Field(
-        None, description="corners of a keep-out; `zone` says more"
-    )
-    zone: ZoneIn | None = Field(
-        None, description="a zone as it would be stored; wins over `polygon`"
-    )
-    replaces: Annotated[StrictStr, Field(max_length=MAX_NAME)] | None = Field(
-        None,
-        description="id of the stored zone that the draft takes the place of, or that would be deleted",
-    )
+    goal: GoalIn | None = None
+    """Goal; null for the present one."""
+    start: PlaceIn | None = None
+    """Start of the path; null for the robot's position."""
+    polygon: Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)] | None = None
+    """Corners of a keep-out zone in metres of the map frame; `zone` can say more."""
+    zone: ZoneIn | None = None
+    """Zone as it would be stored; takes precedence over `polygon`."""
+    replaces: Annotated[StrictStr, Field(max_length=MAX_NAME)] | None = None
+    """Id of the stored zone that the draft replaces, or that is to be deleted."""
 
     def draft(self) -> PreviewDraft:
-        """What is to be tried."""
+        """Return the draft."""
         zone = None if self.zone is None else self.zone.draft()
         if zone is None and self.polygon is not None:
             zone = ZoneDraft(name="the draft", polygon=tuple(self.polygon))
         goal = None if self.goal is None else (self.goal.x_m, self.goal.y_m)
         start = None if self.start is None else (self.start.x_m, self.start.y_m)
         return PreviewDraft(goal=goal, start=start, zone=zone, replaces=self.replaces)
+
+
+class PathPreviewOut(BaseModel):
+    """Path that would be driven."""
+
+    model_config = DOCUMENTED
+
+    found: bool
+    """Whether there would be a path."""
+    length_m: float | None
+    """Length of the path in metres; null without one."""
+    time_s: float | None
+    """Estimated travel time in seconds; null without a path."""
+    path: list[Position]
+    """Points (x, y) of the path in metres of the map frame."""
+
+
+class PreviewOut(PathPreviewOut):
+    """Effect of a draft."""
+
+    model_config = DOCUMENTED
+
+    reason: str | None
+    """Reason why there would be no path; null when there would be one."""
+    cut_by: tuple[str, ...]
+    """Names of the zones that cut the goal off."""
+    present: PathPreviewOut | None
+    """Path without the draft; null without a goal."""
+    change_m: float | None
+    """Additional length of the path in metres; null when one of the paths is missing."""
+    change_s: float | None
+    """Additional travel time in seconds; null when one of the paths is missing."""
+
+
+class RegionOut(BaseModel):
+    """Region at a position in the camera image."""
+
+    model_config = DOCUMENTED
+
+    name: str | None
+    """Name in the beware list; null for an object separated by its depth."""
+    footprint: tuple[Position, ...]
+    """Outline on the floor, (x, y) in metres of the map frame."""
+    outline: list[Position]
+    """Outline in the image, as shares of width and height."""

@@ -1,33 +1,57 @@
-"""What the bodies of requests are made of: finite numbers within bounds, printable names, and no
-unknown keys."""
+"""Building blocks of request bodies: finite numbers in ranges, printable names, no unknown keys.
+
+The body of a frozen dataclass is derived from it, so that each range is stated once.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    StrictBool,
+    StrictStr,
+    create_model,
+)
+from pydantic_core import CoreSchema, core_schema
 
-from navcore.mission.beware_list import MAX_MARGIN_M
+from navcore.toml_config import from_table
+from web.interface.wire import descriptions
 
 MAX_NAME = 80
+"""Largest length of a name in characters."""
 FAR_M = 1e6
-"""No map is larger; keeps arithmetic on what a client sends far away from overflow."""
+"""Largest coordinate in metres; larger ones than any map's could overflow later arithmetic."""
+MAX_ANGLE_RAD = 100.0
+"""Largest angle in radians."""
 
 
 def _printable(text: str) -> str:
-    """Control characters and lone surrogates would break logs, labels and every later answer that
-    shows the name."""
+    """Refuse control characters and lone surrogates: they break logs, labels and later answers."""
     if not text.isprintable() or not text.strip():
         raise ValueError("must be printable text and not blank")
     return text
 
 
-Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FAR_M, le=FAR_M)]
-Margin = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_MARGIN_M)]
-Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
-Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
+def number(low: float, high: float) -> Any:
+    """Return the constraints of a finite JSON number in [low, high]."""
+    return Field(strict=True, allow_inf_nan=False, ge=low, le=high)
+
+
+Metres = Annotated[float, number(-FAR_M, FAR_M)]
+Share = Annotated[float, number(0.0, 1.0)]
+Radians = Annotated[float, number(-MAX_ANGLE_RAD, MAX_ANGLE_RAD)]
 Corner = tuple[Metres, Metres]
-Radians = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-100.0, le=100.0)]
+Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
 Label = Annotated[
     StrictStr,
     Field(max_length=MAX_NAME),
@@ -36,6 +60,91 @@ Label = Annotated[
 
 
 class Closed(BaseModel):
-    """A body whose unknown keys are refused by name."""
+    """Body whose unknown keys are refused by name."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Annotation: the dataclass is validated strictly, by the ranges in the metadata of its fields
+    (see `navcore.toml_config.ranged`)."""
+
+    ignored: tuple[str, ...] = ()
+    """Further string keys that are accepted and dropped."""
+
+    def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return a schema that validates a body and constructs the dataclass."""
+        model = body_model(kind, ignored=self.ignored)
+
+        def construct(body: BaseModel) -> Any:
+            table = body.model_dump(exclude=set(self.ignored), exclude_none=True)
+            return from_table(kind, table, "body")
+
+        return core_schema.no_info_after_validator_function(
+            construct, handler.generate_schema(model)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Annotation of a mapping: the changed fields of a dataclass, each validated as in `Body`."""
+
+    kind: type
+    """Dataclass whose fields change."""
+    fixed: tuple[str, ...]
+    """Fields that cannot be changed."""
+    optional: tuple[str, ...]
+    """Fields that null removes; null leaves every other field unchanged."""
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return a schema that validates a body and keeps the given fields."""
+        model = body_model(self.kind, omitted=self.fixed, partial=True)
+
+        def given(body: BaseModel) -> Mapping[str, object]:
+            fields = body.model_dump(exclude_unset=True).items()
+            return {
+                name: value for name, value in fields if value is not None or name in self.optional
+            }
+
+        return core_schema.no_info_after_validator_function(given, handler.generate_schema(model))
+
+
+def body_model(
+    kind: type[Any],
+    *,
+    omitted: tuple[str, ...] = (),
+    ignored: tuple[str, ...] = (),
+    partial: bool = False,
+) -> type[Closed]:
+    """Return the body of a dataclass; with `partial`, every field may be missing or null."""
+    texts, hints = descriptions(kind), typing.get_type_hints(kind)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):
+        if field.name in omitted:
+            continue
+        hint = _constrained(hints[field.name], field.metadata)
+        default = ... if field.default is dataclasses.MISSING else field.default
+        description = Field(None if partial else default, description=texts.get(field.name))
+        fields[field.name] = (hint | None if partial else hint, description)
+    for name in ignored:
+        fields[name] = (StrictStr | None, Field(None, description="Ignored."))
+    name = f"{kind.__name__}{'Changes' if partial else ''}"
+    return create_model(name, __base__=Closed, __doc__=kind.__doc__, **fields)
+
+
+def _constrained(hint: Any, metadata: Mapping[str, Any]) -> Any:
+    """Return the type of a field with its range, strict: no text for a number, no 1 for true."""
+    arguments = typing.get_args(hint)
+    if isinstance(hint, types.UnionType):
+        inner = next(argument for argument in arguments if argument is not types.NoneType)
+        return _constrained(inner, metadata) | None
+    if typing.get_origin(hint) is tuple:
+        return tuple[tuple(_constrained(argument, metadata) for argument in arguments)]  # type: ignore[misc]
+    if dataclasses.is_dataclass(hint):
+        return body_model(typing.cast("type[Any]", hint))
+    if hint is float:
+        return Annotated[float, number(metadata["low"], metadata["high"])]
+    if hint is int:
+        return Annotated[int, Field(strict=True, ge=metadata["low"], le=metadata["high"])]
+    return {bool: StrictBool, str: Name}[hint]

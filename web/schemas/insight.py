@@ -1,191 +1,95 @@
-"""What the routes of journal, explanation, sightings and series send and take."""
+"""Answers and requests of the routes of explanation, detections and corrections."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from web.interface.insight import Kind
-from web.schemas.fields import Name
-from web.schemas.responses import Figure
+from web.interface.insight import LabellingState, Sighting
+from web.interface.wire import DOCUMENTED, Position, documented_as
+from web.schemas.fields import Closed, Name
 
 MAX_KEYS = 64
 Pixel = Annotated[int, Field(strict=True, ge=0, le=100_000)]
 Key = Annotated[str, Field(strict=True, min_length=1, max_length=120)]
-Place = tuple[float, float]
-
-
-class EntryOut(BaseModel):
-    """One decision of the robot, or something that led to one."""
-
-    id: int
-    start: int = Field(description="which start of the console wrote it, counted from 1")
-    stamp_s: float = Field(description="robot's monotonic clock, of that start")
-    unix_s: float = Field(description="wall clock")
-    kind: Kind
-    text: str
-    place: Place | None = Field(description="metres of the map frame; null when it has no place")
-
-
-class JournalOut(BaseModel):
-    """A part of the log, oldest first."""
-
-    newest: int = Field(description="id of the newest entry; ask again with `since` at this")
-    oldest: int = Field(
-        description="id of the oldest entry that is still kept; ask with `before` to get there"
-    )
-    start: int = Field(
-        description="which start of the console this is: entries with a smaller one are from earlier"
-    )
-    entries: list[EntryOut]
-
-
-class StretchOut(BaseModel):
-    """A part of the path and the rule it lies against."""
-
-    key: str | None = Field(description="null where it runs in the open")
-    first: int = Field(description="index of its first point")
-    last: int = Field(description="index of its last point")
-
-
-class RuleOut(BaseModel):
-    """Something that closes cells."""
-
-    key: str = Field(description="`class:<id>`, `zone:<id>` or `wall`")
-    name: str
-    along_m: Figure = Field(description="metres of the path that lie against it")
-    saves_m: Figure = Field(
-        description="how much shorter the path would be without it; null when not known"
-    )
-
-
-class LiftOut(BaseModel):
-    """What would have to go for a path to open."""
-
-    keys: list[str] | None = Field(
-        description="a smallest set of rules; null when none opens a path, or none was found"
-    )
-    exact: bool = Field(
-        description="whether that is proven; false when the search was given up at its bound"
-    )
-    at_least: int = Field(description="no smaller number of rules opens a path")
-
-
-class ExplanationOut(BaseModel):
-    """Why the path leads where it does, or what would open one."""
-
-    goal: Place
-    found: bool
-    reason: str | None = Field(description="why there is no path")
-    length_m: Figure
-    path: list[Place]
-    stretches: list[StretchOut]
-    rules: list[RuleOut]
-    all_cost_m: Figure = Field(
-        description="how much shorter the path would be with every rule lifted"
-    )
-    lift: LiftOut | None = Field(description="only without a path")
 
 
 class ArcOut(BaseModel):
-    """One motion that the robot can choose."""
+    """Motion primitive of the local planner."""
 
-    points: list[Place] = Field(
-        description="as far as the body can be driven along it, metres of the map frame"
-    )
-    touch: Place | None = Field(
-        description="where it would touch something; null for an arc that is free to its end"
-    )
+    model_config = DOCUMENTED
+
+    points: list[Position]
+    """Points (x, y) that the body reaches without a collision, metres of the map frame."""
+    touch: Position | None
+    """First point in collision; null for a primitive that is free to its end."""
 
 
 class CandidatesOut(BaseModel):
-    """What the robot chooses its next motion from."""
+    """Motion primitives of the local planner in the newest tick."""
+
+    model_config = DOCUMENTED
 
     arcs: list[ArcOut]
-    chosen: int | None = Field(
-        description="index of the arc that is driven; null while it does something else or stands"
-    )
+    """Motion primitives."""
+    chosen: int | None
+    """Index of the primitive that is driven; null during any other motion."""
 
 
-class WithoutIn(BaseModel):
-    """Rules to leave out, in thought only."""
+class WithoutIn(Closed):
+    """Rules to leave out."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    without: Annotated[list[Key], Field(min_length=1, max_length=MAX_KEYS)] = Field(
-        description="keys as `GET explain` names them"
-    )
+    without: Annotated[list[Key], Field(min_length=1, max_length=MAX_KEYS)]
+    """Keys as in `GET explain`."""
 
 
-class AlternativeOut(BaseModel):
-    """The path without some rules; nothing is applied."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingOut(Sighting):
+    """Detected object of the beware list with its age."""
 
-    found: bool
-    reason: str | None
-    length_m: Figure
-    difference_m: Figure = Field(description="its length less that of the present path")
-    path: list[Place]
+    __pydantic_config__: ClassVar[ConfigDict] = documented_as(Sighting)
 
-
-class SightingOut(BaseModel):
-    """A thing of the beware list that was recognised at one place."""
-
-    id: int
-    class_name: str
-    class_id: int
-    place: Place
-    confidence: float
-    looks: int = Field(description="pictures that showed it")
-    first_s: float
-    last_s: float
-    age_s: Figure = Field(description="since it was last seen")
-    verdict: Literal["wrong"] | None
-
-
-class LabellingOut(BaseModel):
-    """The folder of pictures for the next training."""
-
-    folder: str
-    pictures: int
-    bytes_used: int
-    max_pictures: int
-    max_bytes: int
+    age_s: float
+    """Time since the last detection, seconds."""
 
 
 class SightingsOut(BaseModel):
-    """Everything recognised, newest first."""
+    """All detected objects."""
 
-    seen: dict[str, int] = Field(description="class id → how many, without those called wrong")
+    model_config = DOCUMENTED
+
+    seen: dict[str, int]
+    """Number of objects by class id, without wrong detections."""
     sightings: list[SightingOut]
-    labelling: LabellingOut
+    """Objects, newest first."""
+    labelling: LabellingState
+    """Folder of images for the next training."""
 
 
-class WrongIn(BaseModel):
-    """What it is instead."""
+class WrongIn(Closed):
+    """Correction of a wrong detection."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    class_name: Name | None = Field(
-        None, description="of the beware list; null when it is nothing of it"
-    )
+    class_name: Name | None = None
+    """True class in the beware list; null for an object of no class."""
 
 
 class SnapshotOut(BaseModel):
-    """A picture that is held for corrections."""
+    """Image that is held for corrections."""
+
+    model_config = DOCUMENTED
 
     snapshot: int
+    """Id of the image."""
 
 
-class ExampleIn(BaseModel):
-    """Something in a held picture that was missed."""
+class ExampleIn(Closed):
+    """Object that was missed in a held image."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    snapshot: Annotated[int, Field(strict=True, ge=0, le=2**53)] = Field(
-        description="as `POST sightings/snapshots` gave it"
-    )
+    snapshot: Annotated[int, Field(strict=True, ge=0, le=2**53)]
+    """Id that `POST sightings/snapshots` returned."""
     class_name: Name
-    box: tuple[Pixel, Pixel, Pixel, Pixel] = Field(
-        description="left, top, right, bottom in pixels of the camera's picture"
-    )
+    """Class of the object in the beware list."""
+    box: tuple[Pixel, Pixel, Pixel, Pixel]
+    """Left, top, right and bottom edge in pixels of the camera image."""

@@ -1,56 +1,88 @@
-"""Goals as they may come in."""
+"""Goals and saved missions in requests and answers."""
 
 from __future__ import annotations
 
 from typing import Annotated, cast
 
-from pydantic import Field, StrictBool
+from pydantic import BaseModel, Field, StrictBool
 
+from navcore.mission.mission import Goal, Phase
 from web.interface.drafts import GoalChanges
+from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed, Label, Metres, Radians
 
 GoalId = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 
 
 class GoalIn(Closed):
-    """A place the robot is to drive to."""
+    """Goal position, with or without a heading."""
 
-    x_m: Metres = Field(description="x in metres of the map frame")
-    y_m: Metres = Field(description="y in metres of the map frame")
-    yaw_rad: Radians | None = Field(
-        None, description="heading to stand in, counter-clockwise from x; null for any"
-    )
-    name: Label = Field("", description="what the operator calls it")
+    x_m: Metres
+    """x in metres of the map frame."""
+    y_m: Metres
+    """y in metres of the map frame."""
+    yaw_rad: Radians | None = None
+    """Heading at the goal in radians, counter-clockwise from x; null for any."""
+    name: Label = ""
+    """Name that the operator gave it."""
 
 
 class GoalPatchIn(Closed):
-    """The fields of a waiting goal that change; null takes the heading away."""
+    """Changed fields of a waiting goal; null removes the heading."""
 
     x_m: Metres | None = None
+    """x in metres of the map frame."""
     y_m: Metres | None = None
+    """y in metres of the map frame."""
     yaw_rad: Radians | None = None
+    """Heading at the goal in radians; null for any."""
     name: Label | None = None
+    """Name of the goal."""
 
     def changes(self) -> GoalChanges:
-        """What was given."""
-        given = self.model_dump(exclude_unset=True)
-        return cast(
-            "GoalChanges",
-            {
-                name: value
-                for name, value in given.items()
-                if value is not None or name == "yaw_rad"
-            },
-        )
+        """Return the given fields."""
+        given = self.model_dump(exclude_unset=True).items()
+        changed = {name: value for name, value in given if value is not None or name == "yaw_rad"}
+        return cast("GoalChanges", changed)
 
 
 class GoalOrderIn(Closed):
-    """The ids of all waiting goals, in the order to drive to them."""
+    """Order of the waiting goals."""
 
     ids: Annotated[list[GoalId], Field(max_length=1000)]
+    """Ids of all waiting goals, in the new order."""
 
 
 class LoopIn(Closed):
-    """Whether goals that are reached wait again."""
+    """Repetition of the mission."""
 
     loop: StrictBool
+    """Whether reached goals are queued again."""
+
+
+class MissionOut(BaseModel):
+    """Goals and phase of the mission."""
+
+    model_config = DOCUMENTED
+
+    phase: Phase
+    """State of the mission as the operator asked for it."""
+    queue: tuple[Goal, ...]
+    """Goals to reach, the present one first."""
+    reached: tuple[Goal, ...]
+    """Reached goals, oldest first."""
+    loop: bool
+    """Whether reached goals are queued again."""
+
+
+class SavedMissionOut(BaseModel):
+    """Goals saved under a name."""
+
+    model_config = DOCUMENTED
+
+    name: str
+    """Name of the saved mission."""
+    goals: int
+    """Number of goals."""
+    loop: bool
+    """Whether reached goals are queued again."""

@@ -1,4 +1,4 @@
-"""Past poses as they may be put right."""
+"""Past poses in requests and answers."""
 
 from __future__ import annotations
 
@@ -6,22 +6,33 @@ from typing import Annotated
 
 from pydantic import Field
 
-from web.schemas.fields import Closed, Metres
+from web.schemas.fields import Closed, Metres, number
 
 MAX_POSES = 100_000
-Angle = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-7.0, le=7.0)]
 
 
-class NumberedPoseIn(Closed):
-    """A pose that the map's points were seen from, T_map_base."""
+class NumberedPose(Closed):
+    """Pose from which points of the map were observed, T_map_base."""
 
-    id: Annotated[int, Field(strict=True, ge=0, description="pose ID")]
+    id: Annotated[int, Field(strict=True, ge=0)]
+    """Pose id."""
     x_m: Metres
+    """x in metres of the map frame."""
     y_m: Metres
-    yaw_rad: Angle
+    """y in metres of the map frame."""
+    yaw_rad: Annotated[float, number(-7.0, 7.0)]
+    """Heading in radians, counter-clockwise from x."""
 
 
 class PosesIn(Closed):
-    """Past poses as they are known by now; those that are not named stay."""
+    """Corrected poses; the others stay."""
 
-    poses: Annotated[list[NumberedPoseIn], Field(min_length=1, max_length=MAX_POSES)]
+    poses: Annotated[list[NumberedPose], Field(min_length=1, max_length=MAX_POSES)]
+    """Corrected poses in any order."""
+
+
+class PosesOut(Closed):
+    """All poses from which the map was observed."""
+
+    poses: list[NumberedPose]
+    """Poses in the order of their ids."""

@@ -1,33 +1,36 @@
-"""What a page says while it holds the robot by the hand."""
+"""Messages of a page on the teleoperation websocket."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
-from web.schemas.fields import Closed, Name
+from web.schemas.fields import Closed, Name, number
 
 
 class HeartbeatMessage(Closed):
-    """A page says that it is still there."""
+    """Sign of life of a page."""
 
     type: Literal["here"]
+    """Kind of the message."""
 
 
 class StopMessage(Closed):
-    """The emergency stop, on the connection that is open already: a new one may be long in coming."""
+    """Emergency stop on the open connection, because opening another one could take long."""
 
     type: Literal["stop"]
+    """Kind of the message."""
     by: Name = "console"
+    """Means by which the operator stopped the robot."""
 
 
 class DriveMessage(Closed):
-    """A page's hand is on the robot: how fast it is to go until it hears more, 0.25 s at most."""
+    """Velocity that holds until the next message, for 0.25 s at most."""
 
     type: Literal["drive"]
-    v_mps: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-5.0, le=5.0)]
-    w_radps: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-10.0, le=10.0)]
-    t_ms: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e15)] = Field(
-        description="when it was sent, by a clock of the page that only goes forward"
-    )
+    """Kind of the message."""
+    v_mps: Annotated[float, number(-5.0, 5.0)]
+    """Forward speed in metres per second."""
+    w_radps: Annotated[float, number(-10.0, 10.0)]
+    """Turn rate in radians per second, counter-clockwise."""
+    t_ms: Annotated[float, number(0.0, 1e15)]
+    """Time of sending by a monotonic clock of the page, milliseconds."""

@@ -49,7 +49,9 @@ class DraftOverlay:
         # What the corners stand for: a circle has two.
         shape = np.array(draft.outline or draft.corners, dtype=np.float64).reshape(-1, 2)
         with self._client.atomic():
-            self._line("outline", closed_ring(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06)
+            self._line(
+                "outline", closed_ring(shape) if len(shape) > 2 else shape, palette.DRAFT, 0.06
+            )
             self._line(
                 "path", np.array(draft.path, dtype=np.float64).reshape(-1, 2), palette.DRAFT, 0.04
             )

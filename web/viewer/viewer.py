@@ -105,7 +105,9 @@ class Viewer:
         with _Quiet():
             self._server.stop()
 
-    def receive(self, page_id: str, message: Draft | CameraMove | DisplayOptions | Highlight) -> None:
+    def receive(
+        self, page_id: str, message: Draft | CameraMove | DisplayOptions | Highlight
+    ) -> None:
         """What a console page wants of the 3D view."""
         with self._lock:
             if isinstance(message, Draft):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from app.episode.episode import Episode
+from app.episode.episode import Episode, EpisodeSettings
 from navcore.mission.beware_list import BewareList, default_beware_list
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
@@ -53,7 +53,9 @@ def driven(
     goals: tuple[tuple[float, float], ...] = (),
 ) -> dict[str, Any]:
     episode = Episode(
-        scenario, seed=seed, beware=beware or default_beware_list(), goals=goals, max_time_s=240.0
+        scenario,
+        EpisodeSettings(beware=beware or default_beware_list(), goals=goals, max_time_s=240.0),
+        seed=seed,
     )
     try:
         return episode.run()
@@ -107,7 +109,9 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
 
 def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_no_contact() -> None:
     inside_the_box = Episode(
-        ROOM, seed=0, beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=600.0
+        ROOM,
+        EpisodeSettings(beware=default_beware_list(), goals=((0.5, -2.4),), max_time_s=600.0),
+        seed=0,
     )
     try:
         report = inside_the_box.run()

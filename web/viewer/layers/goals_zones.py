@@ -102,7 +102,10 @@ class ZoneLayer:
                 f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
             ),
             scene.add_line_segments(
-                f"{base}/outline", polyline_segments(closed_ring(corners), ZONE_Z + 0.02), colour, thickness=0.06
+                f"{base}/outline",
+                polyline_segments(closed_ring(corners), ZONE_Z + 0.02),
+                colour,
+                thickness=0.06,
             ),
             scene.add_mesh_simple(
                 base,

@@ -54,4 +54,6 @@ def outline_and_prediction(track: Track) -> npt.NDArray[np.float32]:
         [np.cos(angles), np.sin(angles)]
     )
     way = np.array([track.at(0.0), track.at(AHEAD_S)])
-    return np.concatenate([polyline_segments(closed_ring(ring), ROUND_Z), polyline_segments(way, ROUND_Z)])
+    return np.concatenate(
+        [polyline_segments(closed_ring(ring), ROUND_Z), polyline_segments(way, ROUND_Z)]
+    )

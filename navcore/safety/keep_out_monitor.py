@@ -1,0 +1,153 @@
+"""Keep-out zones and beware cells, checked against the motion that is about to be commanded.
+
+The check is independent of map, planner and local planner: it takes the operator's zones and the
+known beware cells as they are, predicts where the footprint sweeps until the robot stands, and
+gives the largest share of the velocity from which it enters no area.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry import Polygon
+
+from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
+from navcore.geometry.arrays import Points
+from navcore.geometry.kinematics import arc_position
+from navcore.geometry.transform import Pose2, Twist
+from navcore.mission.zone import Zone
+from navcore.robot.profile import RobotProfile
+from navcore.safety.collision_monitor import braking_s
+
+NO_CELLS: Points = np.empty((0, 2))
+_DEFAULT = DEFAULT_SAFETY.keep_out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KeepOuts:
+    """The areas that the footprint must not enter, and where the robot is."""
+
+    pose: Pose2 | None = None
+    """T_map_base of the newest frame; None before the first, and then nothing is checked."""
+    zones: tuple[Zone, ...] = ()
+    """Zones of the operator; those that are not closed are ignored."""
+    cells: Points = field(default_factory=lambda: NO_CELLS)
+    """(N, 2) centres of known beware cells near the robot, map frame."""
+    leaving: bool = False
+    """Whether the robot was told to leave the area it stands in, which then does not count."""
+
+
+def permitted_share(
+    keep_outs: KeepOuts,
+    twist: Twist,
+    profile: RobotProfile,
+    *,
+    frame_age_s: float,
+    config: KeepOutMonitorConfig = _DEFAULT,
+) -> tuple[float, str]:
+    """Return the largest share of a velocity, 0 to 1, that enters no area, and what is in the way.
+
+    An area that the footprint overlaps already may be left, but not covered any further. The name
+    is empty where the whole velocity is permitted.
+    """
+    twist = _within_limits(twist, profile)
+    if keep_outs.pose is None or _fastest_mps(twist, profile) < config.standing_mps:
+        return 1.0, ""
+    body = _body_points(profile.length_m, profile.width_m, config.spacing_m)
+    late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    blocking = ""
+    for share in config.shares:
+        part = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
+        poses = list(_stopping_poses(keep_outs.pose, part, profile, late_s, config))
+        entered = _entered(keep_outs, body, poses, profile)
+        if entered is None:
+            return share, blocking
+        blocking = blocking or entered
+    return 0.0, blocking
+
+
+def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
+    v_mps, w_radps = profile.max_speed_mps, profile.max_yaw_rate_radps
+    return Twist(
+        v_mps=min(max(twist.v_mps, -v_mps), v_mps),
+        w_radps=min(max(twist.w_radps, -w_radps), w_radps),
+    )
+
+
+def _fastest_mps(twist: Twist, profile: RobotProfile) -> float:
+    """Return an upper bound of the speed of every point of the body in metres per second."""
+    return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
+
+
+def _stopping_poses(
+    start: Pose2, twist: Twist, profile: RobotProfile, late_s: float, config: KeepOutMonitorConfig
+) -> Iterator[Pose2]:
+    """Yield the poses at which the robot may be until it stands, and a margin beyond."""
+    fastest_mps = _fastest_mps(twist, profile)
+    until_s = late_s + braking_s(twist, profile) / 2 + config.stop_margin_m / fastest_mps
+    steps = max(1, math.ceil(until_s * fastest_mps / config.step_m))
+    for step in range(1, steps + 1):
+        time_s = until_s * step / steps
+        x_m, y_m = arc_position(float(twist.v_mps), float(twist.w_radps), time_s)
+        yield start @ Pose2(x_m=x_m, y_m=y_m, yaw_rad=twist.w_radps * time_s)
+
+
+def _entered(
+    keep_outs: KeepOuts, body: Points, poses: list[Pose2], profile: RobotProfile
+) -> str | None:
+    """Return the name of the first area that the footprint enters at any of the poses."""
+    start = keep_outs.pose
+    assert start is not None
+    swept = np.stack([pose.to_parent(body) for pose in poses])
+    low, high = swept.min(axis=(0, 1)), swept.max(axis=(0, 1))
+    here = start.to_parent(body)
+    for zone in keep_outs.zones:
+        if not zone.closed:
+            continue
+        polygon = _polygon(zone.polygon)
+        left, bottom, right, top = polygon.bounds
+        if left > high[0] or bottom > high[1] or right < low[0] or top < low[1]:
+            continue
+        covered = int(shapely.contains_xy(polygon, here[:, 0], here[:, 1]).sum())
+        if covered and keep_outs.leaving:
+            continue
+        counts = shapely.contains_xy(polygon, swept[..., 0], swept[..., 1]).sum(axis=1)
+        if counts.max() > covered:
+            return f"zone {zone.name!r}"
+    cells = keep_outs.cells
+    if len(cells):
+        covered = _covered_cells(cells, start, profile)
+        if not (covered and keep_outs.leaving) and any(
+            _covered_cells(cells, pose, profile) > covered for pose in poses
+        ):
+            return "an object of the beware list"
+    return None
+
+
+def _covered_cells(cells: Points, pose: Pose2, profile: RobotProfile) -> int:
+    """Return the number of cell centres under the footprint."""
+    x, y = np.abs(pose.from_parent(cells)).T
+    return int(np.count_nonzero((x < profile.length_m / 2) & (y < profile.width_m / 2)))
+
+
+@lru_cache(maxsize=256)
+def _polygon(corners: tuple[tuple[float, float], ...]) -> Polygon:
+    polygon = Polygon(corners)
+    shapely.prepare(polygon)
+    return polygon
+
+
+@lru_cache(maxsize=4)
+def _body_points(length_m: float, width_m: float, spacing_m: float) -> npt.NDArray[np.float64]:
+    """Return (N, 2) points all over the footprint in metres of the base frame."""
+    x = np.linspace(-length_m / 2, length_m / 2, math.ceil(length_m / spacing_m) + 1)
+    y = np.linspace(-width_m / 2, width_m / 2, math.ceil(width_m / spacing_m) + 1)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points.flags.writeable = False
+    return points

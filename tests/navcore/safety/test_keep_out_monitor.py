@@ -1,0 +1,150 @@
+"""The gate keeps the operator's zones and the beware list by itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.robot.driver import Command
+from navcore.robot.profile import HUSKY
+from navcore.safety.gate import Cause, GateDecision, GateInput, gate
+from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
+
+HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+AHEAD, BACK = Twist(v_mps=1.0, w_radps=0.0), Twist(v_mps=-0.3, w_radps=0.0)
+FRONT_M = HUSKY.length_m / 2
+
+
+def zone(left: float, right: float, *, kind: ZoneKind = ZoneKind.KEEP_OUT) -> Zone:
+    """A zone across the robot's path between two distances from its middle."""
+    return Zone(
+        id="z",
+        name="Wet floor",
+        polygon=((left, -2.0), (right, -2.0), (right, 2.0), (left, 2.0)),
+        kind=kind,
+        max_speed_mps=0.3 if kind is ZoneKind.SPEED_LIMIT else None,
+    )
+
+
+def share(keep_outs: KeepOuts, twist: Twist = AHEAD) -> float:
+    return permitted_share(keep_outs, twist, HUSKY, frame_age_s=0.05)[0]
+
+
+def test_far_zones_permit_full_speed_and_near_ones_less_until_none_is_left() -> None:
+    shares = [
+        share(KeepOuts(pose=HERE, zones=(zone(FRONT_M + gap, FRONT_M + gap + 1.0),)))
+        for gap in (3.0, 0.5, 0.3, 0.06, 0.01)
+    ]
+    assert shares[0] == 1.0
+    assert shares == sorted(shares, reverse=True)
+    assert 0.0 < shares[2] < 1.0
+    assert shares[-1] == 0.0
+
+
+def test_the_area_is_named_and_zones_that_are_not_closed_do_not_count() -> None:
+    near = zone(FRONT_M + 0.01, FRONT_M + 1.0)
+    assert permitted_share(KeepOuts(pose=HERE, zones=(near,)), AHEAD, HUSKY, frame_age_s=0.0) == (
+        0.0,
+        "zone 'Wet floor'",
+    )
+    slow = zone(FRONT_M + 0.01, FRONT_M + 1.0, kind=ZoneKind.SPEED_LIMIT)
+    assert share(KeepOuts(pose=HERE, zones=(slow,))) == 1.0
+    assert share(KeepOuts(pose=None, zones=(near,))) == 1.0
+
+
+def test_known_beware_cells_count_like_a_zone() -> None:
+    def cells(x_m: float) -> Points:
+        return np.array([[x_m, 0.0], [x_m, 0.05]])
+
+    assert share(KeepOuts(pose=HERE, cells=cells(FRONT_M + 3.0))) == 1.0
+    assert share(KeepOuts(pose=HERE, cells=cells(FRONT_M + 0.02))) == 0.0
+    assert share(KeepOuts(pose=HERE, cells=cells(-3.0)), BACK) == 1.0
+
+
+def test_a_robot_in_a_zone_may_leave_it_and_go_no_farther_in() -> None:
+    half_in = KeepOuts(pose=HERE, zones=(zone(0.2, 3.0),))
+    assert share(half_in, BACK) == 1.0
+    assert share(half_in) == 0.0
+    told = KeepOuts(pose=HERE, zones=(zone(0.2, 3.0),), leaving=True)
+    assert share(told) == 1.0
+
+
+def decided(keep_outs: KeepOuts) -> GateDecision:
+    """The gate's decision on full speed ahead."""
+    facts = GateInput(
+        now_ns=0,
+        frame_ns=0,
+        stopped_by=None,
+        command=Command(twist=AHEAD, stamp_ns=0),
+        keep_outs=keep_outs,
+    )
+    return gate(facts, sent=AHEAD, period_s=0.05, profile=HUSKY)
+
+
+def test_the_gate_slows_then_stops_with_the_reason() -> None:
+    assert decided(KeepOuts(pose=HERE)).twist == AHEAD
+    near = decided(KeepOuts(pose=HERE, zones=(zone(FRONT_M + 0.3, FRONT_M + 1.0),)))
+    assert 0.0 < near.twist.v_mps < 1.0 and near.reasons == ()
+    stopped = decided(KeepOuts(pose=HERE, zones=(zone(FRONT_M + 0.02, FRONT_M + 1.0),)))
+    assert stopped.twist == STANDSTILL
+    assert [reason.cause for reason in stopped.reasons] == [Cause.BEWARE_AHEAD]
+    assert "Wet floor" in stopped.reasons[0].text
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    v_mps=st.floats(-1.0, 1.0),
+    w_radps=st.floats(-1.5, 1.5),
+    yaw_rad=st.floats(-math.pi, math.pi),
+    gap_m=st.floats(0.0, 1.0),
+)
+def test_braking_from_the_permitted_velocity_never_enters_the_zone(
+    v_mps: float, w_radps: float, yaw_rad: float, gap_m: float
+) -> None:
+    keep_out = zone(1.0, 4.0)
+    start = Pose2(x_m=1.0 - gap_m - HUSKY.circumscribed_radius_m, y_m=0.0, yaw_rad=yaw_rad)
+    asked = Twist(v_mps=v_mps, w_radps=w_radps)
+    permitted = share(KeepOuts(pose=start, zones=(keep_out,)), asked)
+    # 0.25 s late, then the platform's braking, along the same arc.
+    late_s = 0.25
+    fastest = permitted * (
+        abs(v_mps) / HUSKY.max_accel_mps2 + abs(w_radps) / HUSKY.max_yaw_accel_radps2
+    )
+    pose, step_s = start, 0.005
+    for k in range(round((late_s + fastest + 0.1) / step_s)):
+        braked_s = max(0.0, k * step_s - late_s)
+        v = math.copysign(max(0.0, abs(permitted * v_mps) - HUSKY.max_accel_mps2 * braked_s), v_mps)
+        w = math.copysign(
+            max(0.0, abs(permitted * w_radps) - HUSKY.max_yaw_accel_radps2 * braked_s), w_radps
+        )
+        pose = pose @ Pose2(x_m=v * step_s, y_m=0.0, yaw_rad=w * step_s)
+        body = Polygon(pose.to_parent(HUSKY.footprint()))
+        assert body.intersection(Polygon(keep_out.polygon)).area < 1e-4
+
+
+@pytest.mark.parametrize("skid", [False, True])
+def test_a_broken_planner_does_not_bring_the_robot_into_a_zone(skid: bool) -> None:
+    keep_out = zone(3.0, 5.0)
+    pose, sent, now_ns = HERE, STANDSTILL, 0
+    for _ in range(200):
+        now_ns += 50_000_000
+        facts = GateInput(
+            now_ns=now_ns,
+            frame_ns=now_ns - 40_000_000,
+            stopped_by=None,
+            command=Command(twist=AHEAD, stamp_ns=now_ns),  # a planner that ignores the zone
+            keep_outs=KeepOuts(pose=pose, zones=(keep_out,)),
+        )
+        sent = gate(facts, sent=sent, period_s=0.05, profile=HUSKY).twist
+        grip = 1.05 if skid else 1.0
+        pose = pose @ Pose2(x_m=grip * sent.v_mps * 0.05, y_m=0.0, yaw_rad=0.0)
+        assert pose.x_m + FRONT_M < 3.0
+    assert pose.x_m + FRONT_M > 2.7  # it came near, and stopped

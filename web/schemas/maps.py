@@ -1,0 +1,92 @@
+"""Answers of the routes of the map and of the path."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from web.interface.wire import DOCUMENTED, Position
+from web.schemas.zones import ZoneOut
+
+
+class MapOut(BaseModel):
+    """Position and size of the map, and size of the robot."""
+
+    model_config = DOCUMENTED
+
+    frame: Literal["map"] = "map"
+    """Frame of the coordinates."""
+    version: int
+    """Version of the cells."""
+    resolution_m: float
+    """Side of a cell in metres."""
+    rows: int
+    """Number of rows of cells, along y."""
+    cols: int
+    """Number of columns of cells, along x."""
+    origin_x_m: float
+    """x of the lower-left corner in metres of the map frame."""
+    origin_y_m: float
+    """y of the lower-left corner in metres of the map frame."""
+    robot_length_m: float
+    """Length of the robot in metres."""
+    robot_width_m: float
+    """Width of the robot in metres."""
+
+
+class PersonOut(BaseModel):
+    """Tracked person."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True, from_attributes=True)
+
+    id: int
+    """Number of the person, constant while the person is tracked."""
+    x_m: float
+    """x in metres of the map frame."""
+    y_m: float
+    """y in metres of the map frame."""
+    vx_mps: float
+    """Velocity along x in metres per second."""
+    vy_mps: float
+    """Velocity along y in metres per second."""
+    radius_m: float
+    """Radius of the disc that the person covers, metres."""
+
+
+class TilesOut(BaseModel):
+    """Changed tiles of the map."""
+
+    model_config = DOCUMENTED
+
+    version: int
+    """Version of this answer; the next `since`."""
+    tile_cells: int
+    """Side of a tile in cells; tiles at the upper and right border may be smaller."""
+    rows: int
+    """Number of rows of cells of the map."""
+    cols: int
+    """Number of columns of cells of the map."""
+    changed: list[tuple[int, int, int]]
+    """Row and column of each changed tile, and the version of its change."""
+
+
+class PathOut(BaseModel):
+    """Planned path, driven path and moving objects, in metres of the map frame."""
+
+    model_config = DOCUMENTED
+
+    serial: int
+    """Serial number of the tick."""
+    path: list[Position]
+    """Points (x, y) of the planned path."""
+    waypoints: list[Position]
+    """Corners and end of the planned path."""
+    driven: list[Position]
+    """Past positions of the robot."""
+    people: list[PersonOut]
+    """Tracked people."""
+    closed: list[ZoneOut]
+    """Areas that the robot keeps out of for a while by its own decision; the names say why."""
+    view: list[Position]
+    """Corners of the floor in view of the camera."""
