@@ -1,5 +1,5 @@
-"""Routes of the operator's page. Its files are read once at start: no path of a request becomes a path
-on the disk."""
+"""Routes of the operator's page. Its files are read once at start: no path of a request becomes a
+path on the disk."""
 
 from __future__ import annotations
 

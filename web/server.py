@@ -42,8 +42,8 @@ MAX_MESSAGE_BYTES = 2_000_000
 """Largest websocket message from a browser in bytes; messages to browsers may be larger."""
 START_S, STOP_S = 10.0, 5.0
 """Time limits of start and stop, seconds."""
-_ABOUT = """Operate the robot: goals, mission, zones, beware list, emergency stop; read map, path, camera
-image and state.
+_ABOUT = """Operate the robot: goals, mission, zones, beware list, emergency stop; read map, path,
+camera image and state.
 
 Lengths are metres of the map frame, angles radians. Numbers that are not finite are null.
 Every refusal has the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, and changes
@@ -134,8 +134,8 @@ class ConsoleServer:
         return f"http://{name}:{self._port}"
 
     def start(self) -> None:
-        """Start serving; return when the port answers. Raises `PortInUse` when it is taken, and then
-        starts nothing."""
+        """Start serving; return when the port answers. Raises `PortInUse` when it is taken, and
+        then starts nothing."""
         listener = self._listener or reserve(self._host, self._port)
         self._port = listener.getsockname()[1]
         self._viewer = Viewer(self._operations)

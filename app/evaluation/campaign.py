@@ -10,12 +10,13 @@ import statistics
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
+from pebble import ProcessExpired, ProcessPool
 from rich.console import Console as Terminal
 from rich.progress import (
     BarColumn,
@@ -47,11 +48,15 @@ class Campaign:
     """Drives the episode of a key in this process."""
     drive_alone: Callable[[int], Report]
     """Drives the episode of a key in a worker process; can be pickled."""
+    limit_s: float = 3600.0
+    """Real time in seconds after which an episode in a worker counts as hung."""
 
     def run(self, wanted: Sequence[int], *, workers: int, out: Path) -> list[Report]:
         """Drive the episodes that are not recorded yet and record each when it ends.
 
-        Returns the reports in the order of `wanted`; raises `BadConfiguration`.
+        A worker that is killed or hangs fails its own episode only, which is tried once more.
+        Returns the reports in the order of `wanted`; raises `BadConfiguration`, and
+        `EpisodesFailed` after all others are recorded.
         """
         name = hashlib.sha256(repr(self.rules).encode()).hexdigest()[:16]
         kept = out / "episodes.jsonl"
@@ -79,18 +84,34 @@ class Campaign:
         if workers == 1:
             yield from map(self.drive, keys)
             return
-        with ProcessPoolExecutor(
-            workers, mp_context=get_context("spawn"), initializer=_end_with_parent
-        ) as pool:
-            jobs = [pool.submit(self.drive_alone, key) for key in keys]
-            try:
-                yield from (job.result() for job in as_completed(jobs))
-            except BaseException:
-                # Episodes in progress are not recorded: do not let the operator wait for them.
-                pool.shutdown(wait=False, cancel_futures=True)
-                for process in active_children():
-                    process.terminate()
-                raise
+        pool = ProcessPool(workers, context=get_context("spawn"), initializer=_end_with_parent)
+        failed: dict[int, str] = {}
+        try:
+            waiting = {self._scheduled(pool, key): key for key in keys}
+            tried = set[int]()
+            while waiting:
+                ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                for job in ended:
+                    key = waiting.pop(job)
+                    cause = _failure_of(job, self.limit_s)
+                    if cause is None:
+                        yield job.result()
+                    elif key not in tried:
+                        tried.add(key)
+                        waiting[self._scheduled(pool, key)] = key
+                    else:
+                        failed[key] = cause
+            pool.close()  # type: ignore[no-untyped-call]
+        finally:
+            # Episodes in progress are not recorded: do not let the operator wait for them.
+            pool.stop()  # type: ignore[no-untyped-call]
+            pool.join()
+        if failed:
+            raise EpisodesFailed(self.key, failed)
+
+    def _scheduled(self, pool: ProcessPool, key: int) -> Future[Report]:
+        job: Future[Report] = pool.schedule(self.drive_alone, args=[key], timeout=self.limit_s)
+        return job
 
     def _read(self, text: str, name: str, path: Path) -> Iterator[Report]:
         """Yield the recorded episodes; a line that was cut short by a kill is driven again."""
@@ -102,6 +123,31 @@ class Campaign:
             if report.get("campaign") != name:
                 raise BadConfiguration(f"{path} holds episodes of {self.holds}; give another --out")
             yield report
+
+
+class EpisodesFailed(BadConfiguration):
+    """Some episodes failed twice; all others are recorded."""
+
+    def __init__(self, key: str, causes: dict[int, str]) -> None:
+        self.causes = causes
+        """Why each episode failed, by its key."""
+        said = ", ".join(f"{key} {number} ({cause})" for number, cause in sorted(causes.items()))
+        super().__init__(
+            f"these episodes failed twice: {said}; all others are recorded, and the same command "
+            "tries these again"
+        )
+
+
+def _failure_of(job: Future[Report], limit_s: float) -> str | None:
+    """Return why an episode has no report although no error of the program was raised."""
+    error = job.exception()
+    if error is None:
+        return None
+    if isinstance(error, ProcessExpired):
+        return f"its worker ended with exit code {error.exitcode}"
+    if isinstance(error, TimeoutError):
+        return f"it took longer than {limit_s:g} s"
+    raise error
 
 
 def _shown(driven: Iterator[Report], kept: list[Report], total: int) -> Iterator[Report]:

@@ -160,7 +160,7 @@ def test_somebodys_lane_bends_the_path_and_is_told_to_whoever_looks(navigator: N
     assert length_m(decision) > straight + 0.2
     assert navigator.tick(picture(stamp_ns=30_000_000_000), ORDER).closed == (
         ZONE,
-    )  # nobody has walked there for long …
+    )  # no person has walked there for long …
     after = navigator.tick(picture(stamp_ns=30_000_000_001), ORDER)
     assert after.closed == () and length_m(after) == straight  # … so it is opened
 

@@ -103,7 +103,7 @@ class FakeOperations:
     def state(self) -> State:
         """The newest snapshot."""
         with self._lock:
-            reasons = self._reasons()
+            reasons, picture = self._reasons(), self.picture()
             moving = self._intent.mission.goal is not None and not reasons
             return State(
                 stamp_s=0.1 * self._counts["serial"],
@@ -132,8 +132,8 @@ class FakeOperations:
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 loop=self._intent.mission.loop,
-                picture_serial=self._picture.serial,
-                grid_version=self._picture.grid_version,
+                picture_serial=picture.serial if picture else None,
+                grid_version=picture.grid_version if picture else None,
             )
 
     def picture(self) -> TickSnapshot | None:

@@ -42,9 +42,7 @@ LiveMessage: TypeAdapter[HeartbeatMessage | StopMessage | DriveMessage] = TypeAd
 )
 
 
-def control_router(
-    operations: RobotService, control: ControlLeases, auditor: Auditor
-) -> APIRouter:
+def control_router(operations: RobotService, control: ControlLeases, auditor: Auditor) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["control"], default_response_class=JsonResponse)
 
@@ -78,9 +76,7 @@ def control_router(
 class TeleopSession:
     """Teleoperation by one page."""
 
-    def __init__(
-        self, operations: RobotService, control: ControlLeases, visitor: Visitor
-    ) -> None:
+    def __init__(self, operations: RobotService, control: ControlLeases, visitor: Visitor) -> None:
         self.operations, self.visitor = operations, visitor
         self._control = control
         self._least_delay_s: float | None = None

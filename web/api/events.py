@@ -1,5 +1,5 @@
-"""`WS /api/v1/events`: the state at 10 Hz and on every change. A client gets the newest value, never
-a queue of old ones."""
+"""`WS /api/v1/events`: the state at 10 Hz and on every change. A client gets the newest value,
+never a queue of old ones."""
 
 from __future__ import annotations
 

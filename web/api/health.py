@@ -54,7 +54,8 @@ def _lines(state: State) -> Iterator[str]:
     )
     for name, kind, meaning, value in metrics:
         if value is not None and math.isfinite(value):
-            yield f"# HELP bewarenav_{name} {meaning}\n# TYPE bewarenav_{name} {kind}\nbewarenav_{name} {value!r}\n"
+            yield f"# HELP bewarenav_{name} {meaning}\n# TYPE bewarenav_{name} {kind}\n"
+            yield f"bewarenav_{name} {value!r}\n"
     yield "# HELP bewarenav_phase What the operator has asked for.\n# TYPE bewarenav_phase gauge\n"
     for phase in Phase:
         yield f'bewarenav_phase{{phase="{phase}"}} {float(state.phase is phase)!r}\n'

@@ -45,23 +45,18 @@ def maps_router(operations: RobotService) -> APIRouter:
     tiles = TileVersions()
 
     def newest() -> TickSnapshot:
-        picture = operations.picture()
-        if picture is None:
+        tick = operations.picture()
+        if tick is None:
             raise HTTPException(404, "the camera has delivered no picture yet")
-        return picture
+        return tick
 
     @router.get("/map", response_model=MapOut, responses=_NOTHING_YET)
     def get_map() -> MapOut:
         """Return position and size of the map; `version` changes whenever its cells do."""
-        picture, profile = newest(), operations.profile
-        spec = picture.grid_spec
+        tick, profile = newest(), operations.profile
         return MapOut(
-            version=picture.grid_version,
-            resolution_m=spec.resolution_m,
-            rows=spec.rows,
-            cols=spec.cols,
-            origin_x_m=spec.origin_x_m,
-            origin_y_m=spec.origin_y_m,
+            **values_of(tick.grid_spec),
+            version=tick.grid_version,
             robot_length_m=profile.length_m,
             robot_width_m=profile.width_m,
         )
@@ -69,10 +64,10 @@ def maps_router(operations: RobotService) -> APIRouter:
     @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
     def get_map_png(request: Request) -> Response:
         """Return an image of all layers, y upwards, two pixels per cell and side."""
-        picture, beware = newest(), operations.beware.list
-        key = (picture.grid_version, beware.version)
+        tick, beware = newest(), operations.beware.list
+        key = (tick.grid_version, beware.version)
         return _tagged(
-            request, key, lambda: png.get(key, lambda: map_png(picture, beware)), "image/png"
+            request, key, lambda: png.get(key, lambda: map_png(tick, beware)), "image/png"
         )
 
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
@@ -81,10 +76,10 @@ def maps_router(operations: RobotService) -> APIRouter:
             int, Query(ge=0, le=2**53, description="Version of the previous answer.")
         ] = 0,
     ) -> TilesOut:
-        """Return the tiles that have changed since a previous answer; row 0 is at the smallest y."""
-        picture = newest()
-        version, versions = tiles.update(picture, operations.beware.list)
-        spec = picture.grid_spec
+        """Return the tiles that have changed since an earlier answer; row 0 is at the least y."""
+        tick = newest()
+        version, versions = tiles.update(tick, operations.beware.list)
+        spec = tick.grid_spec
         # A version larger than the newest is from before a restart: then all tiles are sent.
         changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
@@ -102,10 +97,10 @@ def maps_router(operations: RobotService) -> APIRouter:
         Red holds bits: 1 observed, 2 obstacle, 4 closed to the robot's centre, 8 keep-out zone, 16
         prior map. Green and blue hold the ids of the classes of the beware list, 0 for none.
         """
-        picture = newest()
-        if row * TILE >= picture.grid_spec.rows or col * TILE >= picture.grid_spec.cols:
+        tick = newest()
+        if row * TILE >= tick.grid_spec.rows or col * TILE >= tick.grid_spec.cols:
             raise HTTPException(404, "the map has no such tile")
-        return Response(cells_png(picture, tile_cells((row, col), picture)), media_type="image/png")
+        return Response(cells_png(tick, tile_cells((row, col), tick)), media_type="image/png")
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
     def get_map_pgm() -> Response:
@@ -130,15 +125,15 @@ def maps_router(operations: RobotService) -> APIRouter:
     @router.get("/path", response_model=PathOut, responses=_NOTHING_YET)
     def get_path() -> PathOut:
         """Return the planned path, the driven path and the moving objects."""
-        picture = newest()
+        tick = newest()
         return PathOut(
-            serial=picture.serial,
-            path=polyline(picture.path),
-            waypoints=polyline(picture.waypoints),
-            driven=polyline(picture.driven),
-            people=[PersonOut.model_validate(person) for person in picture.people],
-            closed=[ZoneOut.of(zone) for zone in picture.closed],
-            view=polyline(floor_view(picture)),
+            serial=tick.serial,
+            path=polyline(tick.path),
+            waypoints=polyline(tick.waypoints),
+            driven=polyline(tick.driven),
+            people=[PersonOut.model_validate(person) for person in tick.people],
+            closed=[ZoneOut.of(zone) for zone in tick.closed],
+            view=polyline(floor_view(tick)),
         )
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
@@ -147,12 +142,12 @@ def maps_router(operations: RobotService) -> APIRouter:
     ) -> Response:
         """Return the camera image; with `overlay=segmentation`, each enabled class is named and
         tinted by its confidence."""
-        picture, beware = newest(), operations.beware.list
+        tick, beware = newest(), operations.beware.list
         if overlay == "none":
-            data = camera.get(picture.serial, lambda: camera_jpg(picture.rgb))
+            data = camera.get(tick.serial, lambda: camera_jpg(tick.rgb))
         else:
             data = labelled.get(
-                (picture.serial, beware.version), lambda: camera_jpg(with_overlay(picture, beware))
+                (tick.serial, beware.version), lambda: camera_jpg(with_overlay(tick, beware))
             )
         return Response(data, media_type="image/jpeg")
 

@@ -65,7 +65,7 @@ def mission_router(operations: RobotService) -> APIRouter:
     @router.patch("/goals/{goal_id}", response_model=Goal, responses=refusals(404, 422))
     def change_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)], changes: GoalPatchIn) -> Goal:
         """Move, turn or rename a waiting goal."""
-        return operations.goals.change(goal_id, changes.changes())
+        return operations.goals.change(goal_id, changes)
 
     @router.delete("/goals/{goal_id}", status_code=204, responses=refusals(404, 422))
     def remove_goal(goal_id: Annotated[int, Path(ge=0, le=2**53)]) -> None:

@@ -1,4 +1,4 @@
-"""Who may come in, what each may do, and who drives."""
+"""Access to one console: authentication, control of the robot, audit log."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from web.auth.users import Users
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """All of it for one console; by default everybody who reaches it may do everything, one at a
+    """Access to one console; by default every client that reaches it has all rights, and one at a
     time drives."""
 
     authenticator: Authenticator = field(default_factory=AnonymousAuthenticator)
-    """How visitors are recognised."""
+    """Authentication of visitors."""
     control: ControlLeases = field(default_factory=ControlLeases)
-    """Who drives."""
+    """Control of the robot."""
     audit_log: AuditLog | None = None
-    """Where it is put down who did what; None to forget it."""
+    """Audit log; None for none."""
 
     @staticmethod
     def by_login(users: Users, audit_log: AuditLog | None = None) -> Access:
-        """Only for those who log in, or send a token."""
+        """Return access for users who log in or send a token."""
         return Access(authenticator=PasswordAuthenticator(users), audit_log=audit_log)

@@ -1,4 +1,4 @@
-"""Who did what: every request that may change something is put down, with its outcome."""
+"""Audit log: every request that may change something, with its outcome."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ from web.auth.roles import Visitor
 log = logging.getLogger(__name__)
 
 MAX_DETAIL_BYTES = 4000
+"""Largest body that is logged, bytes."""
 MAX_DEPTH = 20
+"""Largest nesting of JSON that is logged."""
 _SILENT = {"/api/v1/preview"}
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
 class AuditLog(Protocol):
-    """Where it is put down."""
+    """Storage of the audit log."""
 
     def add(self, entry: Mapping[str, Any]) -> int:
-        """Keep an entry, dated; raises `StorageFailed`."""
+        """Store an entry with its date and return its id; raises `StorageFailed`."""
 
     def newest(
         self,
@@ -37,19 +39,19 @@ class AuditLog(Protocol):
         since: datetime | None = None,
         until: datetime | None = None,
     ) -> tuple[dict[str, Any], ...]:
-        """Entries, newest first, each with `id` and `at`; older than the id `before`, by `who`, put
-        down between two times."""
+        """Return entries, newest first, each with `id` and `at`: those before an id, of one
+        visitor, between two times."""
 
 
 class Auditor:
-    """Puts things down in a thread of its own kind, so that no disk holds up the loop."""
+    """Writer of the audit log; it writes in a thread, so that no disk delays the event loop."""
 
     def __init__(self, audit_log: AuditLog | None) -> None:
         self.audit_log = audit_log
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
-        """A `send` that puts the request down before its answer goes out, and the emergency stop
-        right after it."""
+        """Return a `send` that logs the request before its answer, and the emergency stop right
+        after it."""
         if self.audit_log is None or scope["method"] in SAFE or scope["path"] in _SILENT:
             return send
 
@@ -64,13 +66,13 @@ class Auditor:
         return watched
 
     async def note(self, entry: Mapping[str, Any]) -> None:
-        """Put it down; a disk that does not take it is no reason to refuse what was done."""
+        """Log an entry; a failed disk is no reason to refuse the request."""
         if self.audit_log is None:
             return
         try:
             await asyncio.to_thread(self.audit_log.add, entry)
         except Exception:
-            log.exception("the audit has a gap: %s", dict(entry))
+            log.exception("the audit log misses an entry: %s", dict(entry))
 
 
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
@@ -92,16 +94,16 @@ def _detail(body: bytes) -> Any:
     if len(body) > MAX_DETAIL_BYTES:
         return f"{len(body)} bytes"
     try:
-        # Only what can be written again as JSON is kept as it was sent.
+        # Only a body that can be written as JSON again is logged as it was sent.
         detail = json.loads(body)
         json.dumps(detail, allow_nan=False).encode()
     except (ValueError, RecursionError):
-        return f"{len(body)} bytes that are no JSON"
+        return f"{len(body)} bytes that are not JSON"
     return f"{len(body)} bytes, nested too deep" if is_deep(detail) else detail
 
 
 def is_deep(value: Any) -> bool:
-    """Whether JSON nests deeper than anybody means, or can be written again for who asks."""
+    """Return whether JSON is nested deeper than a reader of the log could encode."""
     layer = [value]
     for _ in range(MAX_DEPTH):
         nested = [

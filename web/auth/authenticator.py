@@ -1,5 +1,5 @@
-"""Two kinds of house: an open one, for this machine alone, and one that knows its visitors by
-password or token."""
+"""Authentication of visitors: anonymous, for a console of this machine alone, or by password or
+token."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ log = logging.getLogger(__name__)
 
 _CLIENT_ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
 MAX_CLIENTS = 1000
+"""Largest number of browsers that are told apart."""
 
 
 class Authenticator(Protocol):
-    """How the door recognises who comes."""
+    """Authentication of the visitors of a console."""
 
     def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
-        """The visitor; None for one who has to log in."""
+        """Return the visitor of a request; None when a log-in is needed."""
 
     def issue_client_cookie(self, cookie: str) -> str | None:
-        """The cookie to give to a browser that opens the page; None when it needs none, or must log
-        in for it."""
+        """Return the cookie for a browser that opens the page; None when it has one, or gets it by
+        logging in."""
 
     def refresh(self) -> None:
-        """Look again who may come in; called about once a second."""
+        """Read the users again; called about once a second."""
 
 
 class AnonymousAuthenticator:
-    """Everybody may do everything. The cookie only tells one browser from another, so that one of
-    them drives at a time."""
+    """Every visitor has all rights. The cookie only tells browsers apart, so that one of them
+    drives at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -47,7 +48,7 @@ class AnonymousAuthenticator:
         self._given = 0
 
     def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
-        """A page by its cookie; whatever has none is a program."""
+        """Return the page of a cookie; a client without a cookie is a program."""
         if not _CLIENT_ID.fullmatch(cookie):
             return Visitor(name="a program", role=Role.ADMIN, client_id="program", logged_in=False)
         return Visitor(
@@ -58,11 +59,11 @@ class AnonymousAuthenticator:
         )
 
     def issue_client_cookie(self, cookie: str) -> str | None:
-        """A fresh one for a browser without."""
+        """Return a new cookie for a browser without one."""
         return None if _CLIENT_ID.fullmatch(cookie) else secrets.token_urlsafe(24)
 
     def refresh(self) -> None:
-        """Nobody changes."""
+        """Do nothing: there are no users."""
 
     def _number(self, cookie: str) -> int:
         with self._lock:
@@ -75,11 +76,10 @@ class AnonymousAuthenticator:
 
 
 class PasswordAuthenticator:
-    """Users log in with a password and keep a session; programs send the token of a user as a
-    bearer.
+    """Users log in with a password and have a session; programs send a user's bearer token.
 
-    The accounts are read into memory, so that no request waits for a disk: the stop must pass
-    though the store is locked.
+    The accounts are in memory, so that no request waits for a disk: the emergency stop must work
+    while the store is locked.
     """
 
     def __init__(self, users: Users, sessions: Sessions | None = None) -> None:
@@ -87,22 +87,21 @@ class PasswordAuthenticator:
         self.sessions = sessions or Sessions()
         self._known: dict[str, User] = {}
         self._by_token: dict[str, User] = {}
-        self._nobody = hash_password(secrets.token_urlsafe(16))
+        self._no_user = hash_password(secrets.token_urlsafe(16))
         self.refresh()
 
     def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
-        """By bearer token, else by session."""
+        """Authenticate by bearer token, else by session."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
-            # Found by its hash, so what takes longer for a nearly right token tells nothing of the
-            # token itself.
+            # Looked up by its hash, so that the time of the look-up reveals nothing of a token.
             user = self._by_token.get(hash_token(given.strip()))
             return (
                 None
                 if user is None
                 else Visitor(name=user.name, role=user.role, client_id=f"program {user.name}")
             )
-        found = self.sessions.of(cookie)
+        found = self.sessions.find(cookie)
         return (
             None
             if found is None
@@ -110,22 +109,22 @@ class PasswordAuthenticator:
         )
 
     def issue_client_cookie(self, cookie: str) -> str | None:
-        """Nothing without a log-in."""
+        """Return None: the cookie comes with the log-in."""
         return None
 
     def log_in(self, name: str, password: str) -> str | None:
-        """A session's cookie, or None. Takes some 0.1 s whatever is wrong."""
+        """Return the cookie of a new session, or None; takes about 0.1 s in either case."""
         self.refresh()
         user = self._known.get(name)
-        right = is_password(password, self._nobody if user is None else user.password_hash)
+        right = is_password(password, self._no_user if user is None else user.password_hash)
         return self.sessions.begin(user) if right and user is not None else None
 
     def refresh(self) -> None:
-        """Read the accounts; sessions of those that have changed or gone end."""
+        """Read the accounts and end the sessions of changed or removed ones."""
         try:
             known = {user.name: user for user in self.users.all()}
         except StorageFailed:
-            log.exception("the users could not be read; those known so far may come in")
+            log.exception("the users could not be read; those known so far keep their access")
             return
         self._known = known
         self._by_token = {

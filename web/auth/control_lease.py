@@ -1,7 +1,8 @@
-"""Who drives: one seat at a time. Others watch, ask for it, or take it, and everybody sees that.
+"""Control of the robot: a lease that one client holds at a time.
 
-Whoever acts first when nobody drives has it, so a single page needs no ceremony. A seat that shows
-no sign of life for a few seconds has lost it; the clock is monotonic.
+The first client that drives while the lease is free gets it, so that a single page needs no extra
+step. Other clients ask for it or take it, and all of them see that. The lease of a client without a
+sign of life expires after some seconds of the monotonic clock.
 """
 
 from __future__ import annotations
@@ -9,39 +10,43 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from navcore.errors import Refused
 from web.auth.roles import Role, Visitor
 
 PAGE_LEASE_S = 3.0
-"""A page answers twice a second; a program lives by its requests."""
+"""Duration of a page's lease in seconds; a page renews it twice a second."""
 PROGRAM_LEASE_S = 30.0
-"""A program that waits for something asks now and then, but need not ask twice a second."""
+"""Duration of a program's lease in seconds; its requests renew it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlLease:
-    """Who drives now; a new value with every change."""
+    """Present holder of control; a new value with every change."""
 
     serial: int = 0
-    """Grows with every change."""
+    """Number of changes."""
     holder: Visitor | None = None
-    """Who is in control; None when nobody is."""
+    """Visitor in control; None for none."""
     asking: Visitor | None = None
-    """Who has asked for it last."""
+    """Visitor who asked for control last; None for none."""
     before: Visitor | None = None
-    """Who was in control before."""
+    """Visitor who was in control before; None for none."""
     taken: bool = False
-    """Whether the holder took it from the one before, rather than got it."""
+    """Whether the holder took control without being given it."""
+
+    def is_held_by(self, visitor: Visitor) -> bool:
+        """Return whether a visitor is in control."""
+        return self.holder is not None and self.holder.client_id == visitor.client_id
 
 
 class NotInControl(Refused):
-    """Somebody else drives."""
+    """Refusal of a client that does not hold the lease."""
 
 
 class ControlLeases:
-    """Safe to use from any thread."""
+    """Lease of control over time; safe from any thread."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -51,95 +56,73 @@ class ControlLeases:
 
     @property
     def now(self) -> ControlLease:
-        """Who drives, after whoever has gone silent has lost it."""
+        """Present lease; an expired one has no holder."""
         with self._lock:
             self._expire()
             return self._lease
 
     def claim(self, visitor: Visitor) -> None:
-        """He is about to drive: nobody else may be in control. Raises `NotInControl` with what to
-        do."""
+        """Take a free lease or renew an own one before driving; raises `NotInControl` when another
+        client holds it."""
         with self._lock:
             self._expire()
             holder = self._lease.holder
             if holder is None:
                 self._give(visitor, taken=False)
-            elif holder.client_id != visitor.client_id:
+            elif not self._lease.is_held_by(visitor):
                 raise NotInControl(f"{holder.name} is in control; ask for it, or take over")
             self._renew(visitor)
 
-    def is_held_by(self, visitor: Visitor) -> bool:
-        """Whether he drives."""
-        holder = self.now.holder
-        return holder is not None and holder.client_id == visitor.client_id
-
     def heartbeat(self, visitor: Visitor) -> None:
-        """He is still there."""
+        """Renew the lease if the visitor holds it."""
         with self._lock:
             self._expire()
-            if self._lease.holder is not None and self._lease.holder.client_id == visitor.client_id:
+            if self._lease.is_held_by(visitor):
                 self._renew(visitor)
 
     def take(self, visitor: Visitor) -> None:
-        """Take over, whoever drives."""
+        """Take control, even from another client."""
         with self._lock:
             self._expire()
-            if self._lease.holder is None or self._lease.holder.client_id != visitor.client_id:
+            if not self._lease.is_held_by(visitor):
                 self._give(visitor, taken=self._lease.holder is not None)
             self._renew(visitor)
 
     def ask(self, visitor: Visitor) -> None:
-        """Let the one who drives know that this one would like to; when nobody drives he has it at
-        once."""
+        """Ask the holder for control; a free lease is given at once."""
         with self._lock:
             self._expire()
             if self._lease.holder is None:
                 self._give(visitor, taken=False)
                 self._renew(visitor)
-            elif self._lease.holder.client_id != visitor.client_id:
-                self._change(
-                    holder=self._lease.holder,
-                    asking=visitor,
-                    before=self._lease.before,
-                    taken=self._lease.taken,
-                )
+            elif not self._lease.is_held_by(visitor):
+                self._change(replace(self._lease, asking=visitor))
 
     def give(self, visitor: Visitor) -> None:
-        """Hand it to whoever has asked, or to nobody. Raises `NotInControl` when it is not his to
-        give."""
+        """Give control to the client that asked, or free the lease; raises `NotInControl` when the
+        visitor does not hold it."""
         with self._lock:
             self._expire()
-            if self._lease.holder is None or self._lease.holder.client_id != visitor.client_id:
+            if not self._lease.is_held_by(visitor):
                 raise NotInControl("only the one in control can hand it over")
             asking = self._lease.asking
             if asking is None:
-                self._change(holder=None, before=visitor)
+                self._change(ControlLease(before=visitor))
             else:
                 self._give(asking, taken=False)
                 self._renew(asking)
 
     def _give(self, visitor: Visitor, *, taken: bool) -> None:
         assert visitor.role.may(Role.OPERATOR)
-        self._change(holder=visitor, before=self._lease.holder, taken=taken)
+        self._change(ControlLease(holder=visitor, before=self._lease.holder, taken=taken))
 
     def _renew(self, visitor: Visitor) -> None:
-        self._until_s = self._clock() + (
-            PROGRAM_LEASE_S if visitor.client_id.startswith("program") else PAGE_LEASE_S
-        )
+        is_program = visitor.client_id.startswith("program")
+        self._until_s = self._clock() + (PROGRAM_LEASE_S if is_program else PAGE_LEASE_S)
 
     def _expire(self) -> None:
         if self._lease.holder is not None and self._clock() > self._until_s:
-            self._change(holder=None, before=self._lease.holder)
+            self._change(ControlLease(before=self._lease.holder))
 
-    def _change(
-        self,
-        *,
-        holder: Visitor | None,
-        asking: Visitor | None = None,
-        before: Visitor | None = None,
-        taken: bool = False,
-    ) -> None:
-        serial = self._lease.serial + 1
-        self._lease = ControlLease(
-            serial=serial, holder=holder, asking=asking, before=before, taken=taken
-        )
+    def _change(self, lease: ControlLease) -> None:
+        self._lease = replace(lease, serial=self._lease.serial + 1)

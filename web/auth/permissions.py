@@ -1,7 +1,7 @@
-"""What each request needs, in one table: a role, and for what drives the robot, control of it.
+"""Required role of each request, and control of the robot for those that drive it.
 
-The door asks here before any handler runs. What changes something and is not listed needs an
-operator, so that a new route is closed to viewers until somebody decides otherwise.
+The guard checks it before any handler runs. A request that changes something and is not listed
+needs an operator, so that a new route is closed to viewers by default.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ _DRIVES = re.compile(
     rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
-"""To stand still is always allowed."""
+"""Stopping is always allowed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Requirement:
-    """What a request needs."""
+    """Requirement of a request."""
 
     role: Role
-    """At least."""
+    """Least role."""
     control: bool = False
-    """Whether it drives the robot: then the visitor must be the one in control."""
+    """Whether the visitor must be in control, because the request drives the robot."""
 
 
 def requirement_of(method: str, path: str) -> Requirement:
-    """By method and path; a websocket counts as GET, what is said on it is judged by its handler."""
+    """Return the requirement of a method and path; a websocket counts as GET, its handler checks
+    the messages."""
     if _ADMINS.match(path):
         return Requirement(role=Role.ADMIN)
     if method in SAFE:

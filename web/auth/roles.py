@@ -1,5 +1,4 @@
-"""Roles, each of which may do what the one before it may and more; and a visitor, as the door has
-recognised him."""
+"""Roles, each with the rights of the one before it and more, and authenticated visitors."""
 
 from __future__ import annotations
 
@@ -12,46 +11,45 @@ from starlette.requests import HTTPConnection
 
 
 class Role(StrEnum):
-    """What somebody may do."""
+    """Rights of a user."""
 
     VIEWER = "viewer"
-    """Look, and stop the robot."""
+    """May look, and stop the robot."""
     OPERATOR = "operator"
-    """Drive, edit zones and the beware list."""
+    """May drive, and edit zones and the beware list."""
     ADMIN = "admin"
-    """Decide who else may."""
+    """May manage users."""
 
     def may(self, needed: Role) -> bool:
-        """Whether this role includes another."""
+        """Return whether this role includes another."""
         ranks = list(Role)
         return ranks.index(self) >= ranks.index(needed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visitor:
-    """Who a request comes from."""
+    """Authenticated origin of a request."""
 
     name: str
-    """What he is called on every screen and in the audit."""
+    """Name on all screens and in the audit log."""
     role: Role
-    """What he may do."""
+    """Rights of the visitor."""
     client_id: str
-    """Where he sits: a browser that is logged in, or a program. Control of the robot belongs to a
-    seat."""
+    """Id of the browser or program; control of the robot belongs to one client."""
     logged_in: bool = True
-    """Whether he has said who he is; in an open house nobody has."""
+    """Whether the visitor has logged in; False on a console without users."""
 
 
 SCOPE_KEY = "bewarenav.visitor"
-"""Where the door leaves the visitor in the ASGI scope."""
+"""Key of the visitor in the ASGI scope, set by the guard."""
 
 
 async def _visitor(connection: HTTPConnection) -> Visitor:
-    # A coroutine on purpose: a plain function would wait for a thread of the pool, and the
-    # emergency stop with it.
+    # A coroutine: a plain function, and the emergency stop with it, would wait for a thread of the
+    # pool.
     visitor: Visitor = connection.scope[SCOPE_KEY]
     return visitor
 
 
 CurrentVisitor = Annotated[Visitor, Depends(_visitor)]
-"""For handlers: who asks."""
+"""Parameter of a handler: the visitor."""

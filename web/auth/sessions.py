@@ -1,7 +1,7 @@
-"""Browsers that are logged in. A session ends by log-out, by idleness, by age, and when its user
-changes.
+"""Sessions of logged-in browsers. A session ends by log-out, idleness, age, or a change of its
+user.
 
-The clock is monotonic, so that no change of the machine's date prolongs or ends one.
+The clock is monotonic, so that a change of the date neither prolongs nor ends one.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 from web.auth.users import User
 
-IDLE_S = 12 * 3600.0
-LONGEST_S = 7 * 24 * 3600.0
+MAX_IDLE_S = 12 * 3600.0
+"""Time without a request after which a session ends, seconds."""
+MAX_AGE_S = 7 * 24 * 3600.0
+"""Largest age of a session in seconds."""
 MAX_SESSIONS = 1000
 
 
@@ -29,7 +31,7 @@ class _Session:
 
 
 class Sessions:
-    """In memory: a restart of the console logs everybody out. Safe to use from any thread."""
+    """Sessions in memory; a restart of the console ends them. Safe from any thread."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -37,8 +39,7 @@ class Sessions:
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
 
     def begin(self, user: User) -> str:
-        """The cookie's value of a new session. When there are too many, the one that was silent
-        longest ends."""
+        """Return the cookie of a new session; beyond `MAX_SESSIONS`, the longest idle one ends."""
         cookie, now = secrets.token_urlsafe(32), self._clock()
         with self._lock:
             self._sessions[cookie] = _Session(
@@ -48,14 +49,14 @@ class Sessions:
                 self._sessions.popitem(last=False)
         return cookie
 
-    def of(self, cookie: str) -> tuple[User, str] | None:
-        """User and seat of a cookie that is still good, and it is good for longer now."""
+    def find(self, cookie: str) -> tuple[User, str] | None:
+        """Return user and client id of a valid cookie and renew its session; None for any other."""
         now = self._clock()
         with self._lock:
             session = self._sessions.get(cookie)
             if session is None:
                 return None
-            if now - session.seen_s > IDLE_S or now - session.began_s > LONGEST_S:
+            if now - session.seen_s > MAX_IDLE_S or now - session.began_s > MAX_AGE_S:
                 del self._sessions[cookie]
                 return None
             session.seen_s = now
@@ -63,12 +64,12 @@ class Sessions:
             return session.user, session.client_id
 
     def end(self, cookie: str) -> None:
-        """Log out."""
+        """End a session."""
         with self._lock:
             self._sessions.pop(cookie, None)
 
     def keep_only(self, users: dict[str, User]) -> None:
-        """End the sessions of everybody whose account has gone or changed."""
+        """End the sessions of removed and changed accounts."""
         with self._lock:
             for cookie, session in list(self._sessions.items()):
                 if users.get(session.user.name) != session.user:

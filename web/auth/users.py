@@ -1,5 +1,4 @@
-"""Accounts: what is kept of a user, and how a password or a token becomes something that can be
-kept."""
+"""User accounts, and the hashes of passwords and tokens."""
 
 from __future__ import annotations
 
@@ -16,33 +15,36 @@ from web.auth.roles import Role
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,39}")
 SHORTEST_PASSWORD, LONGEST_PASSWORD = 10, 200
+"""Range of the length of passwords, characters."""
 _COST, _BLOCK, _PARALLEL = 15, 8, 1
+"""Parameters of scrypt: log2 of N, r, and p."""
 _MEMORY = 64 * 1024 * 1024
+"""Memory limit of scrypt in bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class User:
-    """Who may log in."""
+    """User who may log in."""
 
     name: str
-    """Unique."""
+    """Unique name."""
     role: Role
-    """What he may do."""
+    """Rights of the user."""
     password_hash: str
-    """By scrypt, with its cost and its salt."""
+    """Hash of the password by scrypt, with cost and salt."""
     token_hash: str | None = None
-    """SHA-256 of a program's bearer token, which is random and long and needs nothing slower."""
+    """SHA-256 of a program's bearer token, which is long and random; None without a token."""
 
 
 class Users(Protocol):
-    """Where accounts are kept. `add`, `change` and `remove` raise `Refused` or `NotKnown`, all
-    `StorageFailed`."""
+    """Storage of the accounts. `add`, `change` and `remove` raise `Refused` or `NotKnown`, all
+    methods `StorageFailed`."""
 
     def all(self) -> tuple[User, ...]:
-        """By name."""
+        """Return all users, sorted by name."""
 
     def add(self, user: User) -> None:
-        """A new one."""
+        """Add a user."""
 
     def change(
         self,
@@ -53,15 +55,15 @@ class Users(Protocol):
         token_hash: str | None = None,
         instead_of: str | None = None,
     ) -> User:
-        """What is said of one there is, and nothing else of him; `instead_of`: only as long as that
-        is his password's hash."""
+        """Change the given fields of a user; with `instead_of`, only while the stored password hash
+        is this one."""
 
     def remove(self, name: str) -> None:
-        """One fewer."""
+        """Remove a user."""
 
 
 def new_user(name: str, role: Role, password: str) -> User:
-    """Raises `BadConfiguration` for a name or a password that will not do."""
+    """Return a new user; raises `BadConfiguration` for an invalid name or password."""
     if NAME.fullmatch(name) is None:
         raise BadConfiguration(
             f"user name {name!r:.60}: expected 1 to 40 letters, digits, dots, dashes, @ or _"
@@ -70,17 +72,18 @@ def new_user(name: str, role: Role, password: str) -> User:
 
 
 def hash_password(password: str) -> str:
-    """For keeping; raises `BadConfiguration` when it is too short or too long."""
+    """Return the hash of a password; raises `BadConfiguration` when it is too short or too long."""
     if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
         raise BadConfiguration(
             f"the password must have {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} characters"
         )
     salt = secrets.token_bytes(16)
-    return f"scrypt${_COST}${_BLOCK}${_PARALLEL}${_text(salt)}${_text(_scrypt(password, salt, _COST, _BLOCK, _PARALLEL))}"
+    digest = _scrypt(password, salt, _COST, _BLOCK, _PARALLEL)
+    return f"scrypt${_COST}${_BLOCK}${_PARALLEL}${_text(salt)}${_text(digest)}"
 
 
 def is_password(given: str, kept: str) -> bool:
-    """Whether it is the password of which this is kept. Takes some 0.1 s, right or wrong."""
+    """Return whether a password has a stored hash; takes about 0.1 s in either case."""
     _, cost, block, parallel, salt, digest = kept.split("$")
     made = _scrypt(
         given[: LONGEST_PASSWORD + 1], base64.b64decode(salt), int(cost), int(block), int(parallel)
@@ -89,13 +92,13 @@ def is_password(given: str, kept: str) -> bool:
 
 
 def new_token() -> tuple[str, str]:
-    """A bearer token for a program, and what is kept of it."""
+    """Return a new bearer token and its hash."""
     token = f"bn_{secrets.token_urlsafe(32)}"
     return token, hash_token(token)
 
 
 def hash_token(token: str) -> str:
-    """For keeping and for finding."""
+    """Return the hash of a bearer token."""
     return hashlib.sha256(token.encode("utf-8", "surrogatepass")).hexdigest()
 
 

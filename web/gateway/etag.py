@@ -1,4 +1,4 @@
-"""ETag and If-Match: an edit names the version it was made from, so that a lost update is refused."""
+"""ETag and If-Match: an edit names the version it was made from; a lost update is refused."""
 
 from __future__ import annotations
 

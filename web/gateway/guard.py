@@ -1,15 +1,15 @@
-"""The one door: what every request and every websocket upgrade must satisfy before any handler
-runs.
+"""Guard in front of the app: conditions of every request and websocket before any handler runs.
 
-1. Host is one the operator has allowed, so that a foreign name that resolves here (DNS rebinding)
-   gets nothing.
-2. Origin, where a browser names one, is the console itself.
-3. The visitor is known: by session or bearer token, or because the console serves this machine
-   only.
-4. His role allows it, and for what drives the robot he is in control, or gets it because nobody is.
-5. The body is bounded. What may change something goes into the audit.
+1. Host is an allowed name, so that a foreign name that resolves to this machine (DNS rebinding) is
+   refused.
+2. Origin, if the browser names one, is the console itself.
+3. The visitor is authenticated: by session or bearer token, or anonymously on a console of this
+   machine alone.
+4. The role allows the request; for a request that drives the robot, the visitor is in control, or
+   gets control because it is free.
+5. The body is bounded. A request that may change something is written to the audit log.
 
-It is plain ASGI and wraps the whole app, so a route cannot forget it.
+The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,11 @@ from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
 from web.gateway.request_body import bounded_body, replayed
 from web.gateway.security_headers import with_headers
-
-POLICY_VIOLATION = 1008
+from web.gateway.websockets import POLICY_VIOLATION
 
 
 class Guard:
-    """ASGI middleware; see the module's text."""
+    """ASGI middleware; see the module."""
 
     def __init__(
         self,
@@ -58,7 +57,7 @@ class Guard:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse, or hand on to the app."""
+        """Refuse a request, or pass it to the app."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
@@ -69,7 +68,9 @@ class Guard:
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         answer: ASGIApp | None = check_origin(scope, headers, self._hosts)
-        send = with_headers(send, scope, self._seat(scope, headers) if answer is None else {})
+        send = with_headers(
+            send, scope, self._client_cookie(scope, headers) if answer is None else {}
+        )
         body: bytes | Response = b""
         if answer is None:
             visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
@@ -94,7 +95,7 @@ class Guard:
         await (answer or self._app)(scope, receive, send)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
-        """Of somebody who is not known, or may not."""
+        """Return the refusal of an unknown visitor or of a role without the right, or None."""
         if visitor is None:
             assert self._login is not None
             return self._login.ask(scope, headers.get("accept", ""))
@@ -106,12 +107,12 @@ class Guard:
         return None
 
     def _claimed(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
-        """Control is his if he needs it, or the answer that says whose it is. Logging out is
-        answered here too."""
+        """Return the refusal of a visitor who is not in control but has to be, or the answer to a
+        log-out; None for none."""
         assert visitor is not None
         self._control.heartbeat(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
-            return self._login.leave(_cookie(scope, headers), _cookie_name(scope))
+            return self._login.log_out(_cookie(scope, headers), _cookie_name(scope))
         if requirement_of(scope["method"], scope["path"]).control:
             try:
                 self._control.claim(visitor)
@@ -119,8 +120,8 @@ class Guard:
                 return problem(409, "not_in_control", str(error))
         return None
 
-    def _seat(self, scope: Scope, headers: Headers) -> dict[str, str]:
-        """A cookie for a browser that opens the page of an open house."""
+    def _client_cookie(self, scope: Scope, headers: Headers) -> dict[str, str]:
+        """Return the cookie header for a browser that opens the page of a console without users."""
         if (scope["method"], scope["path"]) != ("GET", "/"):
             return {}
         client_id = self._authenticator.issue_client_cookie(_cookie(scope, headers))
@@ -145,8 +146,8 @@ class Guard:
     def _while_known(
         self, scope: Scope, headers: Headers, visitor: Visitor, receive: Receive, send: Send
     ) -> tuple[Receive, Send]:
-        """The connection's two ways, both shut as soon as the visitor is no longer who he was when
-        it was opened."""
+        """Return both directions of a connection; they close when the visitor is no longer
+        authenticated as when it was opened."""
 
         def known() -> bool:
             return self._authenticator.authenticate(headers, _cookie(scope, headers)) == visitor
@@ -167,7 +168,7 @@ class Guard:
 
 
 def _cookie_name(scope: Scope) -> str:
-    # A browser keeps one jar for all ports of a machine; two consoles must not log each other out.
+    # Browsers share cookies among the ports of a machine; two consoles must not log each other out.
     return f"bewarenav_{(scope.get('server') or ('', 0))[1]}"
 
 

@@ -1,4 +1,4 @@
-"""Logging in and out, by a page that works without a script."""
+"""Log-in and log-out by a page that works without scripts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CSP = (
 
 
 class Login:
-    """What answers to somebody who is not known yet."""
+    """Log-in of unknown visitors."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Login:
         self._one_at_a_time = asyncio.Semaphore(1)
 
     def ask(self, scope: Scope, accept: str) -> Response:
-        """401; with a form for a browser that wants to show something."""
+        """Return 401, with the log-in form for a browser."""
         if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in accept:
             return _page()
         headers = {"WWW-Authenticate": "Bearer"}
@@ -50,7 +50,7 @@ class Login:
         )
 
     async def attempt(self, scope: Scope, body: bytes, cookie_name: str) -> Response:
-        """The form was sent: name and password."""
+        """Return the answer to a sent form with name and password."""
         form = parse_qs(body[:2000].decode("utf-8", "replace"))
         name, password = single(form.get("name", [])) or "", single(form.get("password", [])) or ""
         address = str((scope.get("client") or ("?", 0))[0])
@@ -61,9 +61,9 @@ class Login:
                 status=429,
                 headers={"Retry-After": str(wait_s)},
             )
-        async with self._one_at_a_time:  # each takes much memory and time, and that is its purpose
+        async with self._one_at_a_time:  # hashing is slow and needs memory on purpose
             cookie = await asyncio.to_thread(self._authenticator.log_in, name, password)
-        who = name if name.isprintable() and len(name) <= 40 else "somebody"
+        who = name if name.isprintable() and len(name) <= 40 else "unknown"
         status = 401 if cookie is None else 200
         await self._auditor.note(
             {"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address}
@@ -75,8 +75,8 @@ class Login:
         response.headers.append("Set-Cookie", cookie_header(cookie_name, cookie, scope))
         return response
 
-    def leave(self, cookie: str, cookie_name: str) -> Response:
-        """Log out."""
+    def log_out(self, cookie: str, cookie_name: str) -> Response:
+        """Return the answer to a log-out."""
         self._authenticator.sessions.end(cookie)
         response = RedirectResponse("/", status_code=303)
         response.delete_cookie(cookie_name, path="/", httponly=True, samesite="strict")
@@ -84,7 +84,7 @@ class Login:
 
 
 def cookie_header(name: str, value: str, scope: Scope) -> str:
-    """A cookie that no script can read and no other page can send."""
+    """Return a cookie that no script can read and no other page can send."""
     response = Response()
     secure = scope.get("scheme") in ("https", "wss")
     response.set_cookie(name, value, httponly=True, samesite="strict", secure=secure, path="/")

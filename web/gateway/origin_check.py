@@ -1,4 +1,4 @@
-"""Where a request comes from: the name it used for this console, and the web page that made it."""
+"""Check of a request's Host and Origin."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ from web.gateway.problems import problem
 
 
 def check_origin(scope: Scope, headers: Headers, allowed_hosts: frozenset[str]) -> Response | None:
-    """421 for a foreign name (DNS rebinding), 403 for a foreign page. CORS rules do not cover
-    websockets; this does.
+    """Return 421 for a foreign name (DNS rebinding), 403 for a foreign page, 404 for a path with
+    control characters; None for none. CORS rules do not cover websockets; this check does.
 
-    And 404 for a path that nobody can have meant: a router takes one that ends in a line feed for
-    the route without it, so that who may do what could be asked for another path than is then
-    served.
+    A router matches a path that ends in a line feed with the route without it, so that permissions
+    would be checked for another path than the one that is served.
     """
     host = (single(headers.getlist("host")) or "").lower()
     if not host or not (host in allowed_hosts or _without_port(host) in allowed_hosts):
@@ -35,7 +34,7 @@ def check_origin(scope: Scope, headers: Headers, allowed_hosts: frozenset[str]) 
 
 
 def single(values: Sequence[str]) -> str | None:
-    """The one value; None when there is none, or several that may contradict each other."""
+    """Return the only value; None for none, or for several, which may contradict each other."""
     return values[0] if len(values) == 1 else None
 
 
@@ -45,7 +44,7 @@ def _without_port(host: str) -> str:
 
 
 def _is_own_origin(headers: Headers, host: str) -> bool:
-    """A browser names the origin of scripts and forms; a program need not."""
+    """Return whether all named origins are the console; programs name none."""
     origins: Iterable[str] = headers.getlist("origin")
     return all(_netloc(origin) == host for origin in origins)
 
@@ -64,8 +63,8 @@ def _netloc(origin: str) -> str | None:
 
 
 def _is_foreign_fetch(headers: Headers, scope: Scope) -> bool:
-    """A picture or script of the console embedded in another page: browsers say so though they name
-    no origin."""
+    """Return whether another page embeds a resource of the console: browsers then name no origin
+    but send `Sec-Fetch-Site`."""
     if headers.get("sec-fetch-site") not in ("cross-site", "same-site"):
         return False
     opened = scope["type"] == "http" and scope["method"] == "GET"

@@ -1,5 +1,5 @@
-"""Refusals in one shape: the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, never
-the input itself.
+"""Refusals in one shape: the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`,
+never the input itself.
 
 FastAPI's own 422 echoes what was sent; NaN, 1e999 and lone surrogates in an echo cannot be written
 as JSON and turn the refusal into a 500. So an answer holds position and reason only.
@@ -72,8 +72,8 @@ def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 class JsonResponse(Response):
-    """JSON that can always be written: text that is not Unicode is escaped, and a number that is not
-    finite becomes null."""
+    """JSON that can always be written: text that is not Unicode is escaped, and a number that is
+    not finite becomes null."""
 
     media_type = "application/json"
 

@@ -1,4 +1,4 @@
-"""Bodies of requests, bounded in size and in time, read before anything is decided by them."""
+"""Bodies of requests, bounded in size and time, read before any handler runs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from starlette.types import Message, Receive, Scope
 from web.gateway.problems import problem
 
 MAX_BODY_BYTES = 1_000_000
+"""Largest body in bytes."""
 BODY_TIMEOUT_S = 10.0
+"""Time limit of the arrival of a body, seconds."""
 
 
 async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
-    """The whole body, or the refusal of one that is too large or too slow."""
+    """Return the whole body, or the refusal of one that is too large or too slow."""
     if scope["method"] in ("GET", "HEAD", "OPTIONS"):
         return b""
     too_large = problem(413, "too_large", f"a body may have at most {MAX_BODY_BYTES} bytes", "body")
@@ -39,7 +41,7 @@ async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
 
 
 def replayed(body: bytes, receive: Receive) -> Receive:
-    """A `receive` that gives the body that was read already."""
+    """Return a `receive` that gives a body that was read already."""
     waiting = [body]
 
     async def replay() -> Message:

@@ -1,5 +1,5 @@
-"""The map in tiles, and which of them changed: what a large map costs follows what changes on it,
-not its size."""
+"""Tiles of the map and their versions: the cost of an update depends on the changes, not on the
+size of the map."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from navcore.mission.beware_list import BewareList
 from web.interface.snapshots import TickSnapshot
 
 TILE = 256
-"""Cells to a side; a multiple of the 64 cells of a word."""
+"""Side of a tile in cells; a multiple of the 64 cells of a word."""
 
 Tile = tuple[int, int]
 Part = tuple[int, int, int, int]
 
 
 class TileVersions:
-    """Compares each picture with the last; safe to use from any thread."""
+    """Versions of the tiles, from comparing each tick with the last; safe from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -30,18 +30,16 @@ class TileVersions:
         self._versions: npt.NDArray[np.int64] = np.zeros((0, 0), dtype=np.int64)
         self._newest = 0
 
-    def update(
-        self, picture: TickSnapshot, beware: BewareList
-    ) -> tuple[int, npt.NDArray[np.int64]]:
-        """The newest version, and (tiles down, tiles across) the version at which each tile last
-        changed."""
+    def update(self, tick: TickSnapshot, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
+        """Return the newest version, and (tile rows, tile columns) the version of the last change
+        of each tile."""
         with self._lock:
-            layers = {**picture.occupancy.masks, "seen": picture.seen_mask}
-            if picture.prior is not None:
-                layers["prior"] = picture.prior
-            spec = picture.grid_spec
+            layers = {**tick.occupancy.masks, "seen": tick.seen_mask}
+            if tick.prior is not None:
+                layers["prior"] = tick.prior
+            spec = tick.grid_spec
             shape = -(-spec.rows // TILE), -(-spec.cols // TILE)
-            # Another list may paint the same cells otherwise.
+            # Another list may paint the same cells in other colours.
             key = (beware.version, spec)
             if key != self._key or shape != self._versions.shape:
                 self._key, self._newest = key, self._newest + 1
@@ -65,14 +63,14 @@ class TileVersions:
         return changed
 
 
-def tile_cells(tile: Tile, picture: TickSnapshot) -> Part:
-    """(top, left, bottom, right) cells of a tile."""
-    spec = picture.grid_spec
+def tile_cells(tile: Tile, tick: TickSnapshot) -> Part:
+    """Return (top, left, bottom, right) cells of a tile."""
+    spec = tick.grid_spec
     top, left = tile[0] * TILE, tile[1] * TILE
     return top, left, min(top + TILE, spec.rows), min(left + TILE, spec.cols)
 
 
 def changed_since(versions: npt.NDArray[np.int64], since: int) -> Iterator[tuple[Tile, int]]:
-    """The tiles that changed after a version, with theirs."""
+    """Yield the tiles that changed after a version, with their versions."""
     for row, col in np.argwhere(versions > since):
         yield (int(row), int(col)), int(versions[row, col])

@@ -179,7 +179,8 @@ class RobotService(Protocol):
         tick."""
 
     def mission(self, action: MissionAction) -> None:
-        """Start, pause, resume or cancel the mission, or leave the beware area that the robot is in."""
+        """Start, pause, resume or cancel the mission, or leave the beware area that the robot is
+        in."""
 
     def drive(self, twist: Twist | None) -> None:
         """Drive by hand: a velocity for at most 0.25 s, through the safety gate; None ends it. A

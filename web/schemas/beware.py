@@ -12,11 +12,11 @@ from navcore.mission.beware_list import LARGEST_CLASS_ID, OPTIONAL, BewareClass,
 from web.images import palette
 from web.interface.operations import BewareEdits
 from web.interface.wire import DOCUMENTED, documented_as, values_of
-from web.schemas.fields import Body, Changes, Closed
+from web.schemas.fields import Body, Changes, Closed, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
 BewareChanges = Annotated[
-    Mapping[str, object], Changes(BewareClass, fixed=("name", "class_id"), optional=OPTIONAL)
+    Mapping[str, object], Changes(body_model(BewareClass, omitted=("name", "class_id")), OPTIONAL)
 ]
 """Changed fields of one class; null removes an optional one."""
 

@@ -88,49 +88,46 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """Annotation of a mapping: the changed fields of a dataclass, each validated as in `Body`."""
+    """Annotation of a mapping: the given fields of a body, all of which may be missing or null."""
 
-    kind: type
-    """Dataclass whose fields change."""
-    fixed: tuple[str, ...]
-    """Fields that cannot be changed."""
+    model: type[Closed]
+    """Body whose fields change."""
     optional: tuple[str, ...]
     """Fields that null removes; null leaves every other field unchanged."""
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return a schema that validates a body and keeps the given fields."""
-        model = body_model(self.kind, omitted=self.fixed, partial=True)
+        fields: dict[str, Any] = {
+            name: (field.rebuild_annotation() | None, Field(None, description=field.description))
+            for name, field in self.model.model_fields.items()
+        }
+        model = create_model(f"{self.model.__name__}Changes", __base__=Closed, **fields)
 
         def given(body: BaseModel) -> Mapping[str, object]:
-            fields = body.model_dump(exclude_unset=True).items()
+            changes = body.model_dump(exclude_unset=True).items()
             return {
-                name: value for name, value in fields if value is not None or name in self.optional
+                name: value for name, value in changes if value is not None or name in self.optional
             }
 
         return core_schema.no_info_after_validator_function(given, handler.generate_schema(model))
 
 
 def body_model(
-    kind: type[Any],
-    *,
-    omitted: tuple[str, ...] = (),
-    ignored: tuple[str, ...] = (),
-    partial: bool = False,
+    kind: type[Any], *, omitted: tuple[str, ...] = (), ignored: tuple[str, ...] = ()
 ) -> type[Closed]:
-    """Return the body of a dataclass; with `partial`, every field may be missing or null."""
+    """Return the body of a dataclass without some fields, with further keys that are ignored."""
     texts, hints = descriptions(kind), typing.get_type_hints(kind)
-    fields: dict[str, Any] = {}
+    fields: dict[str, Any] = {
+        name: (StrictStr | None, Field(None, description="Ignored.")) for name in ignored
+    }
     for field in dataclasses.fields(kind):
-        if field.name in omitted:
-            continue
-        hint = _constrained(hints[field.name], field.metadata)
-        default = ... if field.default is dataclasses.MISSING else field.default
-        description = Field(None if partial else default, description=texts.get(field.name))
-        fields[field.name] = (hint | None if partial else hint, description)
-    for name in ignored:
-        fields[name] = (StrictStr | None, Field(None, description="Ignored."))
-    name = f"{kind.__name__}{'Changes' if partial else ''}"
-    return create_model(name, __base__=Closed, __doc__=kind.__doc__, **fields)
+        if field.name not in omitted:
+            default = ... if field.default is dataclasses.MISSING else field.default
+            fields[field.name] = (
+                _constrained(hints[field.name], field.metadata),
+                Field(default, description=texts.get(field.name)),
+            )
+    return create_model(kind.__name__, __base__=Closed, __doc__=kind.__doc__, **fields)
 
 
 def _constrained(hint: Any, metadata: Mapping[str, Any]) -> Any:

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from web.interface.wire import DOCUMENTED, Position
+from navcore.grid.grid import GridSpec
+from web.interface.wire import DOCUMENTED, Position, documented_as
 from web.schemas.zones import ZoneOut
 
 
-class MapOut(BaseModel):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapOut(GridSpec):
     """Position and size of the map, and size of the robot."""
 
-    model_config = DOCUMENTED
+    __pydantic_config__: ClassVar[ConfigDict] = documented_as(GridSpec)
 
     frame: Literal["map"] = "map"
     """Frame of the coordinates."""
     version: int
     """Version of the cells."""
-    resolution_m: float
-    """Side of a cell in metres."""
-    rows: int
-    """Number of rows of cells, along y."""
-    cols: int
-    """Number of columns of cells, along x."""
-    origin_x_m: float
-    """x of the lower-left corner in metres of the map frame."""
-    origin_y_m: float
-    """y of the lower-left corner in metres of the map frame."""
     robot_length_m: float
     """Length of the robot in metres."""
     robot_width_m: float

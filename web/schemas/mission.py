@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, cast
+from typing import Annotated
 
 from pydantic import BaseModel, Field, StrictBool
 
 from navcore.mission.mission import Goal, Phase
 from web.interface.drafts import GoalChanges
 from web.interface.wire import DOCUMENTED
-from web.schemas.fields import Closed, Label, Metres, Radians
+from web.schemas.fields import Changes, Closed, Label, Metres, Radians
 
 GoalId = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 
@@ -27,23 +27,8 @@ class GoalIn(Closed):
     """Name that the operator gave it."""
 
 
-class GoalPatchIn(Closed):
-    """Changed fields of a waiting goal; null removes the heading."""
-
-    x_m: Metres | None = None
-    """x in metres of the map frame."""
-    y_m: Metres | None = None
-    """y in metres of the map frame."""
-    yaw_rad: Radians | None = None
-    """Heading at the goal in radians; null for any."""
-    name: Label | None = None
-    """Name of the goal."""
-
-    def changes(self) -> GoalChanges:
-        """Return the given fields."""
-        given = self.model_dump(exclude_unset=True).items()
-        changed = {name: value for name, value in given if value is not None or name == "yaw_rad"}
-        return cast("GoalChanges", changed)
+GoalPatchIn = Annotated[GoalChanges, Changes(GoalIn, optional=("yaw_rad",))]
+"""Changed fields of a waiting goal; null removes the heading."""
 
 
 class GoalOrderIn(Closed):

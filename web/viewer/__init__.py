@@ -1,1 +1,1 @@
-"""The 3D view: what of the robot's world is drawn, and what a click in it means."""
+"""3D view of the robot's world, and clicks in it."""

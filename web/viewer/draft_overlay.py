@@ -1,5 +1,5 @@
-"""One operator's view: what the draft looks like, and what clicks and drags in it report to the
-page. Others do not see it."""
+"""Draft of one operator in the 3D view, and the clicks and drags that it reports to the page. Other
+operators do not see it."""
 
 from __future__ import annotations
 
@@ -19,34 +19,38 @@ from web.viewer.picking import Point, clamped, floor_point
 
 log = logging.getLogger(__name__)
 
-DRAFT_Z = 0.09
-MARK_Z = 0.12
+DRAFT_Z, HIGHLIGHT_Z = 0.09, 0.12
+"""Heights of the drawn lines above the floor, metres."""
 HANDLE_M = 0.13
+"""Size of a corner's handle in metres."""
+PLACE_M = 0.4
+"""Half the size of the mark at a highlighted position, metres."""
+PLACE_COLOUR = "#f0b429"
 
 Post = Callable[[dict[str, Any]], None]
 
 
 class DraftOverlay:
-    """The draft in one client's scene."""
+    """Draft in one client's scene."""
 
     def __init__(
         self, client: viser.ClientHandle, post: Post, spec: Callable[[], GridSpec | None]
     ) -> None:
         self._client, self._post, self._spec = client, post, spec
         self._handles: Any = None
-        self._marked: Any = None
+        self._highlighted: Any = None
         self._count = 0
         self._draggable = False
         self._nodes: dict[str, Any] = {}
-        # Taken all the time, not only while picking: to ask the browser for them would cost the
-        # first click of a mode. A coroutine, so that quick clicks keep their order; viser awaits
-        # it, though its signature does not say so.
+        # Clicks are received in every mode: asking the browser for them would lose the first click
+        # of a mode. A coroutine keeps the order of quick clicks; viser awaits it, though its
+        # signature does not say so.
         client.scene.on_click()(self._clicked)  # type: ignore[arg-type]
 
     def show(self, draft: Draft) -> None:
-        """Draw the draft; its corners can be dragged while it is edited."""
+        """Draw the draft; its corners can be dragged in the mode `edit`."""
         corners = np.array(draft.corners, dtype=np.float64).reshape(-1, 2)
-        # What the corners stand for: a circle has two.
+        # The shape of the corners: a circle has two.
         shape = np.array(draft.outline or draft.corners, dtype=np.float64).reshape(-1, 2)
         with self._client.atomic():
             self._line(
@@ -57,29 +61,29 @@ class DraftOverlay:
             )
             self._show_handles(corners, draggable=draft.mode == "edit")
 
-    def mark(self, mark: Highlight) -> None:
-        """Draw the explained path and the place of a jump; each replaces what was marked before."""
+    def highlight(self, highlight: Highlight) -> None:
+        """Draw highlighted lines and a position, replacing the previous ones."""
         lines = [
             (line.colour, np.array(line.points).reshape(-1, 2))
-            for line in mark.lines
+            for line in highlight.lines
             if len(line.points) > 1
         ]
-        if mark.place is not None:
-            around = np.array(mark.place) + 0.4 * np.array(
+        if highlight.place is not None:
+            around = np.array(highlight.place) + PLACE_M * np.array(
                 [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]
             )
-            lines.append(("#f0b429", closed_ring(around)))
+            lines.append((PLACE_COLOUR, closed_ring(around)))
         with self._client.atomic():
-            if self._marked is not None:
-                self._marked.remove()
-                self._marked = None
+            if self._highlighted is not None:
+                self._highlighted.remove()
+                self._highlighted = None
             if lines:
-                segments = [polyline_segments(points, MARK_Z) for _, points in lines]
+                segments = [polyline_segments(points, HIGHLIGHT_Z) for _, points in lines]
                 colours = [
                     np.tile(_rgb(colour), (len(part), 2, 1))
                     for (colour, _), part in zip(lines, segments, strict=True)
                 ]
-                self._marked = self._client.scene.add_line_segments(
+                self._highlighted = self._client.scene.add_line_segments(
                     "/mark", np.concatenate(segments), np.concatenate(colours), thickness=0.12
                 )
 
@@ -97,7 +101,7 @@ class DraftOverlay:
             self._count,
             self._draggable,
         ):
-            # Moved in place: a handle that is removed would end the drag that moves it.
+            # Moved in place: removing a handle would end its drag.
             self._handles.batched_positions = positions
             return
         if self._handles is not None:
@@ -123,11 +127,11 @@ class DraftOverlay:
         self._report({"type": "click"}, floor_point(event.ray_origin, event.ray_direction))
 
     async def _dragged(self, event: Any) -> None:
-        """The pointer is given on a plane that faces the camera; the ray through it meets the floor
-        elsewhere."""
+        """Report the floor point below the pointer; the event gives a point on a plane that faces
+        the camera."""
         eye = np.asarray(event.client.camera.position, dtype=np.float64)
-        way = np.asarray(event.end_position, dtype=np.float64) - eye
-        point = floor_point(eye.tolist(), way.tolist())
+        direction = np.asarray(event.end_position, dtype=np.float64) - eye
+        point = floor_point(eye.tolist(), direction.tolist())
         index = event.instance_index
         if isinstance(index, int) and 0 <= index < self._count:
             self._report({"type": "drag", "phase": str(event.phase), "index": index}, point)
@@ -141,5 +145,5 @@ class DraftOverlay:
 
 
 def _rgb(colour: str) -> npt.NDArray[np.uint8]:
-    """Of `#rrggbb`."""
+    """Return (3,) the colour `#rrggbb`."""
     return np.frombuffer(bytes.fromhex(colour[1:]), dtype=np.uint8)

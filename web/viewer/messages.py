@@ -1,14 +1,13 @@
-"""What a console page tells its 3D view: the mode, the draft it is working on, where to look, what
-to show."""
+"""Messages of a console page to its 3D view: draft, camera, display options, highlights."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from navcore.mission.zone import MAX_CORNERS
-from web.schemas.fields import MAX_NAME, Corner, Share
+from web.schemas.fields import MAX_NAME, Closed, Corner, Share
 
 Layer = Literal[
     "cloud",
@@ -27,31 +26,27 @@ LAYERS: tuple[Layer, ...] = get_args(Layer)
 Mode = Literal["navigate", "goal", "draw", "edit"]
 
 
-class _Closed(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Draft(_Closed):
-    """What this operator is drawing; it lives in the page, the 3D view only shows it."""
+class Draft(Closed):
+    """Draft of the operator; the page keeps it, the 3D view shows it."""
 
     type: Literal["draft"] = "draft"
     mode: Mode = "navigate"
-    corners: Annotated[list[Corner], Field(max_length=MAX_CORNERS)] = []
-    outline: Annotated[list[Corner], Field(max_length=2 * MAX_CORNERS)] = []
-    path: Annotated[list[Corner], Field(max_length=4000)] = []
+    corners: Annotated[tuple[Corner, ...], Field(max_length=MAX_CORNERS)] = ()
+    outline: Annotated[tuple[Corner, ...], Field(max_length=2 * MAX_CORNERS)] = ()
+    path: Annotated[tuple[Corner, ...], Field(max_length=4000)] = ()
 
 
-class CameraMove(_Closed):
-    """Where this operator's camera goes."""
+class CameraMove(Closed):
+    """Motion of the operator's camera."""
 
     type: Literal["look"]
     at: Literal["overview", "top", "robot", "place"]
     place: Corner | None = None
-    """(x, y) on the map, where `at` is `place`."""
+    """Position (x, y) in metres of the map frame, for `at` = `place`."""
 
 
-class HighlightedLine(_Closed):
-    """A line on the floor in a colour of its own."""
+class HighlightedLine(Closed):
+    """Line on the floor with its own colour."""
 
     colour: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
     points: Annotated[list[Corner], Field(max_length=2000)]
@@ -59,22 +54,24 @@ class HighlightedLine(_Closed):
     name: Annotated[str, Field(max_length=MAX_NAME)] | None = None
 
 
-class Highlight(_Closed):
-    """What this operator has asked about: the explained path, and a place of the log."""
+class Highlight(Closed):
+    """Answer to a question of the operator: an explained path, or a position of the event log."""
 
     type: Literal["mark"]
-    lines: Annotated[list[HighlightedLine], Field(max_length=200)] = []
+    lines: Annotated[tuple[HighlightedLine, ...], Field(max_length=200)] = ()
     place: Corner | None = None
 
 
-class DisplayOptions(_Closed):
-    """How the scene is shown; the same for every operator."""
+class DisplayOptions(Closed):
+    """Display of the scene, the same for every operator."""
 
     type: Literal["show"]
     cloud_colour: Literal["camera", "class", "height"]
     hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
-    strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = {}
-    """How strongly a layer is drawn; one that is not named fully."""
+    strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = Field(
+        default_factory=dict
+    )
+    """Opacity of layers, 0 to 1; 1 for those not named."""
 
 
 PageMessage: TypeAdapter[Draft | CameraMove | DisplayOptions | Highlight] = TypeAdapter(

@@ -1,5 +1,4 @@
-"""Which console page a viewer belongs to, and the thread-safe way from a click in the one to the
-other."""
+"""Links from the 3D view to the console pages, safe from any thread."""
 
 from __future__ import annotations
 
@@ -11,14 +10,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 PAGE_ID = re.compile(r"[a-z0-9]{16,64}")
-"""Made by the page itself, at random; it names the page, it proves nothing."""
+"""Random id that a page makes for itself; it names the page and proves nothing."""
 PAGE_ID_HEADER = "X-Console-Page"
 MAX_WAITING = 64
+"""Largest number of messages that wait for a page."""
 
 
 class PageLink:
-    """Messages for one page: posted from viser's thread, taken on the web server's loop. Old ones
-    give way to new ones."""
+    """Messages for one page: posted by viser's thread, taken by the web server's event loop; beyond
+    `MAX_WAITING`, the oldest is dropped."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -26,16 +26,16 @@ class PageLink:
         self._ready = asyncio.Event()
 
     def post(self, message: dict[str, Any]) -> None:
-        """From any thread."""
+        """Queue a message, from any thread."""
         self._waiting.append(message)
         try:
             self._loop.call_soon_threadsafe(self._ready.set)
         except RuntimeError:
-            # The loop has ended, and the page with it.
+            # The event loop has ended.
             self._waiting.clear()
 
     async def next(self) -> dict[str, Any]:
-        """The oldest message that waits."""
+        """Wait for the oldest message and return it."""
         while not self._waiting:
             self._ready.clear()
             await self._ready.wait()
@@ -44,18 +44,18 @@ class PageLink:
 
 @dataclass(slots=True)
 class PageLinks:
-    """The pages that listen, by id."""
+    """Links of the connected pages, by id."""
 
     _links: dict[str, PageLink] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def put(self, page_id: str, link: PageLink) -> None:
-        """A page listens; one of the same id before it does no more."""
+        """Connect a page, replacing a link of the same id."""
         with self._lock:
             self._links[page_id] = link
 
     def drop(self, page_id: str, link: PageLink) -> bool:
-        """A page has gone; False when it has come back on another connection meanwhile."""
+        """Disconnect a page; return False when it has reconnected meanwhile."""
         with self._lock:
             present = self._links.get(page_id) is link
             if present:
@@ -63,7 +63,7 @@ class PageLinks:
             return present
 
     def post(self, page_id: str, message: dict[str, Any]) -> None:
-        """To the page, if it listens."""
+        """Post a message to a page, if it is connected."""
         with self._lock:
             link = self._links.get(page_id)
         if link is not None:

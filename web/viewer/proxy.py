@@ -1,8 +1,8 @@
-"""The 3D viewer behind the one door: HTTP and websocket of viser, relayed below `/viewer`.
+"""Proxy of the 3D view behind the guard: viser's HTTP and websocket, relayed below `/viewer`.
 
-The relay keeps no queue: a message is taken from viser when the one before it has left, so a slow
-client costs no memory and gets the newest values when it wakes, as viser itself promises. Deflate
-is off on both legs; it costs more than a LAN saves.
+The relay has no queue: it takes a message from viser when the previous one has left, so a slow
+client costs no memory and later gets the newest values, as viser promises. Compression is off on
+both sides; it costs more than it saves in a local network.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from web.auth.roles import CurrentVisitor, Role
-from web.gateway.websockets import until_one_ends
+from web.gateway.websockets import GOING_AWAY, TRY_AGAIN, until_one_ends
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER
 from web.viewer.viewer import Viewer
 
@@ -26,33 +26,33 @@ log = logging.getLogger(__name__)
 
 CAMERA_MESSAGE = "ViewerCameraMessage"
 TIMEOUT_S = 5.0
+"""Time limit of a request to viser, seconds."""
 MAX_FROM_VIEWER = 256 * 1024 * 1024
-"""Bytes of one message of viser; a scene that a new client gets at once is large."""
+"""Largest message of viser in bytes; a new client gets the whole scene."""
 _PACE = b'<script src="/page/core/pace.js"></script>'
-"""What keeps viser's page from drawing where nothing is to be seen."""
-GOING_AWAY, TRY_AGAIN = 1001, 1013
+"""Script that keeps viser's page from drawing while it is hidden."""
 
 
 class _Kind(msgspec.Struct):
-    """All that the door reads of a message to viser."""
+    """Type of a message to viser."""
 
     type: str
 
 
 def viewer_router(viewer: Viewer | None) -> APIRouter:
-    """`/viewer/…`, with or without the id of the page that embeds it."""
+    """Return the routes `/viewer/…`, with or without the id of the embedding page."""
     router = APIRouter(include_in_schema=False)
 
     @router.get("/viewer")
     @router.get("/viewer/")
     async def page() -> Response:
-        """viser's page."""
+        """Return viser's page."""
         return await _fetch(viewer)
 
     @router.get("/viewer/{page_id}")
     @router.get("/viewer/{page_id}/")
     async def page_of(page_id: str) -> Response:
-        """viser's page for one console page: its clicks go to that page."""
+        """Return viser's page for one console page, which gets its clicks."""
         if PAGE_ID.fullmatch(page_id) is None:
             raise HTTPException(404, "nothing is here")
         return await _fetch(viewer)
@@ -61,7 +61,7 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
     @router.websocket("/viewer")
     @router.websocket("/viewer/{page_id}")
     async def relay(socket: WebSocket, visitor: CurrentVisitor, page_id: str = "") -> None:
-        """viser's websocket."""
+        """Relay viser's websocket."""
         offered = socket.scope.get("subprotocols", [])
         if (
             viewer is None
@@ -82,7 +82,7 @@ async def _fetch(viewer: Viewer | None) -> Response:
         )
     async with httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client:
         upstream = await client.get(f"{viewer.http_url}/")
-    # The script has to be there before the first frame is asked for.
+    # The script must load before the first frame is drawn.
     body = upstream.content.replace(b"<head>", b"<head>" + _PACE, 1)
     headers = {
         "Content-Type": upstream.headers.get("content-type", "text/html"),
@@ -103,7 +103,9 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool)
     )
     async with connecting as upstream:
         await socket.accept(subprotocol=viewer.subprotocol)
-        await until_one_ends(_down(upstream, socket), _up(socket, upstream, acts=acts))
+        await until_one_ends(
+            _from_viewer(upstream, socket), _to_viewer(socket, upstream, acts=acts)
+        )
     if (
         socket.client_state is WebSocketState.CONNECTED
         and socket.application_state is WebSocketState.CONNECTED
@@ -111,17 +113,17 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool)
         await socket.close(GOING_AWAY)
 
 
-async def _down(upstream: ClientConnection, socket: WebSocket) -> None:
+async def _from_viewer(upstream: ClientConnection, socket: WebSocket) -> None:
     async for message in upstream:
         if isinstance(message, bytes):
             await socket.send_bytes(message)
 
 
-async def _up(socket: WebSocket, upstream: ClientConnection, *, acts: bool) -> None:
+async def _to_viewer(socket: WebSocket, upstream: ClientConnection, *, acts: bool) -> None:
     while True:
         message = await socket.receive()
         if message["type"] != "websocket.receive" or message.get("bytes") is None:
-            # viser speaks binary only; anything else ends this connection and no other.
+            # viser sends binary messages only; any other ends this connection.
             return
         if not acts:
             try:
@@ -129,5 +131,5 @@ async def _up(socket: WebSocket, upstream: ClientConnection, *, acts: bool) -> N
             except msgspec.MsgspecError:
                 return
             if kind != CAMERA_MESSAGE:
-                continue  # somebody who may only look says where his camera is; whatever else he says is not heard
+                continue  # of a viewer's messages, only the camera pose is accepted
         await upstream.send(message["bytes"])

@@ -1,4 +1,4 @@
-"""The 3D view: a viser server on the loopback, the thread that feeds it, and the sketches of its
+"""3D view: a viser server on the loopback, the thread that feeds it, and the draft overlays of its
 clients."""
 
 from __future__ import annotations
@@ -9,12 +9,9 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
 
 import numpy as np
-import rich
 import viser
-from viser import _messages
 from viser.extras import ViserUrdf
 
 from navcore.grid.grid import GridSpec
@@ -32,40 +29,34 @@ from web.viewer.layers.primitives import PrimitivesLayer
 from web.viewer.layers.robot import CameraLayer, PathLayer, RobotLayer
 from web.viewer.messages import LAYERS, CameraMove, DisplayOptions, Draft, Highlight
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, PageLinks
+from web.viewer.viser_compat import Quiet, accept_only_needed_messages, request_header
 
 log = logging.getLogger(__name__)
 
-PERIOD_S = 0.1
-JOIN_S = 2.0
-# What a viewer of this console may say: where it looks, and what was pressed. Uploads, widgets and
-# the public tunnel are deaf.
-_HEARD = (
-    _messages.ViewerCameraMessage,
-    _messages.ScenePointerMessage,
-    _messages.SceneNodeClickMessage,
-    _messages.SceneNodeDragMessage,
-)
+PERIOD_S, JOIN_S = 0.1, 2.0
+"""Period of the feeding thread, and time limit of its end, seconds."""
+Place = tuple[float, float, float]
 
 
 class Viewer:
-    """Start, feed, stop; safe to call from any thread."""
+    """3D view of the console; safe from any thread."""
 
     def __init__(self, operations: RobotService) -> None:
         self.links = PageLinks()
         self._operations = operations
         self._lock = threading.RLock()
         self._drafts: dict[str, Draft] = {}
-        self._marks: dict[str, Highlight] = {}
-        self._sketches: dict[int, tuple[str, DraftOverlay]] = {}
+        self._highlights: dict[str, Highlight] = {}
+        self._overlays: dict[int, tuple[str, DraftOverlay]] = {}
         self._clients: dict[int, viser.ClientHandle] = {}
-        self._show = DisplayOptions(type="show", cloud_colour="camera", hidden=["candidates"])
+        self._display = DisplayOptions(type="show", cloud_colour="camera", hidden=["candidates"])
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
-        self._placed = False
-        with _Quiet():
+        self._camera_placed = False
+        with Quiet():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        _restrict(self._server)
+        accept_only_needed_messages(self._server)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.main_panel.minimize()
         # Shadow maps are the dearest part of a frame that a processor draws, and tell an operator
@@ -76,7 +67,7 @@ class Viewer:
         }
         self._roots["candidates"].visible = False
         self._cloud = CloudLayer(self._server)
-        self._layers = self._built_layers()
+        self._layers = self._build_layers()
         self._server.on_client_connect(self._joined)
         self._server.on_client_disconnect(self._left)
         self._thread = threading.Thread(target=self._feed, name="viewer-feed", daemon=True)
@@ -84,17 +75,17 @@ class Viewer:
 
     @property
     def http_url(self) -> str:
-        """Where viser's page is, on this machine only."""
+        """URL of viser's page, on this machine only."""
         return f"http://127.0.0.1:{self._server.get_port()}"
 
     @property
     def websocket_url(self) -> str:
-        """Where viser's websocket is, on this machine only."""
+        """URL of viser's websocket, on this machine only."""
         return f"ws://127.0.0.1:{self._server.get_port()}"
 
     @property
     def subprotocol(self) -> str:
-        """What viser's page and server must agree on."""
+        """Websocket subprotocol of viser's page and server."""
         return f"viser-v{viser.__version__}"
 
     def close(self) -> None:
@@ -102,100 +93,99 @@ class Viewer:
         self._ending.set()
         self._wake.set()
         self._thread.join(JOIN_S)
-        with _Quiet():
+        with Quiet():
             self._server.stop()
 
     def receive(
         self, page_id: str, message: Draft | CameraMove | DisplayOptions | Highlight
     ) -> None:
-        """What a console page wants of the 3D view."""
+        """Apply a message of a console page."""
         with self._lock:
             if isinstance(message, Draft):
                 self._drafts[page_id] = message
-                for sketch in self._sketches_of(page_id):
-                    sketch.show(message)
+                for overlay in self._overlays_of(page_id):
+                    overlay.show(message)
             elif isinstance(message, CameraMove):
-                for client_id, (owner, _) in self._sketches.items():
+                for client_id, (owner, _) in self._overlays.items():
                     if owner == page_id:
-                        self._look(self._clients[client_id], message.at, message.place)
+                        self._move_camera(self._clients[client_id], message.at, message.place)
             elif isinstance(message, Highlight):
-                self._marks[page_id] = message
-                for sketch in self._sketches_of(page_id):
-                    sketch.mark(message)
+                self._highlights[page_id] = message
+                for overlay in self._overlays_of(page_id):
+                    overlay.highlight(message)
             else:
-                self._show = message
+                self._display = message
                 for name, root in self._roots.items():
                     root.visible = name not in message.hidden
                 self._wake.set()
 
     def forget(self, page_id: str) -> None:
-        """The page has gone, and its draft with it."""
+        """Remove the draft and the highlights of a page that has closed."""
         self.receive(page_id, Draft())
         with self._lock:
             self._drafts.pop(page_id, None)
-            self._marks.pop(page_id, None)
+            self._highlights.pop(page_id, None)
 
-    def _sketches_of(self, page_id: str) -> Iterable[DraftOverlay]:
-        return [sketch for owner, sketch in self._sketches.values() if owner == page_id]
+    def _overlays_of(self, page_id: str) -> Iterable[DraftOverlay]:
+        return [overlay for owner, overlay in self._overlays.values() if owner == page_id]
 
     async def _joined(self, client: viser.ClientHandle) -> None:
         page_id = self._page_of(client)
-        sketch = DraftOverlay(client, lambda message: self.links.post(page_id, message), self._spec)
+        overlay = DraftOverlay(
+            client, lambda message: self.links.post(page_id, message), self._spec
+        )
         with self._lock:
             self._clients[client.client_id] = client
-            self._sketches[client.client_id] = (page_id, sketch)
+            self._overlays[client.client_id] = (page_id, overlay)
             if (draft := self._drafts.get(page_id)) is not None:
-                sketch.show(draft)
-            if (mark := self._marks.get(page_id)) is not None:
-                sketch.mark(mark)
+                overlay.show(draft)
+            if (highlight := self._highlights.get(page_id)) is not None:
+                overlay.highlight(highlight)
         self._wake.set()
         self.links.post(page_id, {"type": "viewer", "connected": True})
 
     async def _left(self, client: viser.ClientHandle) -> None:
         with self._lock:
             self._clients.pop(client.client_id, None)
-            page_id, _ = self._sketches.pop(client.client_id, ("", None))
-            another = any(
-                owner == page_id for owner, _ in self._sketches.values()
-            )  # reloaded: it joined before this one left
+            page_id, _ = self._overlays.pop(client.client_id, ("", None))
+            # After a reload, the new client joins before the old one leaves.
+            another = any(owner == page_id for owner, _ in self._overlays.values())
         self.links.post(page_id, {"type": "viewer", "connected": another})
 
     def _page_of(self, client: viser.ClientHandle) -> str:
-        """The page that the proxy named when it opened this client's connection; empty for a viewer
-        on its own."""
-        connection = self._server._websock_server._live_connections.get(client.client_id)
-        request = None if connection is None else connection.request
-        page_id = "" if request is None else request.headers.get(PAGE_ID_HEADER, "")
+        """Return the id of the page that the proxy named when it opened the connection; empty for a
+        client without a page."""
+        page_id = request_header(self._server, client, PAGE_ID_HEADER)
         return page_id if PAGE_ID.fullmatch(page_id) else ""
 
     def _spec(self) -> GridSpec | None:
-        picture = self._operations.picture()
-        return None if picture is None else picture.grid_spec
+        tick = self._operations.picture()
+        return None if tick is None else tick.grid_spec
 
-    # ------------------------------------------------------------------------------------------------------ feeding
+    # Feeding
 
     def _feed(self) -> None:
         while not self._ending.is_set():
-            self._guarded("scene", self._push)
+            self._run_guarded("scene", self._push)
             self._wake.wait(PERIOD_S)
             self._wake.clear()
 
     def _push(self) -> None:
-        picture = self._operations.picture()
-        if picture is None:
+        tick = self._operations.picture()
+        if tick is None:
             return
-        if not self._placed:
-            self._place_camera(picture)
+        if not self._camera_placed:
+            self._place_camera(tick)
         if not self._clients:
-            # Nobody looks: the machine's time belongs to the navigation.
+            # Without a viewer, the processor time belongs to the navigation.
             return
-        snapshot = Scene(
+        scene = Scene(
             state=self._operations.state(),
-            picture=picture,
-            zones=(*self._operations.zones.stored, *picture.closed),
+            tick=tick,
+            zones=(*self._operations.zones.stored, *tick.closed),
             beware=self._operations.beware.list,
             candidates=self._candidates,
-            strength={str(name): share for name, share in self._show.strength.items()},
+            strength={str(name): share for name, share in self._display.strength.items()},
         )
         now = time.monotonic()
         for layer in self._layers:
@@ -203,24 +193,26 @@ class Viewer:
                 return
             if now >= self._due.get(layer.name, 0.0):
                 self._due[layer.name] = now + layer.period_s
-                self._guarded(layer.name, partial(layer.push, snapshot))
+                self._run_guarded(layer.name, partial(layer.push, scene))
         cloud = self._operations.cloud()
         if cloud is not None:
-            self._guarded(
+            self._run_guarded(
                 "cloud",
                 partial(
                     self._cloud.push,
                     cloud,
-                    self._show.cloud_colour,
-                    self._show.strength.get("cloud", 1.0),
+                    self._display.cloud_colour,
+                    self._display.strength.get("cloud", 1.0),
                 ),
             )
 
     def _candidates(self) -> Candidates | None:
-        return None if "candidates" in self._show.hidden else self._operations.insight.candidates()
+        return (
+            None if "candidates" in self._display.hidden else self._operations.insight.candidates()
+        )
 
-    def _guarded(self, name: str, act: Callable[[], object]) -> None:
-        """A layer that fails is said once and tried again; the others go on."""
+    def _run_guarded(self, name: str, act: Callable[[], object]) -> None:
+        """Run an action of a layer; a failure is logged once and tried again, the others go on."""
         try:
             act()
             self._failed.discard(name)
@@ -229,26 +221,31 @@ class Viewer:
                 log.exception("3D view: the layer %r failed", name)
             self._failed.add(name)
 
-    def _built_layers(self) -> tuple[Layer, ...]:
+    def _build_layers(self) -> tuple[Layer, ...]:
         robot = RobotLayer(self._server)
-        self._guarded("robot body", self._add_body)
+        self._run_guarded("robot body", self._add_body)
         server = self._server
-        ways, marks = (
-            (CameraLayer(server), PathLayer(server)),
-            (GoalLayer(server), ZoneLayer(server), PeopleLayer(server)),
+        return (
+            FloorLayer(server),
+            robot,
+            CameraLayer(server),
+            PathLayer(server),
+            PrimitivesLayer(server),
+            GoalLayer(server),
+            ZoneLayer(server),
+            PeopleLayer(server),
         )
-        return (FloorLayer(server), robot, *ways, PrimitivesLayer(server), *marks)
 
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
         if urdf is not None:
             try:
                 body = ViserUrdf(self._server, urdf, root_node_name="/robot/base")
-                # Until it is told a configuration, it leaves every link at the origin.
+                # Without a configuration, every link stays at the origin.
                 body.update_cfg(np.zeros(len(body.get_actuated_joint_names())))
                 return
             except Exception:
-                log.exception("3D view: %s could not be drawn, a box stands for the robot", urdf)
+                log.exception("3D view: %s could not be drawn; the robot is a box", urdf)
         size = (profile.length_m, profile.width_m, 0.35)
         self._server.scene.add_box(
             "/robot/base/body", palette.DRAFT, size, position=(0.0, 0.0, 0.2)
@@ -258,20 +255,22 @@ class Viewer:
             "/robot/base/nose", (20, 20, 20), (0.08, profile.width_m * 0.6, 0.12), position=nose
         )
 
-    # ------------------------------------------------------------------------------------------------------- camera
+    # Camera
 
-    def _place_camera(self, picture: TickSnapshot) -> None:
-        self._placed = True
-        eye, target = _overview(picture)
+    def _place_camera(self, tick: TickSnapshot) -> None:
+        self._camera_placed = True
+        eye, target = _overview(tick)
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target
 
-    def _look(self, client: viser.ClientHandle, at: str, place: tuple[float, float] | None) -> None:
-        picture, state = self._operations.picture(), self._operations.state()
-        if picture is None:
+    def _move_camera(
+        self, client: viser.ClientHandle, at: str, place: tuple[float, float] | None
+    ) -> None:
+        tick, state = self._operations.picture(), self._operations.state()
+        if tick is None:
             return
-        spec, lens = picture.grid_spec, client.camera
-        eye, target = _overview(picture) if at == "overview" else _top(spec, lens.fov, lens.aspect)
+        spec, lens = tick.grid_spec, client.camera
+        eye, target = _overview(tick) if at == "overview" else _top(spec, lens.fov, lens.aspect)
         if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
             x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
             cos, sin = math.cos(yaw), math.sin(yaw)
@@ -286,13 +285,10 @@ class Viewer:
             client.camera.look_at = target
 
 
-Place = tuple[float, float, float]
-
-
-def _overview(picture: TickSnapshot) -> tuple[Place, Place]:
-    """From the south, on what has been seen so far."""
-    spec = picture.grid_spec
-    seen = np.argwhere(picture.seen)
+def _overview(tick: TickSnapshot) -> tuple[Place, Place]:
+    """Return eye and target of a view from −y onto the observed area."""
+    spec = tick.grid_spec
+    seen = np.argwhere(tick.seen)
     x, y, width, height = _extent(spec)
     if len(seen):
         (low, left), (high, right) = (
@@ -308,36 +304,10 @@ def _top(spec: GridSpec, fov: float, aspect: float) -> tuple[Place, Place]:
     x, y, width, height = _extent(spec)
     fov, aspect = (fov if 0.1 < fov < 3 else 1.3), (aspect if 0.1 < aspect < 10 else 1.5)
     up = 1.05 * max(height, width / aspect) / 2 / math.tan(fov / 2)
-    # A hair to the south: straight down, "up" on the screen would be undefined.
+    # Slightly off vertical: straight down, the up direction of the screen would be undefined.
     return (x, y - 1e-3 * up, up), (x, y, 0.0)
 
 
 def _extent(spec: GridSpec) -> tuple[float, float, float, float]:
     width, height = spec.cols * spec.resolution_m, spec.rows * spec.resolution_m
     return spec.origin_x_m + width / 2, spec.origin_y_m + height / 2, width, height
-
-
-def _restrict(server: viser.ViserServer) -> None:
-    """Take from every client the messages this console has no use for, the request of a public
-    tunnel first of all."""
-
-    def deafen(listener: Any) -> None:
-        for kind in [kind for kind in listener._incoming_handlers if kind not in _HEARD]:
-            listener.unregister_handler(kind)
-
-    deafen(server._websock_server)
-    # viser makes the handlers of a client in a callback of the same list, so this one comes after
-    # them.
-    server._websock_server.on_client_connect(deafen)
-
-
-class _Quiet:
-    """viser reports its private address on the terminal; the operator must not mistake it for the
-    console's."""
-
-    def __enter__(self) -> None:
-        self._was = rich.get_console().quiet
-        rich.get_console().quiet = True
-
-    def __exit__(self, *_: Any) -> None:
-        rich.get_console().quiet = self._was

@@ -3,6 +3,7 @@ worker behind."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from app.episode.ablation import pursue
-from app.evaluation.campaign import Campaign
+from app.evaluation.campaign import Campaign, EpisodesFailed
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.errors import BadConfiguration
@@ -79,6 +80,58 @@ def test_a_killed_campaign_has_recorded_what_was_driven_and_its_workers_end(tmp_
         parent.send_signal(signal.SIGKILL)
     assert within_s(60, lambda: not any(alive(int(path.name)) for path in pids.iterdir()))
     assert json.loads((tmp_path / "episodes.jsonl").read_text())["key"] == 0
+
+
+def killed_once(key: int) -> dict[str, Any]:
+    """Kill the worker at the first try of episode 1."""
+    marker = Path(os.environ["CAMPAIGN_PIDS"], "killed")
+    if key == 1 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return drive(key)
+
+
+def always_killed(key: int) -> dict[str, Any]:
+    if key == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return drive(key)
+
+
+def hanging(key: int) -> dict[str, Any]:
+    time.sleep(600 if key == 1 else 0)
+    return drive(key)
+
+
+def test_a_killed_worker_fails_its_own_episode_which_is_driven_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CAMPAIGN_PIDS", str(tmp_path))
+    reports = campaign(run=killed_once).run([0, 1, 2], workers=2, out=tmp_path)
+    assert [report["key"] for report in reports] == [0, 1, 2]
+    assert (tmp_path / "killed").exists()
+
+
+@pytest.mark.parametrize(
+    ("run", "cause"), [(always_killed, "exit code -9"), (hanging, "longer than 8 s")]
+)
+def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
+    tmp_path: Path, run: Any, cause: str
+) -> None:
+    limited = dataclasses.replace(campaign(run=run), limit_s=8.0)
+    with pytest.raises(EpisodesFailed, match="key 1") as failure:
+        limited.run([0, 1, 2], workers=2, out=tmp_path)
+    assert cause in failure.value.causes[1]
+    recorded = (tmp_path / "episodes.jsonl").read_text().splitlines()
+    assert sorted(json.loads(line)["key"] for line in recorded) == [0, 2]
+
+
+def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError):
+        campaign(run=broken).run([0, 1], workers=2, out=tmp_path)
+
+
+def broken(key: int) -> dict[str, Any]:
+    return {"key": 1 // 0}
 
 
 def within_s(patience_s: float, holds: Any) -> bool:

@@ -170,7 +170,7 @@ def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
     assert drive.seen[-1][1] is RecoveryAction.GIVE_UP
     drive.run(36.0)
     assert drive.pose.x_m > 3.0
-    assert drive.recovery == Recovery()  # far enough from there to begin anew the next time
+    assert drive.recovery == Recovery()  # far enough from there to start afresh the next time
 
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
@@ -291,7 +291,7 @@ def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it(
 TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN)
 
 
-def test_who_gave_up_goes_on_once_it_can_turn_to_its_way_and_for_another_goal_begins_anew() -> None:
+def test_a_robot_that_gave_up_goes_on_once_it_can_turn_to_its_path_and_for_another_goal_starts_afresh() -> None:
     navigator = blocked_navigator()
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     route, outcomes = stuck_for(navigator, here, 0.0, 47.0)

@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 from tests.web.fake_operations import SPEC
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
-from web.viewer.layers.cloud import TILE_M, CloudLayer, coloured, halvings, is_shown, surveyed
+from web.viewer.layers.cloud import TILE_M, CloudLayer, class_shading, halvings, is_kept, index_tiles
 from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
 from web.viewer.layers.primitives import primitive_segments
 from web.viewer.picking import clamped, floor_point
@@ -75,24 +75,24 @@ def test_the_sum_of_a_tile_changes_with_its_own_points_only_and_not_with_their_o
     generator = np.random.default_rng(0)
     points = generator.uniform(-20, 20, (20_000, 3)).astype(np.float32)
     points[7] = np.nan
-    tile_of, tiles, sums = surveyed(cloud_of(points))
+    tile_of, tiles, sums = index_tiles(cloud_of(points))
     assert tile_of[7] == -1 and tile_of.max() == len(tiles) - 1
     kept = np.delete(np.arange(len(points)), 7)
     assert (np.floor(points[kept, :2] / TILE_M).astype(int) == np.array(tiles)[tile_of[kept]]).all()
-    shuffled = surveyed(cloud_of(generator.permutation(points)))
+    shuffled = index_tiles(cloud_of(generator.permutation(points)))
     assert (shuffled[1], shuffled[2]) == (tiles, sums)
     moved = points.copy()
     moved[100, 2] += 0.01
     differs = [
         tile
-        for tile, old, new in zip(tiles, sums, surveyed(cloud_of(moved))[2], strict=True)
+        for tile, old, new in zip(tiles, sums, index_tiles(cloud_of(moved))[2], strict=True)
         if old != new
     ]
     assert differs == [tiles[tile_of[100]]]
     recoloured = cloud_of(points)
     recoloured.rgb[100] = (1, 2, 3)
     assert [
-        i for i, (a, b) in enumerate(zip(sums, surveyed(recoloured)[2], strict=True)) if a != b
+        i for i, (a, b) in enumerate(zip(sums, index_tiles(recoloured)[2], strict=True)) if a != b
     ] == [tile_of[100]]
 
 
@@ -105,9 +105,9 @@ def test_the_points_are_halved_until_they_keep_the_budget(count: int, budget: in
 def test_a_share_of_the_points_does_not_flutter_and_is_chosen_by_place_alone() -> None:
     assert [halvings(count, 100, 1) for count in (250, 190, 90, 70)] == [2, 1, 1, 0]
     points = np.random.default_rng(0).uniform(-20, 20, (50_000, 3)).astype(np.float32)
-    shown = is_shown(points, 2)
-    assert 0.23 < shown.mean() < 0.27 and (shown[::-1] == is_shown(points[::-1], 2)).all()
-    assert not (shown & ~is_shown(points, 1)).any()
+    shown = is_kept(points, 2)
+    assert 0.23 < shown.mean() < 0.27 and (shown[::-1] == is_kept(points[::-1], 2)).all()
+    assert not (shown & ~is_kept(points, 1)).any()
 
 
 def test_only_tiles_that_changed_are_sent_again() -> None:
@@ -135,7 +135,7 @@ def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:
 
 def test_points_of_a_class_have_its_colour_and_the_rest_grows_lighter_with_height() -> None:
     points = np.array([[0, 0, 0], [0, 0, 2], [0, 0, 1]], dtype=np.float32)
-    rgb = coloured(points, np.array([0, 0, 1], dtype=np.uint8)).astype(int)
+    rgb = class_shading(points, np.array([0, 0, 1], dtype=np.uint8)).astype(int)
     assert rgb[0].sum() < rgb[1].sum() and rgb[2, 0] > 2 * rgb[2, 2]
 
 

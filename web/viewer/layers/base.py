@@ -1,5 +1,4 @@
-"""The scene, one class per layer. A layer looks at the newest snapshot and sends only what has
-changed since the last."""
+"""Layers of the scene: each sends only what has changed since the last snapshot."""
 
 from __future__ import annotations
 
@@ -23,33 +22,34 @@ def _nothing() -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What all layers look at."""
+    """Values of one update of all layers."""
 
     state: State
     """Newest state."""
-    picture: TickSnapshot
-    """Newest tick's values."""
+    tick: TickSnapshot
+    """Values of the newest tick."""
     zones: tuple[Zone, ...]
-    """All stored zones, and where the robot keeps out for a while of its own accord."""
+    """Stored zones, and areas that the robot keeps out of for a while by its own decision."""
     beware: BewareList
-    """The list in force."""
+    """Beware list in force."""
     candidates: Callable[[], Candidates | None] = _nothing
-    """Works out what the local planner chooses from; None when nobody wants to see it."""
+    """Return the motion primitives of the local planner; None while they are hidden."""
     strength: Mapping[str, float] = field(default_factory=dict)
-    """How strongly a layer is drawn, 0 to 1; one that is not named fully."""
+    """Opacity of layers, 0 to 1; 1 for those not named."""
 
     def faded(self, colour: Rgb, layer: str) -> Rgb:
-        """A colour as strong as its layer is drawn."""
+        """Return a colour with the opacity of its layer."""
         r, g, b = faded(np.array(colour, dtype=np.uint8), self.strength.get(layer, 1.0)).tolist()
         return r, g, b
 
 
 class Layer(Protocol):
-    """A part of the scene below one node, whose name is the layer's."""
+    """Part of the scene below one node, named as the layer."""
 
     name: str
+    """Name of the layer and of its node."""
     period_s: float
-    """Shortest time between two looks: what costs much to draw is drawn less often."""
+    """Shortest time between two updates in seconds; longer for costly layers."""
 
-    def push(self, snapshot: Scene) -> None:
-        """Send what has changed."""
+    def push(self, scene: Scene) -> None:
+        """Send the changes."""

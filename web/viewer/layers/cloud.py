@@ -1,9 +1,8 @@
-"""The point cloud of the map, in tiles: only a tile whose points changed is sent again.
+"""Point cloud of the map in tiles: only a tile whose points changed is sent again.
 
-A map of millions of points is looked over once a change (compiled, some nanoseconds a point); all
-that costs more is done for the tiles that changed. How many points are shown is halved or doubled
-as a whole, and rarely: a share that followed the number of points would change every tile with
-every new point.
+A compiled pass over all points, some nanoseconds each, finds the changed tiles; all further work is
+done for these. The share of the shown points is halved or doubled as a whole, and rarely: a share
+that followed the number of points would change every tile with every new point.
 """
 
 from __future__ import annotations
@@ -21,14 +20,16 @@ from web.interface.snapshots import Cloud
 from web.viewer.layers.geometry import faded
 
 BUDGET = 200_000
-"""Points shown at most."""
+"""Largest number of shown points."""
 TILE_M = 8.0
-"""Side of a tile. Coordinates are sent as half floats from its middle: a step of 4 mm at its
-border."""
+"""Side of a tile in metres. Coordinates are sent as half floats from its centre, with a resolution
+of 4 mm at its border."""
 POINT_SIZE_M = 0.04
+"""Size of a drawn point in metres."""
 MAX_TILES = 1 << 20
+"""Largest number of tiles of the bounding box."""
 HIGH_M = 2.0
-"""What is higher has the colour of this height."""
+"""Height in metres from which the colour no longer changes."""
 
 ColourMode = Literal["camera", "class", "height"]
 Tile = tuple[int, int]
@@ -37,7 +38,7 @@ Colours = npt.NDArray[np.uint8]
 
 
 class CloudLayer:
-    """Points in the camera's colours, by their height, or by what they are to beware of."""
+    """Point cloud coloured by the camera, by height, or by class."""
 
     name = "cloud"
 
@@ -46,18 +47,18 @@ class CloudLayer:
         self._sums: dict[Tile, int] = {}
         self._nodes: dict[Tile, Any] = {}
         self._shown: object = None
-        self._looks: object = None
+        self._drawn_as: object = None
         self._halvings = 0
 
     def push(self, cloud: Cloud, mode: ColourMode, strength: float = 1.0) -> int:
-        """Send the tiles that changed; how many these were."""
+        """Send the changed tiles and return their number."""
         if self._shown == (cloud.serial, mode, strength):
             return 0
         self._shown = (cloud.serial, mode, strength)
-        tile_of, tiles, sums = surveyed(cloud)
+        tile_of, tiles, sums = index_tiles(cloud)
         self._halvings = halvings(int((tile_of >= 0).sum()), self._budget, self._halvings)
-        if self._looks != (mode, strength, self._halvings):
-            self._looks = (mode, strength, self._halvings)
+        if self._drawn_as != (mode, strength, self._halvings):
+            self._drawn_as = (mode, strength, self._halvings)
             self._sums.clear()
         changed = np.array(
             [self._sums.get(tile) != total for tile, total in zip(tiles, sums, strict=True)],
@@ -67,7 +68,7 @@ class CloudLayer:
             self._nodes.pop(gone).remove()
             self._sums.pop(gone, None)
         chosen = np.flatnonzero((tile_of >= 0) & changed[tile_of])
-        chosen = chosen[is_shown(cloud.points_map[chosen], self._halvings)]
+        chosen = chosen[is_kept(cloud.points_map[chosen], self._halvings)]
         order = chosen[np.argsort(tile_of[chosen], kind="stable")]
         borders = np.searchsorted(tile_of[order], np.arange(len(tiles) + 1))
         for index in np.flatnonzero(changed):
@@ -88,9 +89,9 @@ class CloudLayer:
             rgb = cloud.rgb[members]
         else:
             rgb = (
-                by_height(points)
+                height_shading(points)
                 if mode == "height"
-                else coloured(points, cloud.class_ids[members])
+                else class_shading(points, cloud.class_ids[members])
             )
         return faded(rgb, strength)
 
@@ -98,8 +99,7 @@ class CloudLayer:
         middle = np.array(
             [(tile[0] + 0.5) * TILE_M, (tile[1] + 0.5) * TILE_M, 0.0], dtype=np.float32
         )
-        # Added anew, not updated: a viewer that joins later would get the creation and the update,
-        # both in full.
+        # Replaced, not updated: a viewer that joins later would get both creation and update.
         self._nodes[tile] = self._server.scene.add_point_cloud(
             f"/cloud/{tile[0]}_{tile[1]}",
             points - middle,
@@ -111,26 +111,24 @@ class CloudLayer:
         )
 
 
-def surveyed(cloud: Cloud) -> tuple[npt.NDArray[np.int32], list[Tile], list[int]]:
-    """(N,) index of each point's tile, −1 where it is none; the tiles; a sum for each that changes
-    with any of its points.
-
-    The order of the points does not matter to the sums.
-    """
+def index_tiles(cloud: Cloud) -> tuple[npt.NDArray[np.int32], list[Tile], list[int]]:
+    """Return (N,) the tile index of each point, −1 for points that are not finite; the tiles; and a
+    checksum of each tile's points, which does not depend on their order."""
     low_col, low_row, high_col, high_row = _extent(cloud.points_map, TILE_M)
     if high_col < low_col:
         return np.full(len(cloud.points_map), -1, dtype=np.int32), [], []
     cols, rows = high_col - low_col + 1, high_row - low_row + 1
     if cols * rows > MAX_TILES:
         raise ValueError(
-            f"the cloud covers {cols} × {rows} tiles of {TILE_M:g} m; some of its points lie far off the map"
+            f"the cloud covers {cols} × {rows} tiles of {TILE_M:g} m; "
+            "some of its points are far off the map"
         )
-    places, sums = (
+    tiles_of, sums = (
         np.full(len(cloud.points_map), -1, dtype=np.int32),
         np.zeros(cols * rows, dtype=np.uint64),
     )
     bits = np.ascontiguousarray(cloud.points_map).view(np.uint32)
-    _survey(
+    _index_points(
         cloud.points_map,
         bits,
         cloud.rgb,
@@ -139,43 +137,43 @@ def surveyed(cloud: Cloud) -> tuple[npt.NDArray[np.int32], list[Tile], list[int]
         low_col,
         low_row,
         cols,
-        places,
+        tiles_of,
         sums,
     )
-    used = np.unique(places[places >= 0])
+    used = np.unique(tiles_of[tiles_of >= 0])
     rank = np.full(
         cols * rows + 1, -1, dtype=np.int32
-    )  # the last one is for the points that have no tile
+    )  # the last element is for points without a tile
     rank[used] = np.arange(len(used))
     return (
-        rank[places],
+        rank[tiles_of],
         [(int(at % cols) + low_col, int(at // cols) + low_row) for at in used],
         [int(sums[at]) for at in used],
     )
 
 
 def halvings(count: int, budget: int, before: int) -> int:
-    """How often the points are halved to keep the budget. It falls only when there is room to
-    spare, lest it flutter."""
+    """Return how often the points are halved to keep the budget; with hysteresis, so that it does
+    not alternate."""
     wanted = 0
     while count >> wanted > budget:
         wanted += 1
     return before if before == wanted + 1 and count >> wanted > 0.8 * budget else wanted
 
 
-def is_shown(points: Points, halved: int) -> npt.NDArray[np.bool_]:
-    """(N,) one point in 2^`halved`. A point's place alone decides, so that a still scene is not
-    sent again."""
+def is_kept(points: Points, halved: int) -> npt.NDArray[np.bool_]:
+    """Return (N,) True for one point in 2^`halved`, chosen by position alone, so that a still scene
+    is not sent again."""
     if halved == 0:
         return np.ones(len(points), dtype=np.bool_)
-    places = np.round(points * 100).astype(np.int64).astype(np.uint64)
-    mixed = places @ np.array([73856093, 19349663, 83492791], dtype=np.uint64)
+    tiles_of = np.round(points * 100).astype(np.int64).astype(np.uint64)
+    mixed = tiles_of @ np.array([73856093, 19349663, 83492791], dtype=np.uint64)
     draws = (mixed * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
     return np.asarray(draws < np.uint64(2**24 >> halved))
 
 
-def coloured(points: Points, class_ids: npt.NDArray[np.uint8]) -> Colours:
-    """(N, 3) colours: classes in their own, everything else from dark to light by its height."""
+def class_shading(points: Points, class_ids: npt.NDArray[np.uint8]) -> Colours:
+    """Return (N, 3) colours: of the class, or from dark to light by height."""
     rgb = class_colours()[class_ids]
     plain = class_ids == NOTHING
     shade = np.clip(points[plain, 2] / HIGH_M, 0.0, 1.0)[:, None]
@@ -185,9 +183,8 @@ def coloured(points: Points, class_ids: npt.NDArray[np.uint8]) -> Colours:
     return rgb
 
 
-def by_height(points: Points) -> Colours:
-    """(N, 3) colours from the floor up: dark blue, teal, green, yellow; the steps are of growing
-    brightness, too."""
+def height_shading(points: Points) -> Colours:
+    """Return (N, 3) colours by height: dark blue, teal, green, yellow, of increasing brightness."""
     stops = np.array(
         [[59, 62, 140], [38, 120, 142], [68, 190, 112], [253, 231, 37]], dtype=np.float64
     )
@@ -199,7 +196,7 @@ def by_height(points: Points) -> Colours:
 
 @compiled
 def _extent(points: Points, side_m: float) -> tuple[int, int, int, int]:
-    """First and last column and row of tiles that hold a finite point."""
+    """Return the first and last column and row of tiles with a finite point."""
     low_col, low_row, high_col, high_row = 1 << 40, 1 << 40, -(1 << 40), -(1 << 40)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -211,7 +208,7 @@ def _extent(points: Points, side_m: float) -> tuple[int, int, int, int]:
 
 
 @compiled
-def _survey(
+def _index_points(
     points: Points,
     bits: npt.NDArray[np.uint32],
     rgb: Colours,
@@ -220,27 +217,26 @@ def _survey(
     low_col: int,
     low_row: int,
     cols: int,
-    places: npt.NDArray[np.int32],
+    tiles_of: npt.NDArray[np.int32],
     sums: npt.NDArray[np.uint64],
 ) -> None:
-    """Each finite point's tile, and a mixed number of all that is shown of the point added to the
-    tile's sum."""
+    """Write the tile of each finite point, and add a hash of the point to the tile's checksum."""
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(points[i, 2])):
             continue
         at = (int(np.floor(y / side_m)) - low_row) * cols + int(np.floor(x / side_m)) - low_col
-        places[i] = at
+        tiles_of[i] = at
         mixed = np.uint64(bits[i, 0]) * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(
             bits[i, 1]
         ) * np.uint64(0xC2B2AE3D27D4EB4F)
         mixed ^= np.uint64(bits[i, 2]) * np.uint64(0x165667B19E3779F9)
-        look = (
+        shade_bits = (
             np.uint64(rgb[i, 0]) << np.uint64(24)
             | np.uint64(rgb[i, 1]) << np.uint64(16)
             | np.uint64(rgb[i, 2]) << np.uint64(8)
         )
         mixed = (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9) + (
-            look | np.uint64(class_ids[i])
+            shade_bits | np.uint64(class_ids[i])
         )
         sums[at] += (mixed ^ (mixed >> np.uint64(32))) * np.uint64(0x94D049BB133111EB)

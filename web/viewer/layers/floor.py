@@ -1,4 +1,4 @@
-"""The occupancy grid as pictures on the floor, tile by tile: only what changed is painted and sent."""
+"""Occupancy grid as image tiles on the floor: only changed tiles are painted and sent."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from web.images.tiles import Tile, TileVersions, changed_since, tile_cells
 from web.viewer.layers.base import Scene
 
 FLOOR_Z = 0.0
+"""Height of the images in metres."""
 
 
 class FloorLayer:
-    """One picture a tile, none where nothing is known."""
+    """One image per tile, none for unknown tiles."""
 
     name = "floor"
     period_s = 0.35
@@ -27,20 +28,20 @@ class FloorLayer:
         self._shown = 0
         self._strength = 1.0
 
-    def push(self, snapshot: Scene) -> None:
-        """New pictures where a cell, the list or a zone changed."""
-        picture, strength = snapshot.picture, snapshot.strength.get(self.name, 1.0)
-        newest, versions = self._tiles.update(picture, snapshot.beware)
+    def push(self, scene: Scene) -> None:
+        """Send the tiles in which a cell changed, or all for another beware list."""
+        tick, strength = scene.tick, scene.strength.get(self.name, 1.0)
+        newest, versions = self._tiles.update(tick, scene.beware)
         since = self._shown if strength == self._strength else -1
         self._strength = strength
         for tile, _ in changed_since(versions, since):
-            self._push_tile(tile, snapshot, strength)
+            self._push_tile(tile, scene, strength)
         self._shown = newest
 
-    def _push_tile(self, tile: Tile, snapshot: Scene, strength: float) -> None:
-        picture, spec = snapshot.picture, snapshot.picture.grid_spec
-        part = top, left, bottom, right = tile_cells(tile, picture)
-        image = paint_floor(picture, snapshot.beware, part)
+    def _push_tile(self, tile: Tile, scene: Scene, strength: float) -> None:
+        tick, spec = scene.tick, scene.tick.grid_spec
+        part = top, left, bottom, right = tile_cells(tile, tick)
+        image = paint_floor(tick, scene.beware, part)
         if (old := self._images.pop(tile, None)) is not None:
             old.remove()
         if not image[..., 3].max() > UNKNOWN_ALPHA:
@@ -51,8 +52,7 @@ class FloorLayer:
             spec.origin_x_m + (left + right) / 2 * metre,
             spec.origin_y_m + (top + bottom) / 2 * metre,
         )
-        # Pictures lie with their rows going down, −y; half a turn about x lays them face up on the
-        # floor.
+        # Image rows go down, towards −y; half a turn about x puts the image face up on the floor.
         self._images[tile] = self._server.scene.add_image(
             f"/floor/{tile[0]}_{tile[1]}",
             image,

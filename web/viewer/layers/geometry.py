@@ -1,40 +1,42 @@
-"""Small meshes and lines of the scene."""
+"""Meshes and lines of the scene."""
 
 from __future__ import annotations
 
 from functools import cache
 
-import mapbox_earcut
 import numpy as np
 import numpy.typing as npt
+import shapely
+from shapely.geometry import Polygon
 
 BACKGROUND = (27, 30, 36)
+"""Colour of the scene's background, RGB."""
 Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.uint32]
 
 
 def triangulate(corners: Floats, z: float) -> tuple[Floats, Faces]:
-    """Vertices (N, 3) and faces (M, 3) of a simple polygon given by its corners (N, 2)."""
-    ends = np.array([len(corners)], dtype=np.uint32)
-    faces = mapbox_earcut.triangulate_float64(np.ascontiguousarray(corners, dtype=np.float64), ends)
-    return np.column_stack([corners, np.full(len(corners), z)]), np.asarray(
-        faces, dtype=np.uint32
-    ).reshape(-1, 3)
+    """Return vertices (3 M, 3) and faces (M, 3) of a simple polygon (N, 2) at a height."""
+    triangles = shapely.constrained_delaunay_triangles(Polygon(corners))
+    # Each triangle is a ring of four points, the last of which repeats the first.
+    points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    faces = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)
+    return np.column_stack([points, np.full(len(points), z)]), faces
 
 
 def closed_ring(corners: Floats) -> Floats:
-    """The ring with its first corner again at the end."""
+    """Return a ring (N, 2) with its first corner repeated at the end."""
     return np.vstack([corners, corners[:1]])
 
 
 def polyline_segments(points: Floats, z: float) -> npt.NDArray[np.float32]:
-    """(N − 1, 2, 3) segments of a polyline (N, 2) at one height."""
+    """Return the segments (N − 1, 2, 3) of a polyline (N, 2) at a height."""
     lifted = np.column_stack([points, np.full(len(points), z)]).astype(np.float32)
     return np.stack([lifted[:-1], lifted[1:]], axis=1)
 
 
 def faded(colours: npt.NDArray[np.uint8], strength: float) -> npt.NDArray[np.uint8]:
-    """(N, 3) colours mixed with the scene's background; what has no opacity of its own fades so."""
+    """Return colours (N, 3) mixed with the scene's background, for nodes without an opacity."""
     if strength >= 1.0:
         return colours
     return np.asarray(np.array(BACKGROUND) * (1 - strength) + colours * strength).astype(np.uint8)
@@ -42,7 +44,7 @@ def faded(colours: npt.NDArray[np.uint8], strength: float) -> npt.NDArray[np.uin
 
 @cache
 def flag_mesh() -> tuple[Floats, Faces]:
-    """A pole of 1 m with a pennant and a foot, standing on the origin."""
+    """Return vertices and faces of a flag: a pole of 1 m at the origin, with pennant and foot."""
     pole = [(-0.02, 0.0, 0.0), (0.02, 0.0, 0.0), (0.02, 0.0, 1.0), (-0.02, 0.0, 1.0)]
     cross = [(0.0, -0.02, 0.0), (0.0, 0.02, 0.0), (0.0, 0.02, 1.0), (0.0, -0.02, 1.0)]
     pennant = [(0.02, 0.0, 1.0), (0.02, 0.0, 0.66), (0.5, 0.0, 0.83)]
@@ -58,7 +60,7 @@ def flag_mesh() -> tuple[Floats, Faces]:
 
 @cache
 def handle_mesh() -> tuple[Floats, Faces]:
-    """An octahedron, the handle of a corner."""
+    """Return vertices and faces of an octahedron, the handle of a corner."""
     vertices = np.array(
         [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64
     )

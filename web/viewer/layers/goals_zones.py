@@ -1,4 +1,4 @@
-"""What the operator has put into the world: goals and zones."""
+"""Goals and zones of the operator."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import closed_ring, flag_mesh, polyline_segments, triangulate
 
 ZONE_Z = 0.02
+"""Height of the areas in metres."""
 
 
 class GoalLayer:
-    """A numbered flag for every goal that waits, a paler one for those reached."""
+    """Numbered flags of the waiting goals, paler ones of the reached goals."""
 
     name = "goals"
     period_s = 0.0
@@ -27,9 +28,9 @@ class GoalLayer:
         self._shown: dict[str, object] = {}
         self._nodes: dict[str, list[Any]] = {}
 
-    def push(self, snapshot: Scene) -> None:
-        """Add, number anew, remove."""
-        state = snapshot.state
+    def push(self, scene: Scene) -> None:
+        """Add, renumber and remove flags."""
+        state = scene.state
         wanted: dict[str, tuple[Goal, str, palette.Rgb]] = {}
         for goal in state.reached[-20:]:
             wanted[f"reached-{goal.id}"] = (goal, "✓", palette.DRIVEN)
@@ -63,7 +64,7 @@ class GoalLayer:
 
 
 class ZoneLayer:
-    """Every zone: a low see-through prism's floor, its outline and its name."""
+    """Area, outline and name of each zone."""
 
     name = "zones"
     period_s = 0.0
@@ -73,9 +74,9 @@ class ZoneLayer:
         self._shown: dict[str, tuple[Zone, float]] = {}
         self._nodes: dict[str, list[Any]] = {}
 
-    def push(self, snapshot: Scene) -> None:
-        """Add, replace, remove."""
-        wanted = {zone.id: (zone, snapshot.strength.get(self.name, 1.0)) for zone in snapshot.zones}
+    def push(self, scene: Scene) -> None:
+        """Add, replace and remove zones."""
+        wanted = {zone.id: (zone, scene.strength.get(self.name, 1.0)) for zone in scene.zones}
         with self._server.atomic():
             for key in [key for key, shown in self._shown.items() if wanted.get(key) != shown]:
                 for node in self._nodes.pop(key):

@@ -1,4 +1,4 @@
-"""Who walks or stands about, and where he will be a moment later."""
+"""Tracked people and their predicted motion."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import closed_ring, polyline_segments
 
 AHEAD_S = 2.0
-"""The way that is shown of him."""
-ROUND_Z = 0.06
+"""Duration of the predicted motion in seconds."""
+PEOPLE_Z = 0.06
+"""Height of the lines in metres."""
 
 
 class PeopleLayer:
-    """A ring around everybody, and the line that he is predicted to walk."""
+    """Ring around each person, and a line along the predicted motion."""
 
     name = "people"
     period_s = 0.1
@@ -30,10 +31,10 @@ class PeopleLayer:
         self._shown: tuple[tuple[Track, ...], palette.Rgb] = ((), palette.PERSON)
         self._node: Any = None
 
-    def push(self, snapshot: Scene) -> None:
-        """Draw everybody anew when anybody has moved."""
-        people = snapshot.picture.people
-        colour = snapshot.faded(palette.PERSON, self.name)
+    def push(self, scene: Scene) -> None:
+        """Redraw all people when one has moved."""
+        people = scene.tick.people
+        colour = scene.faded(palette.PERSON, self.name)
         if (people, colour) == self._shown:
             return
         self._shown = (people, colour)
@@ -48,12 +49,12 @@ class PeopleLayer:
 
 
 def outline_and_prediction(track: Track) -> npt.NDArray[np.float32]:
-    """(N, 2, 3) segments of the ring that he fills and of his predicted way."""
+    """Return the segments (N, 2, 3) of a person's ring and predicted path."""
     angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
     ring = np.array([track.x_m, track.y_m]) + track.radius_m * np.column_stack(
         [np.cos(angles), np.sin(angles)]
     )
-    way = np.array([track.at(0.0), track.at(AHEAD_S)])
+    prediction = np.array([track.at(0.0), track.at(AHEAD_S)])
     return np.concatenate(
-        [polyline_segments(closed_ring(ring), ROUND_Z), polyline_segments(way, ROUND_Z)]
+        [polyline_segments(closed_ring(ring), PEOPLE_Z), polyline_segments(prediction, PEOPLE_Z)]
     )

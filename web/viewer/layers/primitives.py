@@ -1,5 +1,4 @@
-"""The motion primitives that the local planner chooses from: what is free of each, and where it
-would touch something."""
+"""Motion primitives of the local planner: the free part of each, and its first collision."""
 
 from __future__ import annotations
 
@@ -15,16 +14,16 @@ from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import polyline_segments
 
 ARC_Z, LIFT = 0.07, 0.02
+"""Height of the primitives, and of the chosen one above them, metres."""
 BLOCKED: palette.Rgb = (190, 60, 50)
 CHOSEN: palette.Rgb = (255, 204, 51)
-EVERY = 2
-"""Every second arc is drawn: enough to see what there is to choose from. The chosen one is drawn
-whichever it is."""
+STEP = 2
+"""Every second primitive is drawn, and the chosen one in any case."""
 
 
 class PrimitivesLayer:
-    """Free parts in green, the step that would touch something in red, the arc that is driven broad
-    and yellow."""
+    """Free parts in green, the first step in collision in red, the driven primitive broad and
+    yellow."""
 
     name = "candidates"
     period_s = 0.3
@@ -34,9 +33,9 @@ class PrimitivesLayer:
         self._shown: object = None
         self._nodes: dict[str, Any] = {}
 
-    def push(self, snapshot: Scene) -> None:
-        """Draw them anew with every picture; nothing while nobody wants to see them."""
-        found, strength = snapshot.candidates(), snapshot.strength.get(self.name, 1.0)
+    def push(self, scene: Scene) -> None:
+        """Redraw the primitives of each tick; nothing while they are hidden."""
+        found, strength = scene.candidates(), scene.strength.get(self.name, 1.0)
         key = None if found is None else (found.serial, strength)
         if key == self._shown:
             return
@@ -47,8 +46,8 @@ class PrimitivesLayer:
         segments, is_free = primitive_segments(found)
         colours = np.where(
             is_free[:, None, None],
-            snapshot.faded(palette.GOAL, self.name),
-            snapshot.faded(BLOCKED, self.name),
+            scene.faded(palette.GOAL, self.name),
+            scene.faded(BLOCKED, self.name),
         ).repeat(2, axis=1)
         self._draw("arcs", segments, colours, 0.02)
         if found.chosen is None:
@@ -57,7 +56,7 @@ class PrimitivesLayer:
             line = polyline_segments(
                 found.arcs[found.chosen][: max(int(found.free[found.chosen]), 2)], ARC_Z + LIFT
             )
-            yellow = np.broadcast_to(snapshot.faded(CHOSEN, self.name), line.shape)
+            yellow = np.broadcast_to(scene.faded(CHOSEN, self.name), line.shape)
             self._draw("chosen", line, yellow, 0.06)
 
     def _draw(
@@ -67,7 +66,7 @@ class PrimitivesLayer:
         colours: npt.NDArray[Any],
         thickness: float,
     ) -> None:
-        # In the place of what had this name before, so that nothing flickers.
+        # A node of the same name is replaced without flicker.
         self._nodes[name] = self._server.scene.add_line_segments(
             f"/candidates/{name}", segments, colours.astype(np.uint8), thickness=thickness
         )
@@ -79,10 +78,10 @@ class PrimitivesLayer:
 
 
 def primitive_segments(found: Candidates) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """(N, 2, 3) segments, and (N,) whether each is free: an arc ends one step after its first
-    touch."""
+    """Return the segments (N, 2, 3), and (N,) whether each is free; a primitive ends one step after
+    its first collision."""
     segments, is_free = [], []
-    for arc, free in zip(found.arcs[::EVERY], found.free[::EVERY], strict=True):
+    for arc, free in zip(found.arcs[::STEP], found.free[::STEP], strict=True):
         line = polyline_segments(arc[: min(int(free) + 1, len(arc))], ARC_Z)
         segments.append(line)
         is_free.append(np.arange(len(line)) < int(free) - 1)

@@ -1,4 +1,4 @@
-"""What the robot knows and does: body, camera, paths."""
+"""Body, camera and paths of the robot."""
 
 from __future__ import annotations
 
@@ -18,17 +18,20 @@ from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import faded, polyline_segments
 
 DRIVEN_Z, PATH_Z = 0.03, 0.05
+"""Heights of the lines in metres."""
 FRUSTUM_WIDTH_PX = 320
+"""Largest width of the camera image in pixels."""
 FRUSTUM_SCALE = 0.45
 MAX_DRIVEN = 1500
+"""Largest number of points of the driven path."""
 VISIBLE_M, VISIBLE_RAD = 0.002, 0.002
-"""Smallest step and turn of the robot that are sent."""
+"""Smallest step in metres and turn in radians that are sent."""
 
 Floats = npt.NDArray[np.float64]
 
 
 class RobotLayer:
-    """The robot's body where odometry says it stands, with its state in words above it."""
+    """Body of the robot at its pose by odometry, with a label of its state."""
 
     name = "robot"
     period_s = 0.0
@@ -39,11 +42,11 @@ class RobotLayer:
         self._text = ""
         self._pose: Pose2 | None = None
 
-    def push(self, snapshot: Scene) -> None:
-        """Move it, and say what it does."""
-        state = snapshot.state
-        why = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
-        text = "STOPPED" if state.stop_latched else why
+    def push(self, scene: Scene) -> None:
+        """Update pose and label."""
+        state = scene.state
+        label = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
+        text = "STOPPED" if state.stop_latched else label
         if text != self._text:
             self._text = text
             self._server.scene.add_label(
@@ -62,7 +65,7 @@ class RobotLayer:
 
 
 class CameraLayer:
-    """The camera's frustum with its picture, classes tinted, where the camera was when it took it."""
+    """Frustum of the camera with its newest image and the detected classes."""
 
     name = "camera"
     period_s = 0.25
@@ -72,21 +75,19 @@ class CameraLayer:
         self._frustum: Any = None
         self._serial, self._colour = -1, palette.DRAFT
 
-    def push(self, snapshot: Scene) -> None:
-        """Picture and place in one go: one without the other would lie."""
-        picture, colour = snapshot.picture, snapshot.faded(palette.DRAFT, "camera")
-        if (picture.serial == self._serial and colour == self._colour) or not np.isfinite(
-            picture.T_map_camera
+    def push(self, scene: Scene) -> None:
+        """Update image and pose together, because they belong together."""
+        tick, colour = scene.tick, scene.faded(palette.DRAFT, "camera")
+        if (tick.serial == self._serial and colour == self._colour) or not np.isfinite(
+            tick.T_map_camera
         ).all():
             return
-        self._serial, self._colour = picture.serial, colour
-        wxyz = viser.transforms.SO3.from_matrix(picture.T_map_camera[:3, :3]).wxyz
-        position = picture.T_map_camera[:3, 3]
-        image = faded(
-            _shrunk(with_overlay(picture, snapshot.beware)), snapshot.strength.get("camera", 1.0)
-        )
+        self._serial, self._colour = tick.serial, colour
+        wxyz = viser.transforms.SO3.from_matrix(tick.T_map_camera[:3, :3]).wxyz
+        position = tick.T_map_camera[:3, 3]
+        image = faded(_shrunk(with_overlay(tick, scene.beware)), scene.strength.get("camera", 1.0))
         if self._frustum is None:
-            intrinsics = picture.intrinsics
+            intrinsics = tick.intrinsics
             self._frustum = self._server.scene.add_camera_frustum(
                 "/camera/frustum",
                 fov=2 * math.atan(intrinsics.height / 2 / intrinsics.fy),
@@ -109,7 +110,7 @@ class CameraLayer:
 
 
 class PathLayer:
-    """Planned path, its waypoints, and the way driven: three layers that are looked at together."""
+    """Planned path, its waypoints, and the driven path: three layers of one class."""
 
     name = "path"
     period_s = 0.15
@@ -120,16 +121,16 @@ class PathLayer:
         self._waypoints: Any = None
         self._shown: tuple[Floats, palette.Rgb] = (np.empty((0, 2)), palette.PATH)
 
-    def push(self, snapshot: Scene) -> None:
-        """Each part when it changed."""
-        picture = snapshot.picture
+    def push(self, scene: Scene) -> None:
+        """Send the changed parts."""
+        tick = scene.tick
         with self._server.atomic():
-            self._planned.show(picture.path, PATH_Z, snapshot.faded(palette.PATH, "path"), 0.1)
-            self._push_waypoints(picture.waypoints, snapshot.faded(palette.PATH, "waypoints"))
-        driven = picture.driven
+            self._planned.show(tick.path, PATH_Z, scene.faded(palette.PATH, "path"), 0.1)
+            self._push_waypoints(tick.waypoints, scene.faded(palette.PATH, "waypoints"))
+        driven = tick.driven
         if len(driven) > MAX_DRIVEN:
             driven = driven[np.linspace(0, len(driven) - 1, MAX_DRIVEN).round().astype(int)]
-        self._driven.show(driven, DRIVEN_Z, snapshot.faded(palette.DRIVEN, "driven"), 0.05)
+        self._driven.show(driven, DRIVEN_Z, scene.faded(palette.DRIVEN, "driven"), 0.05)
 
     def _push_waypoints(self, points: Floats, colour: palette.Rgb) -> None:
         if colour == self._shown[1] and np.array_equal(points, self._shown[0]):
@@ -151,7 +152,7 @@ class PathLayer:
 
 
 class _Line:
-    """A polyline near the floor, sent again only when it changed."""
+    """Polyline near the floor, sent only when it changed."""
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self._server, self._name = server, name
@@ -159,7 +160,7 @@ class _Line:
         self._shown: tuple[Floats, palette.Rgb] | None = None
 
     def show(self, points: Floats, z: float, colour: palette.Rgb, thickness: float) -> None:
-        """(N, 2) points in metres of the map frame; fewer than two hide it."""
+        """Show (N, 2) points in metres of the map frame; fewer than two hide the line."""
         if (
             self._shown is not None
             and colour == self._shown[1]
@@ -179,8 +180,7 @@ class _Line:
 
 
 def _has_moved(pose: Pose2, shown: Pose2) -> bool:
-    """Whether the step from the pose shown can be seen; the pose of a robot at rest is never quite
-    the same."""
+    """Return whether the motion from the shown pose is visible; odometry at rest fluctuates."""
     turn_rad = math.remainder(pose.yaw_rad - shown.yaw_rad, math.tau)
     return (
         math.hypot(pose.x_m - shown.x_m, pose.y_m - shown.y_m) > VISIBLE_M

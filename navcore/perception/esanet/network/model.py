@@ -31,7 +31,7 @@ STRIDE = 32
 
 
 def build(variant: str, num_classes: int, *, width: float = 1.0) -> EsaNet:
-    """Build a network with initial weights (He), on the CPU, in train mode.
+    """Build a network with initial weights (Kaiming), on the CPU, in train mode.
 
     `variant` is `r18`, `r18-nbt1d`, `r34`, `r34-nbt1d` or `r50`; `width` scales every number of
     channels, in steps of 1/8. Draws from torch's global generator. Raises `BadConfiguration`.

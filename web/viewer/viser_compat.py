@@ -1,0 +1,50 @@
+"""All uses of viser's private members; an update of viser needs a check of this file only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import rich
+import viser
+from viser import _messages
+
+ACCEPTED = (
+    _messages.ViewerCameraMessage,
+    _messages.ScenePointerMessage,
+    _messages.SceneNodeClickMessage,
+    _messages.SceneNodeDragMessage,
+)
+"""Messages of a client that the console needs: camera pose, clicks and drags. Uploads, widgets and
+the public tunnel are dropped."""
+
+
+def accept_only_needed_messages(server: viser.ViserServer) -> None:
+    """Drop every message of a client but the `ACCEPTED` ones, the request of a public tunnel above
+    all."""
+
+    def restrict(listener: Any) -> None:
+        for kind in [kind for kind in listener._incoming_handlers if kind not in ACCEPTED]:
+            listener.unregister_handler(kind)
+
+    restrict(server._websock_server)
+    # viser installs a client's handlers in a callback of the same list, so this one runs later.
+    server._websock_server.on_client_connect(restrict)
+
+
+def request_header(server: viser.ViserServer, client: viser.ClientHandle, name: str) -> str:
+    """Return a header of the request that opened a client's connection; empty without it."""
+    connection = server._websock_server._live_connections.get(client.client_id)
+    request = None if connection is None else connection.request
+    return "" if request is None else str(request.headers.get(name, ""))
+
+
+class Quiet:
+    """Context without viser's output: its private address must not be mistaken for the
+    console's."""
+
+    def __enter__(self) -> None:
+        self._was_quiet = rich.get_console().quiet
+        rich.get_console().quiet = True
+
+    def __exit__(self, *_: Any) -> None:
+        rich.get_console().quiet = self._was_quiet
