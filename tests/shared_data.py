@@ -9,7 +9,7 @@ import pytest
 
 
 def beside(path: Path, what: str) -> Path:
-    """The path if it is there; else the test is skipped, unless continuous integration promises it."""
+    """Return the path if it exists; else skip the test, or fail it in continuous integration."""
     if not path.exists():
         reason = f"{what} not beside this checkout: {path} is missing"
         if os.environ.get("CI") == "true":

@@ -14,7 +14,7 @@ from web.auth.users import User
 
 
 class UserTable:
-    """Satisfies `web.access.users.Users`."""
+    """Satisfies `web.auth.users.Users`."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

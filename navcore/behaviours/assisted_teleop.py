@@ -1,4 +1,4 @@
-"""Assisted teleoperation: a velocity given by hand may not drive the footprint into a forbidden area."""
+"""Assisted teleoperation: a velocity given by hand may not drive into a forbidden area."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 passage, give up.
 
 A value with its transition, one for each tick. Each action is tried once at a position, the mildest
-first, and the path is tried again after each; a robot that gets away from the position starts afresh
-the next time.
+first, and the path is tried again after each; a robot that gets away from the position starts
+afresh the next time.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Behaviour:
         return self.recovery.action is RecoveryAction.SPIN
 
     def towards(self, request: NavigationRequest) -> Behaviour:
-        """Start afresh for another goal: what was blocked on the way to the last one need not be."""
+        """Start afresh for another goal: what was blocked before need not be."""
         target = (request.goal, request.goal_yaw_rad, request.leave)
         if target == self.target:
             return self

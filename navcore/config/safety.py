@@ -111,8 +111,8 @@ class KeepOutMonitorConfig:
     standing_mps: float = ranged(0.001, 0.1, default=0.005)
     """Speed in metres per second of the fastest point of the body below which the robot stands."""
     spacing_m: float = ranged(0.005, 0.2, default=0.03)
-    """Spacing in metres of the points of the footprint that are checked."""
-    step_m: float = ranged(0.005, 0.2, default=0.03)
+    """Spacing in metres of the points by which the covered part of an area is compared."""
+    step_m: float = ranged(0.005, 0.2, default=0.05)
     """Largest distance in metres that a point of the body moves between two checks."""
     shares: tuple[float, ...] = ranged(0.0, 1.0, default=(1.0, 0.75, 0.5, 0.3, 0.15))
     """Shares of the commanded velocity that are tried, the largest first."""

@@ -7,6 +7,7 @@ gives the largest share of the velocity from which it enters no area.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -36,7 +37,7 @@ class KeepOuts:
     pose: Pose2 | None = None
     """T_map_base of the newest frame; None before the first, and then nothing is checked."""
     zones: tuple[Zone, ...] = ()
-    """Zones of the operator; those that are not closed are ignored."""
+    """Zones of the operator; only closed ones count."""
     cells: Points = field(default_factory=lambda: NO_CELLS)
     """(N, 2) centres of known beware cells near the robot, map frame."""
     leaving: bool = False
@@ -56,16 +57,18 @@ def permitted_share(
     An area that the footprint overlaps already may be left, but not covered any further. The name
     is empty where the whole velocity is permitted.
     """
-    twist = _within_limits(twist, profile)
-    if keep_outs.pose is None or _fastest_mps(twist, profile) < config.standing_mps:
+    twist, start = _within_limits(twist, profile), keep_outs.pose
+    if start is None or _fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
-    body = _body_points(profile.length_m, profile.width_m, config.spacing_m)
     late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    keep_outs = _within_reach(keep_outs, start, twist, profile, late_s, config)
+    if not keep_outs.zones and not len(keep_outs.cells):
+        return 1.0, ""
     blocking = ""
     for share in config.shares:
         part = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-        poses = list(_stopping_poses(keep_outs.pose, part, profile, late_s, config))
-        entered = _entered(keep_outs, body, poses, profile)
+        poses = list(_stopping_poses(start, part, profile, late_s, config))
+        entered = _entered(keep_outs, start, poses, profile, config.spacing_m)
         if entered is None:
             return share, blocking
         blocking = blocking or entered
@@ -85,6 +88,29 @@ def _fastest_mps(twist: Twist, profile: RobotProfile) -> float:
     return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
+def _within_reach(
+    keep_outs: KeepOuts,
+    pose: Pose2,
+    twist: Twist,
+    profile: RobotProfile,
+    late_s: float,
+    config: KeepOutMonitorConfig,
+) -> KeepOuts:
+    """Return the closed zones and the cells that the robot may reach until it stands."""
+    travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
+    reach_m = profile.circumscribed_radius_m + travelled_m
+    zones = []
+    for zone in keep_outs.zones:
+        left, bottom, right, top = _polygon(zone.polygon).bounds
+        beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
+        if zone.closed and beside_m <= reach_m:
+            zones.append(zone)
+    cells = keep_outs.cells
+    if len(cells):
+        cells = cells[np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m) <= reach_m]
+    return dataclasses.replace(keep_outs, zones=tuple(zones), cells=cells)
+
+
 def _stopping_poses(
     start: Pose2, twist: Twist, profile: RobotProfile, late_s: float, config: KeepOutMonitorConfig
 ) -> Iterator[Pose2]:
@@ -99,25 +125,25 @@ def _stopping_poses(
 
 
 def _entered(
-    keep_outs: KeepOuts, body: Points, poses: list[Pose2], profile: RobotProfile
+    keep_outs: KeepOuts, start: Pose2, poses: list[Pose2], profile: RobotProfile, spacing_m: float
 ) -> str | None:
     """Return the name of the first area that the footprint enters at any of the poses."""
-    start = keep_outs.pose
-    assert start is not None
-    swept = np.stack([pose.to_parent(body) for pose in poses])
-    low, high = swept.min(axis=(0, 1)), swept.max(axis=(0, 1))
-    here = start.to_parent(body)
+    corners = profile.footprint()
+    swept = shapely.polygons(np.stack([pose.to_parent(corners) for pose in poses]))
     for zone in keep_outs.zones:
-        if not zone.closed:
-            continue
         polygon = _polygon(zone.polygon)
-        left, bottom, right, top = polygon.bounds
-        if left > high[0] or bottom > high[1] or right < low[0] or top < low[1]:
+        touched = shapely.intersects(polygon, swept)
+        if not touched.any():
             continue
+        body = _body_points(profile.length_m, profile.width_m, spacing_m)
+        here = start.to_parent(body)
         covered = int(shapely.contains_xy(polygon, here[:, 0], here[:, 1]).sum())
-        if covered and keep_outs.leaving:
+        if not covered:
+            return f"zone {zone.name!r}"
+        if keep_outs.leaving:
             continue
-        counts = shapely.contains_xy(polygon, swept[..., 0], swept[..., 1]).sum(axis=1)
+        points = np.stack([pose.to_parent(body) for pose in poses])
+        counts = shapely.contains_xy(polygon, points[..., 0], points[..., 1]).sum(axis=1)
         if counts.max() > covered:
             return f"zone {zone.name!r}"
     cells = keep_outs.cells

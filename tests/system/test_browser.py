@@ -13,7 +13,7 @@ import shapely
 from playwright.sync_api import expect, sync_playwright
 
 from app.console.application import RunningConsole
-from tests.web.page.test_page import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
+from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
 
 PATIENCE_MS = 90_000
 ZONE = ((-3.0, -0.6), (-2.2, -0.6), (-2.2, 0.2), (-3.0, 0.2))

@@ -44,7 +44,7 @@ def test_row_13_without_expiry_it_continues_to_move(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", NEVER_NS)
     endless = SafetyConfig(gate=GateConfig(command_life_s=1e6))
     monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate, config=endless))
-    monkeypatch.setattr(control.TeleopSession, "let_go", lambda self: None)
+    monkeypatch.setattr(control.TeleopSession, "release", lambda self: None)
     monkeypatch.setattr("tests.reliability.console_rig.TIMEOUT_S", 2.0)
     with pytest.raises(RuntimeError, match="did not hold within"):
         teleop.lost_teleop(1)
@@ -98,6 +98,7 @@ def test_row_22_a_refusal_that_echoes_what_was_sent_fails(monkeypatch: pytest.Mo
         return problems.JsonResponse({"sent": float("nan")}, status_code=422)
 
     monkeypatch.setattr(problems, "_invalid", echo)
+    monkeypatch.setattr(problems, "finite", lambda content: content)
     assert not hostile.hostile_requests(40).met
 
 
@@ -114,9 +115,7 @@ def test_row_24_no_foreign_request_is_accepted() -> None:
 def test_row_24_without_the_origin_check_they_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(
-        "web.gateway.guard.refusal_of_strangers", lambda scope, headers, hosts: None
-    )
+    monkeypatch.setattr("web.gateway.guard.check_origin", lambda scope, headers, hosts: None)
     assert not hostile.foreign_requests(1).met
 
 

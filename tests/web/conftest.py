@@ -1,4 +1,4 @@
-"""The whole console, on a free port, around a small system in memory."""
+"""Fixtures: the whole console on a free port, around a small robot in memory."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PASSWORD = "correct horse"
 
 @pytest.fixture
 def operations() -> FakeOperations:
-    """A fresh system."""
+    """Return a new robot."""
     return FakeOperations()
 
 
 @pytest.fixture
 def server(operations: FakeOperations) -> Iterator[ConsoleServer]:
-    """The console."""
+    """Yield a console without users."""
     console = ConsoleServer(operations, port=0)
     console.start()
     yield console
@@ -35,14 +35,14 @@ def server(operations: FakeOperations) -> Iterator[ConsoleServer]:
 
 @pytest.fixture
 def client(server: ConsoleServer) -> Iterator[httpx.Client]:
-    """A program that talks to it."""
+    """Yield a program that talks to the console."""
     with httpx.Client(base_url=server.url, trust_env=False) as program:
         yield program
 
 
 class Accounts:
-    """A store with one user of each role, called like it; all have the same password, and a token
-    each."""
+    """Store with one user for each role, named after it; all have the same password and an own
+    token."""
 
     def __init__(self, folder: Path) -> None:
         self.store = Store(folder)
@@ -56,17 +56,17 @@ class Accounts:
         self.access = Access.by_login(self.store.users, self.store.audit)
 
     def headers(self, name: str) -> dict[str, str]:
-        """Of a program of this user."""
+        """Return the headers of a program of a user."""
         return {"Host": "console", "Authorization": f"Bearer {self.tokens[name]}"}
 
     def visitor(self, name: str) -> Visitor:
-        """The same as the door sees it."""
+        """Return this program as an authenticated visitor."""
         return Visitor(name=name, role=Role(name), client_id=f"program {name}")
 
 
 @pytest.fixture
 def accounts(tmp_path: Path) -> Iterator[Accounts]:
-    """Who may log in."""
+    """Yield the users."""
     made = Accounts(tmp_path / "data")
     yield made
     made.store.close()
@@ -74,7 +74,7 @@ def accounts(tmp_path: Path) -> Iterator[Accounts]:
 
 @pytest.fixture
 def locked(operations: FakeOperations, accounts: Accounts) -> Iterator[ConsoleServer]:
-    """A console that wants a log-in."""
+    """Yield a console that needs a log-in."""
     console = ConsoleServer(operations, port=0, access=accounts.access)
     console.start()
     yield console

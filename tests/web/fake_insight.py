@@ -1,4 +1,4 @@
-"""The insight of the fake system: the real log, explanation and table of figures, and one sighting."""
+"""Diagnostics of the fake robot: real event log, explanation and time series, and one detection."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from web.interface.insight import (
 
 
 class FakeInsight:
-    """Satisfies `web.insight.Diagnostics`."""
+    """Implementation of `web.interface.insight.Diagnostics`."""
 
     def __init__(self, case: Callable[[], ExplanationQuery], place: Callable[[], Pose2]) -> None:
         self._case, self._place = case, place
@@ -44,15 +44,15 @@ class FakeInsight:
         assert set(self.series.after(-1.0)) == set(COLUMNS)
 
     def explain(self) -> Explanation:
-        """As the port says."""
+        """Implement the port."""
         return explain(self._case())
 
     def without(self, keys: Collection[str]) -> Alternative:
-        """As the port says."""
+        """Implement the port."""
         return alternative(self._case(), keys)
 
     def candidates(self) -> Candidates | None:
-        """Three short arcs, one of them half blocked, another chosen."""
+        """Return three short primitives, one half blocked, another chosen."""
         pose = self._place()
         along = np.linspace(0.1, 1.6, 16)
         arcs = np.stack(
@@ -64,18 +64,18 @@ class FakeInsight:
         return Candidates(serial=1, arcs=arcs, free=np.array([16, 8, 16]), chosen=2)
 
     def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
-        """As the port says."""
+        """Implement the port."""
         self.detections.crop(sighting_id)
         self.detections.mark_wrong()
         self.taught.append((class_name, None))
         return self.labelling.state()
 
     def snapshot(self) -> int:
-        """Always the same."""
+        """Return the same id every time."""
         return 7
 
     def snapshot_image(self, snapshot: int) -> bytes:
-        """A picture with a bright thing in it."""
+        """Return an image with a bright object."""
         if snapshot != 7:
             raise NotKnown("this picture is not held")
         picture = np.full((180, 320, 3), 90, dtype=np.uint8)
@@ -85,14 +85,14 @@ class FakeInsight:
     def add_example(
         self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
     ) -> LabellingState:
-        """As the port says."""
+        """Implement the port."""
         self.snapshot_image(snapshot)
         self.taught.append((class_name, box))
         return self.labelling.state()
 
 
 class FakeDetections:
-    """One cup."""
+    """Gallery of one cup."""
 
     def __init__(self) -> None:
         self._sighting = Sighting(
@@ -107,17 +107,17 @@ class FakeDetections:
         )
 
     def all(self) -> tuple[Sighting, ...]:
-        """As the port says."""
+        """Implement the port."""
         return (self._sighting,)
 
     def crop(self, sighting_id: int) -> bytes:
-        """A grey image."""
+        """Return a grey image."""
         if sighting_id != 1:
             raise NotKnown("nothing was recognised under this id")
         return camera_jpg(np.full((60, 80, 3), 150, dtype=np.uint8))
 
     def counts(self) -> Mapping[int, int]:
-        """As the port says."""
+        """Implement the port."""
         return {} if self._sighting.verdict else {3: 1}
 
     def mark_wrong(self) -> None:
@@ -126,13 +126,13 @@ class FakeDetections:
 
 
 class FakeLabelling:
-    """A folder that counts what was taught."""
+    """Folder that counts the corrections."""
 
     def __init__(self, taught: Sized) -> None:
         self._taught = taught
 
     def state(self) -> LabellingState:
-        """As the port says."""
+        """Implement the port."""
         return LabellingState(
             folder=str(Path("data") / "labelling"),
             pictures=len(self._taught),

@@ -1,5 +1,5 @@
-"""A small system behind the console, in memory: the real values and rules of the navigation in a
-world of rectangles."""
+"""Small robot behind the console, in memory: the real values and rules of the navigation in a world
+of rectangles."""
 
 from __future__ import annotations
 
@@ -51,11 +51,12 @@ MARGIN_M = 0.1
 STEP_M = 0.1
 RED_FLOOR = 1
 BOX_PIXELS = (slice(60, 90), slice(20, 70))
-"""A box that nobody recognises, in the camera's picture."""
+"""Unlabelled box in the camera image."""
 
 
 class FakeOperations:
-    """Satisfies `web.port.RobotService`; `step` moves the robot along its path."""
+    """Implementation of `web.interface.operations.RobotService`; `step` moves the robot along its
+    path."""
 
     def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
         self._lock = threading.RLock()
@@ -88,20 +89,20 @@ class FakeOperations:
         self._see()
         self.insight = FakeInsight(self._case, lambda: self._pose)
 
-    # -------------------------------------------------------------------------------------------------------- reading
+    # Reading
 
     @property
     def profile(self) -> RobotProfile:
-        """The Husky."""
+        """Profile of the Husky."""
         return HUSKY
 
     @property
     def robot_urdf(self) -> FilePath | None:
-        """What the test asked for."""
+        """URDF file of the test."""
         return self._urdf
 
     def state(self) -> State:
-        """The newest snapshot."""
+        """Return the newest snapshot."""
         with self._lock:
             reasons, picture = self._reasons(), self.picture()
             moving = self._intent.mission.goal is not None and not reasons
@@ -137,12 +138,12 @@ class FakeOperations:
             )
 
     def picture(self) -> TickSnapshot | None:
-        """The newest tick's values."""
+        """Return the values of the newest tick."""
         with self._lock:
             return self._picture
 
     def cloud(self) -> Cloud | None:
-        """The walls as points."""
+        """Return the walls as points."""
         points, rgb, ids = [], [], []
         for class_id, mask in self._world.items():
             cells = SPEC.centres(np.argwhere(mask))
@@ -157,20 +158,20 @@ class FakeOperations:
             class_ids=np.concatenate(ids).astype(np.uint8),
         )
 
-    # -------------------------------------------------------------------------------------------------------- mission
+    # Mission
 
     def mission(self, action: MissionAction) -> None:
-        """As the port says."""
+        """Implement the port."""
         self._change(getattr(Mission, action))
 
     def stop(self, source: str) -> None:
-        """As the port says."""
+        """Implement the port."""
         with self._lock:
             self.stops.append(source)
             self._stopped_by = source
 
     def drive(self, twist: Twist | None) -> None:
-        """Note it; whether it expires is not this world's affair."""
+        """Record the velocity; it does not expire in this world."""
         with self._lock:
             if twist is not None and self._stopped_by is not None:
                 raise Refused("the emergency stop is latched; reset it first")
@@ -180,14 +181,14 @@ class FakeOperations:
             self.hands.append(twist)
 
     def reset_stop(self) -> None:
-        """As the port says."""
+        """Implement the port."""
         with self._lock:
             self._stopped_by = None
             if self._intent.mission.phase is Phase.DRIVING:
                 self._set_mission(self._intent.mission.pause())
 
     def step(self) -> None:
-        """One tick: the robot moves one step along its path and arrives at its end."""
+        """Run one tick: the robot moves one step along its path, or arrives at its end."""
         with self._lock:
             goal = self._intent.mission.goal
             if goal is not None and not self._reasons() and len(self._path):
@@ -204,7 +205,7 @@ class FakeOperations:
             self._see()
 
     def preview(self, draft: PreviewDraft) -> Preview:
-        """As the port says."""
+        """Implement the port."""
         with self._lock:
             queue = self._intent.mission.queue
             if draft.goal is None and not queue:
@@ -237,14 +238,14 @@ class FakeOperations:
                 self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces
             )
 
-    # ----------------------------------------------------------------------------------------------------------- runs
+    # Runs
 
     def poses(self) -> tuple[Pose2, ...]:
-        """As the port says."""
+        """Implement the port."""
         return tuple(self._poses)
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """As the port says."""
+        """Implement the port."""
         for pose_id in poses:
             if pose_id >= len(self._poses):
                 raise BadConfiguration(
@@ -254,16 +255,16 @@ class FakeOperations:
             self._poses[pose_id] = pose
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
-        """One past mission."""
+        """Return one past mission."""
         return ({"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},)
 
     def run(self, run_id: str) -> Mapping[str, object]:
-        """That mission."""
+        """Return that mission."""
         if run_id != "run-1":
             raise NotKnown("no run has this id")
         return {**self.runs()[0], "series": {"t_s": [0.0, 1.0, 2.0], "speed_mps": [0.0, 0.3, 0.5]}}
 
-    # ---------------------------------------------------------------------------------------------------------- inside
+    # Inside
 
     def _case(self) -> ExplanationQuery:
         with self._lock:
@@ -284,11 +285,11 @@ class FakeOperations:
 
     @property
     def intent(self) -> OperatorState:
-        """The present state of the operator."""
+        """Present state of the operator."""
         return self._intent
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
-        """Replace the state of the operator, and see what follows."""
+        """Replace the state of the operator and run a tick."""
         with self._lock:
             self._intent = edit(self._intent)
             self._see()
@@ -380,29 +381,29 @@ class FakeOperations:
 
 
 class FakeView:
-    """The newest map."""
+    """View of the newest map."""
 
     picture: TickSnapshot | None = None
 
 
 class MemoryStore:
-    """Keeps named things until the test is over."""
+    """Store in memory."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, str], str] = {}
 
     def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
-        """The book itself remembers the zones."""
+        """Do nothing: the editor keeps the zones."""
 
     def beware_versions(self) -> tuple[BewareList, ...]:
-        """None: nothing outlives the test."""
+        """Return no versions: nothing outlives the test."""
         return ()
 
     def save_beware(self, beware: BewareList) -> None:
-        """The operator's state remembers the list."""
+        """Do nothing: the operator's state keeps the list."""
 
     def documents(self, kind: str) -> dict[str, Any]:
-        """As the store does."""
+        """Implement the store."""
         return {
             name: json.loads(value)
             for (of, name), value in sorted(self._kept.items())
@@ -410,7 +411,7 @@ class MemoryStore:
         }
 
     def save_document(self, kind: str, name: str, value: Any) -> None:
-        """As the store does."""
+        """Implement the store."""
         self._kept[kind, name] = json.dumps(value)
         if value is None:
             del self._kept[kind, name]
@@ -464,7 +465,7 @@ def _frame() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
 
 
 def _depth() -> npt.NDArray[np.float32]:
-    """Of an empty floor, and of a box that stands on it."""
+    """Return the depth of an empty floor with a box."""
     rows = np.arange(INTRINSICS.height)
     down = (rows - INTRINSICS.cy) / INTRINSICS.fy
     falls = math.cos(0.3) * down + math.sin(0.3)

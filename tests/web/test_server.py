@@ -1,4 +1,4 @@
-"""Start, stop, the port, and the 3D viewer behind the console's one door."""
+"""Start and stop of the server, its port, and the 3D view behind the guard."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PAGE = "0123456789abcdef"
 
 
 def viewer_of(server: ConsoleServer, path: str = "/viewer", **options: Any) -> Connection:
-    """A viser client at the console's door."""
+    """Connect a viser client through the console."""
     return connect(
         server.url.replace("http", "ws") + path,
         subprotocols=[SUBPROTOCOL],
@@ -282,7 +282,10 @@ def test_a_client_that_does_not_read_gets_the_newest_state_when_it_wakes(
         assert latest["queue"]
 
 
-URDF = """<robot name="r"><link name="base"><visual><geometry><box size="1 0.7 0.3"/></geometry></visual></link></robot>"""
+URDF = (
+    '<robot name="r"><link name="base"><visual><geometry><box size="1 0.7 0.3"/>'
+    "</geometry></visual></link></robot>"
+)
 
 
 def test_a_robot_with_a_urdf_is_drawn_from_it_and_a_broken_one_as_a_box(tmp_path: Path) -> None:

@@ -1,36 +1,48 @@
-// The API's description from /openapi.json alone: works without a network, as everything here.
+// The page of the API, made from /openapi.json alone: it needs no network, as the whole console.
 
+const MAX_DEPTH = 6;
 const root = document.getElementById("docs");
 const make = (tag, text = "") => Object.assign(document.createElement(tag), { textContent: text });
 
-function resolved(schema, all, depth = 0) {
-  if (!schema || typeof schema !== "object" || depth > 6) return schema;
-  if (schema.$ref) return resolved(all[schema.$ref.split("/").pop()], all, depth + 1);
-  if (Array.isArray(schema)) return schema.map((part) => resolved(part, all, depth + 1));
-  return Object.fromEntries(Object.entries(schema).filter(([key]) => key !== "title").map(([key, part]) => [key, resolved(part, all, depth + 1)]));
+// The schema with its references replaced by what they name.
+function resolve(schema, schemas, depth = 0) {
+  if (!schema || typeof schema !== "object" || depth > MAX_DEPTH) return schema;
+  if (schema.$ref) return resolve(schemas[schema.$ref.split("/").pop()], schemas, depth + 1);
+  if (Array.isArray(schema)) return schema.map((part) => resolve(part, schemas, depth + 1));
+  const entries = Object.entries(schema).filter(([key]) => key !== "title");
+  return Object.fromEntries(entries.map(([key, part]) => [key, resolve(part, schemas, depth + 1)]));
 }
 
-function entry(path, method, operation, all) {
+function operationBox(path, method, operation, schemas) {
   const box = make("details");
   const head = make("summary");
-  head.append(make("b", method.toUpperCase()), make("code", path), make("span", (operation.description ?? "").split(". ")[0]));
-  box.append(head, make("p", operation.description ?? ""));
-  for (const part of operation.parameters ?? []) box.append(make("p", `${part.name} (${part.in}) ${part.description ?? ""}`));
+  const description = operation.description ?? "";
+  const jsonOf = (part) => make("pre", JSON.stringify(resolve(part, schemas), null, 2));
+  head.append(
+    make("b", method.toUpperCase()),
+    make("code", path),
+    make("span", description.split(". ")[0]),
+  );
+  box.append(head, make("p", description));
+  for (const part of operation.parameters ?? [])
+    box.append(make("p", `${part.name} (${part.in}) ${part.description ?? ""}`));
   const body = operation.requestBody?.content?.["application/json"]?.schema;
-  if (body) box.append(make("p", "Body:"), make("pre", JSON.stringify(resolved(body, all), null, 2)));
+  if (body) box.append(make("p", "Body:"), jsonOf(body));
   for (const [status, answer] of Object.entries(operation.responses ?? {})) {
     box.append(make("p", `${status}: ${answer.description}`));
     const schema = answer.content?.["application/json"]?.schema;
-    if (schema && status.startsWith("2")) box.append(make("pre", JSON.stringify(resolved(schema, all), null, 2)));
+    if (schema && status.startsWith("2")) box.append(jsonOf(schema));
   }
   return box;
 }
 
-const description = await (await fetch("/openapi.json")).json();
-const all = description.components?.schemas ?? {};
+const api = await (await fetch("/openapi.json")).json();
 const groups = {};
-for (const [path, methods] of Object.entries(description.paths)) {
-  for (const [method, operation] of Object.entries(methods)) (groups[operation.tags?.[0] ?? "other"] ??= []).push(entry(path, method, operation, all));
+for (const [path, methods] of Object.entries(api.paths)) {
+  for (const [method, operation] of Object.entries(methods)) {
+    const group = (groups[operation.tags?.[0] ?? "other"] ??= []);
+    group.push(operationBox(path, method, operation, api.components?.schemas ?? {}));
+  }
 }
-root.replaceChildren(make("h1", description.info.title), make("p", description.info.description));
-for (const [name, entries] of Object.entries(groups)) root.append(make("h2", name), ...entries);
+root.replaceChildren(make("h1", api.info.title), make("p", api.info.description));
+for (const [name, boxes] of Object.entries(groups)) root.append(make("h2", name), ...boxes);

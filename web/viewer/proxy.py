@@ -29,7 +29,7 @@ TIMEOUT_S = 5.0
 """Time limit of a request to viser, seconds."""
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Largest message of viser in bytes; a new client gets the whole scene."""
-_PACE = b'<script src="/page/core/pace.js"></script>'
+_PACE = b'<script src="/page/map/frame_pacing.js"></script>'
 """Script that keeps viser's page from drawing while it is hidden."""
 
 

@@ -1,4 +1,4 @@
-"""A person who keeps the robot waiting by walking to and fro gets their lane if a detour is short."""
+"""A person who keeps the robot waiting gets their lane if a detour is short."""
 
 from __future__ import annotations
 
@@ -31,9 +31,16 @@ def walker(t_s: float) -> Track:
     along = (t_s * 0.9) % 6.0
     forth = along < 3.0
     return Track(
-        id=1, x_m=1.0 + (along if forth else 6.0 - along), y_m=0.0, vx_mps=0.9 if forth else -0.9, vy_mps=0.0, radius_m=0.3,
-        age_s=5.0, last_seen_ns=0, walking_speed_mps=0.9,
-    )  # fmt: skip
+        id=1,
+        x_m=1.0 + (along if forth else 6.0 - along),
+        y_m=0.0,
+        vx_mps=0.9 if forth else -0.9,
+        vy_mps=0.0,
+        radius_m=0.3,
+        age_s=5.0,
+        last_seen_ns=0,
+        walking_speed_mps=0.9,
+    )
 
 
 def waited(

@@ -112,9 +112,7 @@ SHUT = np.vstack([pocket(0.57), wall((-0.62, -0.62), (-0.44, 0.44))])
 HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
-def test_what_stands_in_the_way_is_waited_for_and_when_it_goes_the_robot_drives_on_without_having_moved() -> (
-    None
-):
+def test_an_obstacle_that_goes_away_is_waited_for_in_place() -> None:
     drive = Drive(HERE, AHEAD, lambda t_s: SHUT if t_s < 1.45 else NONE)
     drive.run(1.45)
     assert drive.pose == HERE
@@ -222,9 +220,7 @@ def supervised(
     )
 
 
-def test_a_way_that_proves_closed_leads_to_another_and_only_when_there_is_none_the_robot_gives_up() -> (
-    None
-):
+def test_a_blocked_passage_leads_to_another_and_without_one_the_robot_gives_up() -> None:
     gaps = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     gaps[:, 90] = True  # a wall at x = 1 m …
     for y_m in (0.0, 4.0):
@@ -291,7 +287,7 @@ def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it(
 TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN)
 
 
-def test_a_robot_that_gave_up_goes_on_once_it_can_turn_to_its_path_and_for_another_goal_starts_afresh() -> None:
+def test_a_robot_that_gave_up_goes_on_once_it_can_turn_and_starts_afresh_elsewhere() -> None:
     navigator = blocked_navigator()
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     route, outcomes = stuck_for(navigator, here, 0.0, 47.0)

@@ -174,4 +174,7 @@ def test_a_robot_that_yields_stands_before_the_same_walker() -> None:
             )
         )
         outcomes[people_config.non_cooperative] = (motion.outcome, motion.twist == STANDSTILL)
-    assert outcomes == {False: (ControllerState.WAIT_FOR_PEOPLE, True), True: (ControllerState.AVOID, False)}
+    assert outcomes == {
+        False: (ControllerState.WAIT_FOR_PEOPLE, True),
+        True: (ControllerState.AVOID, False),
+    }

@@ -163,7 +163,8 @@ def stopped(x: float, y: float, *, stood_s: float, pace: float = 0.9) -> PeopleS
 def test_a_person_who_has_only_stopped_is_waited_for_and_a_settled_one_is_driven_round() -> None:
     walls = np.array([[x, y] for x in np.arange(-1.0, 3.0, 0.1) for y in (-1.3, 1.3)])
     assert stands(
-        decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)), ControllerState.WAIT_FOR_PEOPLE
+        decide(geometric=walls, people=stopped(1.5, 0.2, stood_s=2.0)),
+        ControllerState.WAIT_FOR_PEOPLE,
     )
     settled = decide(geometric=walls, people=stopped(1.5, 0.4, stood_s=20.0))
     assert settled.outcome is ControllerState.FOLLOW

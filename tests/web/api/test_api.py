@@ -1,10 +1,11 @@
-"""The routes of the contract, one behaviour per test."""
+"""The routes of the API, one behaviour per test."""
 
 from __future__ import annotations
 
 import dataclasses
 import io
 import json
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ SQUARE = [[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]]
 def zone(
     name: str = "wet floor", corners: list[list[float]] = SQUARE, **more: Any
 ) -> dict[str, Any]:
-    """A zone as a GeoJSON Feature."""
+    """Return a zone as a GeoJSON Feature."""
     ring = [*corners, corners[0]]
     return {
         "type": "Feature",
@@ -38,10 +39,14 @@ def zone(
 
 
 def wrong(answer: Any, status: int) -> dict[str, Any]:
-    """The error of a refusal, after a look at its shape."""
+    """Return the error of a refusal and check its shape."""
     assert answer.status_code == status, answer.text
-    error = answer.json()["error"]
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    error = problem["error"]
     assert set(error) == {"code", "message", "where"}
+    assert (problem["status"], problem["detail"]) == (status, error["message"])
+    assert problem["type"] == "about:blank" and problem["title"] == HTTPStatus(status).phrase
     return dict(error)
 
 
@@ -482,7 +487,7 @@ def test_the_camera_shows_what_was_recognised_only_when_asked(client: httpx.Clie
     wrong(client.get("/api/v1/camera.jpg?overlay=everything"), 422)
 
 
-def test_before_the_first_picture_every_file_says_so(
+def test_before_the_first_tick_every_file_is_refused_with_the_reason(
     client: httpx.Client, operations: FakeOperations
 ) -> None:
     operations.picture = lambda: None  # type: ignore[method-assign]
@@ -571,7 +576,7 @@ def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(
         ("/", "text/html"),
         ("/docs", "text/html"),
         ("/page/app.js", "text/javascript"),
-        ("/page/styles/style.css", "text/css"),
+        ("/page/styles/base.css", "text/css"),
     ):
         answer = client.get(path)
         assert answer.status_code == 200 and answer.headers["content-type"].startswith(kind)
@@ -614,3 +619,10 @@ def test_where_the_robot_keeps_out_by_itself_comes_with_the_path(
     [lane] = client.get("/api/v1/path").json()["closed"]
     assert lane["properties"]["name"] == "where a person walks to and fro"
     assert [tuple(corner) for corner in lane["geometry"]["coordinates"][0][:-1]] == list(corners)
+
+
+def test_every_field_of_a_served_dataclass_is_described(client: httpx.Client) -> None:
+    schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    for name in ("State", "Goal", "ListedClass", "MapOut", "SightingOut", "Page", "Explanation"):
+        for field in schemas[name]["properties"].values():
+            assert "description" in field

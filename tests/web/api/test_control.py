@@ -1,4 +1,4 @@
-"""Who drives, as pages and programs hear of it, and a hand on the robot."""
+"""Control of the robot as pages and programs see it, and teleoperation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}
 
 
 def live(server: ConsoleServer, **headers: str) -> Connection:
-    """A page's sign of life."""
+    """Send a page's sign of life."""
     return connect(
         server.url.replace("http", "ws") + "/api/v1/control/live",
         proxy=None,
@@ -39,7 +39,7 @@ def live(server: ConsoleServer, **headers: str) -> Connection:
 
 
 def news(socket: Connection, **wanted: Any) -> dict[str, Any]:
-    """The next message in which all of this holds."""
+    """Return the next message with these values."""
     for _ in range(200):
         message: dict[str, Any] = json.loads(socket.recv(timeout=60))
         if all(message.get(key) == value for key, value in wanted.items()):
@@ -48,12 +48,12 @@ def news(socket: Connection, **wanted: Any) -> dict[str, Any]:
 
 
 def push(socket: Connection, at_ms: float, **changes: Any) -> None:
-    """A velocity, sent at a time of the page's clock."""
+    """Return a velocity, sent at a time of the page's clock."""
     socket.send(json.dumps({**AHEAD, "t_ms": at_ms, **changes}))
 
 
 def eventually(holds: Any) -> None:
-    """Wait for something."""
+    """Wait until a condition holds."""
     deadline = time.monotonic() + 60
     while not holds():
         assert time.monotonic() < deadline
@@ -62,20 +62,20 @@ def eventually(holds: Any) -> None:
 
 @pytest.fixture
 def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slow machine is no silent operator."""
+    """Prolong the leases: a slow machine is not a silent operator."""
     monkeypatch.setattr("web.auth.control_lease.PAGE_LEASE_S", 60.0)
 
 
 @contextmanager
 def page_of(server: ConsoleServer) -> Iterator[httpx.Client]:
-    """A browser that has opened the page of an open console."""
+    """Return a browser that has opened the page of a console without users."""
     with httpx.Client(base_url=server.url, trust_env=False, timeout=60) as page:
         assert page.get("/").status_code == 200 and len(page.cookies) == 1
         yield page
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(
+def test_on_loopback_the_first_page_to_act_drives_and_the_others_see_its_name(
     server: ConsoleServer,
 ) -> None:
     with page_of(server) as first, page_of(server) as second:
@@ -95,7 +95,7 @@ def test_on_loopback_whoever_acts_first_drives_and_the_others_are_told_who(
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_asking_is_heard_by_who_drives_and_giving_by_who_asked(
+def test_the_holder_sees_who_asks_and_giving_passes_control_on(
     locked: ConsoleServer, accounts: Accounts
 ) -> None:
     bearer = {
@@ -125,7 +125,7 @@ def test_a_hand_moves_the_robot_and_lets_go_when_the_page_goes(
     eventually(lambda: operations.hand is None)
 
 
-def test_a_viewers_hand_moves_nothing(
+def test_a_viewer_cannot_drive_by_hand(
     locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
 ) -> None:
     with live(locked, Authorization=f"Bearer {accounts.tokens['viewer']}") as page:
@@ -137,7 +137,7 @@ def test_a_viewers_hand_moves_nothing(
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_a_hand_on_a_robot_that_somebody_else_drives_is_told_so(
+def test_teleoperation_without_control_is_refused(
     server: ConsoleServer, operations: FakeOperations
 ) -> None:
     with page_of(server) as other, live(server) as page:

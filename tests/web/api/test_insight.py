@@ -1,4 +1,4 @@
-"""Journal, explanation, sightings, series and tiles over HTTP: what they say, and what they refuse."""
+"""Answers and refusals of the routes of event log, explanation, detections, series and tiles."""
 
 from __future__ import annotations
 

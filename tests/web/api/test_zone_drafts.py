@@ -1,5 +1,4 @@
-"""Drawing by HTTP: shapes, rules, undo, sets, files, previews, regions, and goals with all that
-belongs to them."""
+"""Drawing by HTTP: shapes, rules, undo, sets, files, previews, regions, and goals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logging in, roles, sessions, and that no clock but the monotonic one counts."""
+"""Log-in, roles, sessions, control; only the monotonic clock counts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.web.test_server import PAGE, scene, viewer_of
 from web.auth.control_lease import PAGE_LEASE_S, PROGRAM_LEASE_S, ControlLeases, NotInControl
 from web.auth.permissions import requirement_of
 from web.auth.roles import Role, Visitor
-from web.auth.sessions import MAX_IDLE_S, MAX_AGE_S, Sessions
+from web.auth.sessions import MAX_AGE_S, MAX_IDLE_S, Sessions
 from web.auth.users import User, hash_password, is_password, new_user
 from web.gateway.rate_limit import BURST, PERIOD_S, RateLimiter
 from web.server import ConsoleServer
@@ -31,7 +31,7 @@ ANNA = User(name="anna", role=Role.OPERATOR, password_hash="-")
 
 
 class Clock:
-    """Time that passes when the test says so."""
+    """Clock that the test advances."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -42,7 +42,7 @@ class Clock:
 
 @contextmanager
 def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Client]:
-    """A browser, logged in as somebody."""
+    """Return a browser in which a user is logged in."""
     accepts = {"Accept": "text/html"}
     with httpx.Client(
         base_url=server.url, trust_env=False, headers=accepts, follow_redirects=True, timeout=60
@@ -54,9 +54,7 @@ def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Cl
         yield client
 
 
-def test_a_program_comes_in_with_a_users_token_and_with_nothing_less(
-    locked: ConsoleServer, accounts: Accounts
-) -> None:
+def test_a_program_needs_the_token_of_a_user(locked: ConsoleServer, accounts: Accounts) -> None:
     with httpx.Client(base_url=locked.url, trust_env=False) as program:
         assert program.get("/api/v1/state").status_code == 401
         assert (
@@ -86,7 +84,7 @@ def test_a_browser_logs_in_by_the_form_keeps_a_strict_cookie_and_logs_out(
             and "<form" in page.text
             and "script" not in page.headers["content-security-policy"]
         )
-        for name, password in (("operator", "wrong"), ("nobody", PASSWORD), ("", "")):
+        for name, password in (("operator", "wrong"), ("unknown", PASSWORD), ("", "")):
             refused = client.post("/login", data={"name": name, "password": password})
             assert (
                 refused.status_code == 401
@@ -129,9 +127,7 @@ def test_whoever_guesses_has_to_wait(
         assert late.status_code == 429 and 0 < int(late.headers["retry-after"]) <= 600
 
 
-def test_the_throttle_lets_tries_through_again_with_time_and_counts_each_address_by_itself() -> (
-    None
-):
+def test_the_rate_limit_allows_tries_again_with_time_and_counts_each_address_by_itself() -> None:
     clock = Clock()
     limiter = RateLimiter(clock=clock)
     assert [limiter.wait_s("a") for _ in range(BURST + 2)] == [0] * BURST + [6, 6]
@@ -181,7 +177,7 @@ def test_a_session_ends_by_idleness_by_age_and_by_log_out_whatever_the_wall_cloc
 def test_a_session_by_the_wall_clock_would_end_when_it_jumps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The control of the test above."""
+    """Control of the test above."""
     sessions, began = Sessions(clock=lambda: time.time()), time.time()
     cookie = sessions.begin(ANNA)
     monkeypatch.setattr(time, "time", lambda: began + 13 * 3600)
@@ -239,7 +235,7 @@ def test_a_socket_is_cut_off_when_its_user_may_no_longer_come_in(
                 socket.recv(timeout=5)
 
 
-def test_a_viewer_of_the_3d_view_moves_his_camera_and_clicks_nothing(
+def test_a_viewer_of_the_3d_view_moves_the_camera_and_clicks_nothing(
     locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
 ) -> None:
     click: dict[str, Any] = {
@@ -278,7 +274,7 @@ def _next_or_none(page: Any) -> dict[str, Any] | None:
     return message
 
 
-def test_every_change_is_put_down_with_who_made_it_and_how_it_ended(locked: ConsoleServer) -> None:
+def test_every_change_is_logged_with_its_visitor_and_its_outcome(locked: ConsoleServer) -> None:
     ring = [[4, -1], [5, -1], [5, 1]]
     with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
         zone = {"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}}
@@ -321,7 +317,7 @@ def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
         ]
         assert (
             ids(since="2020-01-01T02:00:00+02:00") == ids()
-            and ids(until="2020-01-01T00:00:00Z") == ids(who="nobody") == []
+            and ids(until="2020-01-01T00:00:00Z") == ids(who="unknown") == []
         )
         for wrong in ({"since": "yesterday"}, {"until": "2020-01-01T00:00:00"}, {"who": "x" * 61}):
             assert operator.get("/api/v1/audit", params=wrong).status_code == 422
@@ -350,7 +346,7 @@ def client_id(name: str, kind: str = "page") -> Visitor:
     return Visitor(name=name, role=Role.OPERATOR, client_id=f"{kind} {name}")
 
 
-def test_the_first_who_acts_has_control_and_it_lapses_when_he_goes_silent() -> None:
+def test_the_first_visitor_to_act_gets_control_until_their_lease_expires() -> None:
     clock = Clock()
     control, anna, bob = ControlLeases(clock=clock), client_id("anna"), client_id("bob")
     assert control.now.holder is None
@@ -399,7 +395,7 @@ def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
     assert control.now.holder is None
 
 
-def test_what_nests_too_deep_is_put_down_as_that_and_the_audit_stays_readable(
+def test_json_nested_too_deep_is_logged_as_such_and_the_audit_stays_readable(
     locked: ConsoleServer,
 ) -> None:
     with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:

@@ -1,4 +1,4 @@
-"""The one door: every route the app itself knows refuses strangers before its handler runs."""
+"""The guard: every route of the app refuses foreign requests before its handler runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from web.server import create_app
 
 
 class Untouchable(FakeOperations):
-    """Fails the test when a handler is reached."""
+    """Robot that fails the test when a handler is reached."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class Untouchable(FakeOperations):
 
 
 @pytest.mark.parametrize("stranger", FOREIGN_HEADERS)
-def test_every_route_refuses_a_stranger_before_its_handler_runs(stranger: str) -> None:
+def test_every_route_refuses_a_foreign_request_before_its_handler_runs(stranger: str) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"])
     routes = routes_of(app)
     assert len(routes) > 30
@@ -42,7 +42,7 @@ def test_without_the_guard_the_same_requests_reach_the_handlers() -> None:
     assert response_status(app, "GET", "/healthz", FOREIGN_HEADERS["foreign host"]) == 200
 
 
-def test_every_route_asks_for_the_login_of_whoever_is_not_known(accounts: Accounts) -> None:
+def test_every_route_asks_an_unknown_visitor_to_log_in(accounts: Accounts) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
     statuses = {
         route: response_status(app, *route, {"Host": "console"}) for route in routes_of(app)
@@ -58,7 +58,7 @@ MAY_BE_ASKED_BY_VIEWERS = {
 }
 
 
-def test_a_viewer_gets_past_the_door_to_look_and_to_stop_and_for_nothing_else(
+def test_the_guard_lets_a_viewer_only_look_and_stop(
     accounts: Accounts,
 ) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
@@ -74,7 +74,7 @@ def test_a_viewer_gets_past_the_door_to_look_and_to_stop_and_for_nothing_else(
     assert response_status(app, "GET", "/api/v1/audit", accounts.headers("viewer")) == 403
 
 
-def test_what_drives_the_robot_is_refused_to_whoever_is_not_in_control(accounts: Accounts) -> None:
+def test_driving_is_refused_to_a_visitor_who_is_not_in_control(accounts: Accounts) -> None:
     app = create_app(Untouchable(), allowed_hosts=["console"], access=accounts.access)
     accounts.access.control.take(accounts.visitor("admin"))
     acts = [route for route in routes_of(app) if route[0] in ACTS]

@@ -1,5 +1,4 @@
-"""Whatever is sent, the answer is a refusal with its reason; nothing stored is lost, and nothing is
-echoed."""
+"""Every hostile request is refused with a reason; stored values stay, the input is not echoed."""
 
 from __future__ import annotations
 
@@ -86,7 +85,7 @@ values = st.recursive(
 
 @pytest.fixture(scope="module")
 def lasting() -> Iterator[tuple[httpx.Client, FakeOperations]]:
-    """One console for a thousand requests."""
+    """Return one console for a thousand requests."""
     operations = FakeOperations()
     console = ConsoleServer(operations, port=0)
     console.start()
@@ -97,7 +96,7 @@ def lasting() -> Iterator[tuple[httpx.Client, FakeOperations]]:
 
 
 def dumped(value: Any) -> bytes:
-    """JSON as a careless or hostile client writes it: NaN, Infinity and lone surrogates included."""
+    """Return JSON of a careless or hostile client, with NaN, Infinity and lone surrogates."""
     return json.dumps(value, allow_nan=True, ensure_ascii=True).encode("ascii")
 
 
@@ -187,9 +186,7 @@ def test_no_bytes_make_the_console_fail(
         ('{"x_m": 1,', "not JSON"),
     ],
 )
-def test_a_refusal_names_the_place_and_the_reason(
-    client: httpx.Client, body: str, says: str
-) -> None:
+def test_a_refusal_names_the_key_and_the_reason(client: httpx.Client, body: str, says: str) -> None:
     assert says in wrong(client.post("/api/v1/goals", content=body, headers=JSON), 422)["message"]
 
 

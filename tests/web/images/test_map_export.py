@@ -1,4 +1,4 @@
-"""The map that the console hands out, read by our own reader of Nav2's format."""
+"""The exported map, read by the package's own reader of Nav2's format."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(
     assert_says_the_same(nav2_map, picture)
 
 
-def test_a_place_that_is_no_round_number_is_handed_out_exactly(
+def test_an_origin_that_is_not_a_round_number_is_exported_exactly(
     tmp_path: Path, operations: FakeOperations
 ) -> None:
     picture = operations.picture()

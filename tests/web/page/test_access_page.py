@@ -1,34 +1,27 @@
-"""Several people at one robot, each in a real Chromium: who may what, who drives, and how they hear
-of it."""
+"""Several users of one robot, each in a Chromium profile: roles, control, users, audit log."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, Error, Page, expect
+from playwright.sync_api import BrowserContext, Error, Page, expect
 
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from tests.web.page.chromium import eventually, middle_of
 from web.auth.users import hash_token, is_password
 from web.server import ConsoleServer
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 Opener = Callable[[ConsoleServer, str | None], Page]
 
 
 @pytest.fixture
-def open_page(browser: Browser) -> Iterator[Opener]:  # noqa: F811
-    """Opens the console as somebody, in a browser of his own."""
-    contexts = []
-    expect.set_options(timeout=PATIENCE_MS)
+def open_page(new_context: Callable[..., BrowserContext]) -> Opener:
+    """Open the console in a browser profile of its own, logged in if a name is given."""
 
     def opened(server: ConsoleServer, name: str | None) -> Page:
-        context = browser.new_context(viewport={"width": 1280, "height": 720})
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
+        page = new_context(viewport={"width": 1280, "height": 720}).new_page()
         page.goto(f"{server.url}/#map")
         if name is not None:
             page.get_by_test_id("login-name").fill(name)
@@ -40,9 +33,7 @@ def open_page(browser: Browser) -> Iterator[Opener]:  # noqa: F811
         expect(page.get_by_test_id("connection")).to_have_text("live")
         return page
 
-    yield opened
-    for context in contexts:
-        context.close()
+    return opened
 
 
 def test_a_viewer_watches_and_stops_and_does_nothing_else(
@@ -54,7 +45,7 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     operator.get_by_test_id("goal-input").fill("3, 0")
     operator.get_by_test_id("goal-add").click()
     operator.get_by_test_id("start").click()
-    expect(viewer.get_by_test_id("control-text")).to_contain_text("operator drives")
+    expect(viewer.get_by_test_id("control-text")).to_contain_text("operator has control")
     expect(viewer.get_by_test_id("state-badge")).to_contain_text("DRIVING")
     expect(viewer.get_by_test_id("control-take")).to_be_hidden()
     with pytest.raises(Error, match="Timeout"):
@@ -68,14 +59,14 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     ] == [303, 200, 200]
 
 
-def test_control_is_asked_for_taken_over_and_everybody_is_told(
+def test_control_is_asked_for_and_taken_over_and_both_pages_say_so(
     open_page: Opener, server: ConsoleServer, operations: FakeOperations
 ) -> None:
     first, second = open_page(server, None), open_page(server, None)
-    expect(first.get_by_test_id("control-text")).to_have_text("○ Nobody drives")
+    expect(first.get_by_test_id("control-text")).to_have_text("○ Control is free")
     first.get_by_test_id("goal-input").fill("3, 0")
     first.get_by_test_id("goal-add").click()
-    expect(first.get_by_test_id("control-text")).to_have_text("● You drive")
+    expect(first.get_by_test_id("control-text")).to_have_text("● You have control")
     expect(second.get_by_test_id("control-text")).to_contain_text("console")
     second.get_by_test_id("start").click()
     expect(second.get_by_test_id("toasts")).to_contain_text("is in control")
@@ -83,22 +74,22 @@ def test_control_is_asked_for_taken_over_and_everybody_is_told(
     expect(first.get_by_test_id("toasts")).to_contain_text("asks for control")
     second.get_by_test_id("control-take").click()
     expect(first.get_by_test_id("toasts")).to_contain_text("has taken over control")
-    expect(second.get_by_test_id("control-text")).to_have_text("● You drive")
+    expect(second.get_by_test_id("control-text")).to_have_text("● You have control")
     second.get_by_test_id("start").click()
     expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
 
 
-def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
+def test_an_admin_manages_users_by_keyboard_and_only_admins_see_the_panel(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:
     for name in ("viewer", "operator"):
         other = open_page(locked, name)
         expect(other.get_by_test_id("who-am-i")).to_have_text(name)
         other.keyboard.press("u")
-        expect(other.get_by_test_id("house-button")).to_be_hidden()
-        expect(other.get_by_test_id("house")).to_be_hidden()
+        expect(other.get_by_test_id("admin-button")).to_be_hidden()
+        expect(other.get_by_test_id("admin")).to_be_hidden()
     page = open_page(locked, "admin")
-    expect(page.get_by_test_id("house-button")).to_be_visible()
+    expect(page.get_by_test_id("admin-button")).to_be_visible()
     page.keyboard.press("u")
     expect(page.get_by_test_id("user")).to_have_count(3)
     page.get_by_test_id("new-user-name").focus()
@@ -131,7 +122,7 @@ def test_an_admin_keeps_users_by_keyboard_and_nobody_else_sees_the_panel(
     expect(page.get_by_test_id("toasts")).to_contain_text("last admin")
     expect(page.locator('[data-name="admin"]').get_by_test_id("user-role")).to_have_value("admin")
     page.keyboard.press("Escape")
-    expect(page.get_by_test_id("house")).to_be_hidden()
+    expect(page.get_by_test_id("admin")).to_be_hidden()
 
 
 def test_an_admin_makes_a_token_and_it_is_shown_once(
@@ -147,7 +138,7 @@ def test_an_admin_makes_a_token_and_it_is_shown_once(
     assert kept["operator"] == hash_token(str(shown.text_content()))
 
 
-def test_one_changes_ones_own_password_and_logs_in_with_it(
+def test_users_change_their_own_password_and_log_in_with_it(
     open_page: Opener, locked: ConsoleServer
 ) -> None:
     page = open_page(locked, "viewer")
@@ -164,7 +155,7 @@ def test_one_changes_ones_own_password_and_logs_in_with_it(
     expect(page.get_by_test_id("connection")).to_have_text("live")
 
 
-def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
+def test_the_audit_log_is_filtered_by_name_and_time_and_never_covers_the_stop(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:
     for number in range(130):
@@ -172,8 +163,8 @@ def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
             {"who": "operator", "role": "operator", "method": "POST", "path": f"/api/v1/x{number}"}
         )
     page = open_page(locked, "admin")
-    page.get_by_test_id("house-button").click()
-    page.get_by_test_id("house-audit-tab").click()
+    page.get_by_test_id("admin-button").click()
+    page.get_by_test_id("admin-audit-tab").click()
     entries = page.get_by_test_id("audit-entry")
     expect(entries).to_have_count(100)
     page.get_by_test_id("audit-who").fill("operator")
@@ -189,22 +180,14 @@ def test_the_audit_is_shown_by_name_and_time_and_never_covers_the_stop(
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
-def eventually(page: Page, holds: Callable[[], bool]) -> None:
-    for _ in range(100):
-        if holds():
-            return
-        page.wait_for_timeout(100)
-    raise AssertionError("it never came to hold")
-
-
-def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
+def test_a_held_key_or_button_drives_and_releasing_it_or_closing_the_page_stops(
     open_page: Opener, server: ConsoleServer, operations: FakeOperations
 ) -> None:
     page = open_page(server, None)
     page.keyboard.down("ArrowUp")
     page.wait_for_timeout(200)
     page.keyboard.up("ArrowUp")
-    assert operations.hands == []  # the pad is shut
+    assert operations.hands == []  # the pad is closed
     page.keyboard.press("b")
     page.keyboard.down("ArrowUp")
     page.keyboard.down("ArrowLeft")
@@ -221,9 +204,7 @@ def test_a_held_key_or_button_drives_and_letting_go_or_leaving_stands(
     page.keyboard.up("ArrowLeft")
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
     assert operations.hands[-1] is None
-    box = page.get_by_test_id("hand-back").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    page.mouse.move(*middle_of(page.get_by_test_id("drive-back")))
     page.mouse.down()
     expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
     page.close()

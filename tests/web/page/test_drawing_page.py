@@ -1,5 +1,4 @@
-"""Drawing on the page in a real Chromium: shapes, undo, previews, sets, files, headings, and the
-picture."""
+"""Drawing on the page in a real Chromium: shapes, undo, previews, sets, files, headings, camera."""
 
 from __future__ import annotations
 
@@ -13,32 +12,16 @@ from playwright.sync_api import Page, Route, expect
 from navcore.mission.zone import ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.test_page import NO_BROWSER, await_map, browser, click_map, page
+from tests.web.page.chromium import await_map, click_map, on_page
 from web.interface.drafts import ZoneDraft
 
-__all__ = ["browser", "page"]
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 
-
-def on_page(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Where a place of the world is on the page."""
-    canvas = page.get_by_test_id("map-canvas")
-    scale, middle_x, middle_y = (
-        float(part) for part in (canvas.get_attribute("data-place") or "").split()
-    )
-    box = canvas.bounding_box()
-    assert box is not None
-    return box["x"] + box["width"] / 2 + (x - middle_x) * scale, box["y"] + box["height"] / 2 - (
-        y - middle_y
-    ) * scale
-
-
-def drag(page: Page, *places: tuple[float, float]) -> None:
-    """Press at the first place of the world, move along, let go at the last."""
-    page.mouse.move(*on_page(page, *places[0]))
+def drag(page: Page, *points: tuple[float, float]) -> None:
+    """Drag along points of the map in metres."""
+    page.mouse.move(*on_page(page, *points[0]))
     page.mouse.down()
-    for place in places[1:]:
-        page.mouse.move(*on_page(page, *place), steps=3)
+    for point in points[1:]:
+        page.mouse.move(*on_page(page, *point), steps=3)
     page.mouse.up()
 
 
@@ -72,7 +55,7 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     assert hand.drawn is None and 4 <= len(hand.polygon) <= 12
 
 
-def test_what_is_begun_before_a_slow_answer_comes_is_begun_after_it_and_nothing_is_stored_twice(
+def test_a_drawing_begun_before_a_slow_answer_starts_after_it_and_no_zone_is_stored_twice(
     page: Page, operations: FakeOperations
 ) -> None:
     def late(route: Route) -> None:
@@ -95,7 +78,7 @@ def test_what_is_begun_before_a_slow_answer_comes_is_begun_after_it_and_nothing_
     assert isinstance(ring.drawn, Circle) and isinstance(strip.drawn, Corridor)
 
 
-def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(
+def test_a_draft_is_moved_by_corner_and_whole_and_undone_step_by_step(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
@@ -126,7 +109,7 @@ def test_a_draft_is_moved_by_corner_and_whole_and_taken_back_step_by_step(
     assert operations.zones.stored[0].polygon[0] == (-5.0, -4.0)
 
 
-def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(
+def test_the_preview_of_a_draft_names_the_zone_that_cuts_the_goal_off(
     page: Page, operations: FakeOperations
 ) -> None:
     operations.goals.add(6.0, 0.5)
@@ -143,7 +126,7 @@ def test_a_draft_that_cuts_the_goal_off_says_so_before_it_is_stored(
     assert operations.zones.stored == ()
 
 
-def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refused(
+def test_goals_get_headings_by_drag_names_order_and_the_nearest_free_position_when_blocked(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
@@ -154,7 +137,7 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refus
     page.get_by_test_id("goal-name").fill("Window")
     page.get_by_test_id("goal-name").press("Enter")
     click_map(page, 4.0, 2.5)
-    page.locator('[data-testid="remedy"]').click()
+    page.get_by_test_id("toast-action").click()
     expect(page.get_by_test_id("goal")).to_have_count(2)
     page.get_by_test_id("goal-up").last.click()
     expect(page.get_by_test_id("goal-name").last).to_have_value("Window")
@@ -162,11 +145,11 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_place_when_refus
     page.get_by_test_id("missions").click()
     page.get_by_test_id("missions-name").fill("rounds")
     page.get_by_test_id("missions-save").click()
-    expect(page.get_by_test_id("missions-entry")).to_contain_text("2 goals, again and again")
+    expect(page.get_by_test_id("missions-entry")).to_contain_text("2 goals, repeated")
     assert operations.goals.missions()["rounds"].loop and operations.state().loop
 
 
-def test_sets_and_files_bring_zones_and_one_key_takes_them_back(
+def test_zones_are_saved_in_sets_and_files_and_an_import_is_undone_with_one_key(
     page: Page, operations: FakeOperations, tmp_path: Path
 ) -> None:
     operations.zones.add(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
@@ -195,7 +178,7 @@ def test_sets_and_files_bring_zones_and_one_key_takes_them_back(
     expect(page.get_by_test_id("zone")).to_have_count(1)
 
 
-def test_a_thing_in_the_camera_picture_becomes_a_draft_and_then_a_zone(
+def test_a_click_on_an_object_in_the_camera_image_drafts_a_zone(
     page: Page, operations: FakeOperations
 ) -> None:
     expect(page.get_by_test_id("camera")).to_have_attribute("src", re.compile("camera.jpg"))

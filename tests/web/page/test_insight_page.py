@@ -1,40 +1,30 @@
-# ruff: noqa: F811
-"""The drawer of the page in a real Chromium: log and jump, why this way, sightings, plots, ages,
-runs."""
+"""The drawer of the page in a real Chromium: log, explanation, detections, plots, ages; runs."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from app.insight.event_log import EventLog
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.test_page import NO_BROWSER, await_map, browser, page  # noqa: F401 - fixtures
+from tests.web.page.chromium import await_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 HERE = (-3.0, 1.0)
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
-
-
-def place_of(page: Page) -> list[float]:
-    """Scale and middle of the map, metres."""
-    return [
-        float(part)
-        for part in (page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()
-    ]
 
 
 def test_the_log_is_filtered_and_a_click_goes_to_the_place(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
-    operations.insight.event_log.note(1.0, "stopped", "Somebody is in the way.", (-3.0, 1.0))
+    operations.insight.event_log.note(1.0, "stopped", "A person is close.", (-3.0, 1.0))
     operations.insight.event_log.note(2.0, "seen", "First sight of “cup” here.", (2.5, 1.5))
     expect(page.get_by_test_id("tab-log")).to_have_text("Log · 2 new")
     page.get_by_test_id("tab-log").click()
@@ -45,13 +35,13 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(
     expect(page.get_by_test_id("map-canvas")).to_have_attribute(
         "data-place", re.compile(r" 2\.5 1\.5$")
     )
-    assert place_of(page)[0] >= 60
+    assert map_view(page)[0] >= 60
     page.get_by_test_id("filter-seen").click()
     expect(page.get_by_test_id("log-entry").first).to_contain_text("cup")
     expect(page.get_by_test_id("log-entry")).to_have_count(2)
 
 
-def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
+def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     page: Page,
     operations: FakeOperations,
     tmp_path: Path,
@@ -62,7 +52,7 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
         past.note(float(number), "seen", f"earlier {number}")
     past.write()
     operations.insight.event_log = EventLog(store.events)
-    operations.insight.event_log.note(0.0, "stopped", "Somebody is in the way.", HERE)
+    operations.insight.event_log.note(0.0, "stopped", "A person is close.", HERE)
     page.reload()
     expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
     page.get_by_test_id("tab-log").click()
@@ -71,7 +61,7 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
     expect(entries.nth(0)).not_to_have_class("earlier")
     expect(entries.nth(1)).to_have_class("earlier")
     expect(entries.nth(1)).to_have_attribute(
-        "data-before", re.compile("before the console was started anew")
+        "data-before", re.compile("before the console was restarted")
     )
     expect(page.locator("[data-before]")).to_have_count(1)
     page.get_by_test_id("log-older").click()
@@ -81,7 +71,7 @@ def test_the_log_goes_back_to_earlier_starts_and_says_where_they_end(
     store.close()
 
 
-def test_why_this_way_names_the_rule_its_cost_and_what_to_lift(
+def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     page: Page, operations: FakeOperations
 ) -> None:
     page.get_by_test_id("tab-why").click()
@@ -123,36 +113,36 @@ def test_candidates_are_asked_for_only_while_their_layer_is_on(
     assert not after_a_tick()
 
 
-def test_a_wrong_sighting_and_a_missed_thing_are_taught(
+def test_a_wrong_detection_and_a_missed_object_are_labelled(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
     page.get_by_test_id("tab-seen").click()
     expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × cup")
-    page.get_by_test_id("wrong-choice").select_option("book")
+    page.get_by_test_id("correction").select_option("book")
     expect(page.get_by_test_id("labelling")).to_contain_text("1 of at most 500")
-    page.get_by_test_id("teach-open").click()
-    frozen = page.get_by_test_id("teach-picture")
+    page.get_by_test_id("missed-open").click()
+    frozen = page.get_by_test_id("missed-image")
     expect(frozen).to_have_js_property("complete", True)
     box = frozen.bounding_box()
     assert box is not None
-    page.get_by_test_id("teach-class").select_option("cup")
+    page.get_by_test_id("missed-class").select_option("cup")
     page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.4 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 0.65 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
     page.mouse.up()
-    page.get_by_test_id("teach-add").click()
+    page.get_by_test_id("missed-add").click()
     expect(page.get_by_test_id("labelling")).to_contain_text("2 of at most 500")
     (said, none), (missed, drawn) = operations.insight.taught
     assert (said, none, missed) == ("book", None, "cup") and drawn is not None
     assert all(abs(a - b) <= 4 for a, b in zip(drawn, (128, 72, 208, 144), strict=True))
 
 
-def test_curves_ages_and_the_page_of_runs(
+def test_curves_ages_and_the_page_of_runs_are_shown(
     page: Page, server: ConsoleServer, operations: FakeOperations
 ) -> None:
     await_map(page)
-    expect(page.get_by_test_id("age-picture")).to_have_text(re.compile(r"^picture < 1 s$"))
+    expect(page.get_by_test_id("age-image")).to_have_text(re.compile(r"^image < 1 s$"))
     page.get_by_test_id("tab-plots").click()
     for name in ("speed_mps", "distance_m", "explored_m2", "explored_m3", "tick_ms"):
         expect(page.get_by_test_id(f"chart-{name}").locator(".curve")).to_have_count(1)
@@ -162,24 +152,27 @@ def test_curves_ages_and_the_page_of_runs(
 
 
 CONTRAST = """([part, property, ground]) => {
-  const colour = (element, name) => getComputedStyle(element)[name].match(/[0-9.]+/g).slice(0, 3).map((value) => value / 255);
+  const colour = (element, name) => {
+    const numbers = getComputedStyle(element)[name].match(/[0-9.]+/g);
+    return numbers.slice(0, 3).map((value) => value / 255);
+  };
   const linear = (value) => (value <= 0.04 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
   const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
   const pair = [[part, property], [ground, "backgroundColor"]];
-  const [low, high] = pair.map(([one, name]) => light(colour(document.querySelector(one), name))).sort((a, b) => a - b);
+  const lights = pair.map(([one, name]) => light(colour(document.querySelector(one), name)));
+  const [low, high] = lights.sort((a, b) => a - b);
   return (high + 0.05) / (low + 0.05);
 }"""
-"""Contrast of a colour with the background of another element, as the WCAG has it: 1 to 21."""
+"""JavaScript: contrast of a colour with the background of another element (WCAG), 1 to 21."""
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])
-def test_the_page_of_runs_has_its_theme_and_its_curves_are_seen(
+def test_the_page_of_runs_has_its_theme_and_its_curves_are_visible(
     theme: str,
-    browser: Browser,  # noqa: F811
+    new_context: Callable[..., BrowserContext],
     server: ConsoleServer,
 ) -> None:
-    context = browser.new_context(color_scheme=theme)  # type: ignore[arg-type]
-    page = context.new_page()  # noqa: F811
+    page = new_context(color_scheme=theme).new_page()
     page.goto(f"{server.url}/runs")
     expect(page.get_by_test_id("chart-speed_mps").locator(".curve")).to_have_count(1)
     assert page.evaluate("document.documentElement.dataset.theme") == theme
@@ -190,4 +183,3 @@ def test_the_page_of_runs_has_its_theme_and_its_curves_are_seen(
         assert page.evaluate(CONTRAST, [text, "color", ground]) >= 4.5, text
     page.get_by_test_id("theme").click()
     assert page.evaluate("document.documentElement.dataset.theme") != theme
-    context.close()

@@ -1,21 +1,19 @@
-"""Menus, dialogs and sheets of the page in a real Chromium: opened by the mouse, seen as a whole,
-never over the stop."""
+"""Menus and dialogs of the page in a real Chromium: wholly on the screen, never over the stop."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, browser  # noqa: F401 - a fixture
+from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, middle_of
 from web.pages import FOLDER
 from web.server import ConsoleServer
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 SIZES = {"desktop": (1440, 900), "laptop": (1280, 720), "tablet": (1024, 768), "phone": (390, 844)}
 OPENED_BY = {
     "missions": "missions",
@@ -23,60 +21,45 @@ OPENED_BY = {
     "zone-files": "zone-files",
     "layers-map": "map-layers-menu",
     "help": "help-button",
-    "house": "house-button",
+    "admin": "admin-button",
     "account": "who-am-i",
     "layers-3d": "layers",
 }
-"""Id of every overlay of the page → test id of its button."""
-IS_TOPMOST = """(element) => {
-  const { left, right, top, bottom } = element.getBoundingClientRect();
-  const hit = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
-  return element.contains(hit);
-}"""
-IS_WITHIN_VIEWPORT = """(element) => {
-  const { left, right, top, bottom } = element.getBoundingClientRect();
-  return right > left && bottom > top && left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
-}"""
+"""Element id of every overlay of the page → test id of its button."""
 Opener = Callable[[str], Page]
 
 
 @pytest.fixture
-def open_page(browser: Browser, locked: ConsoleServer, accounts: Accounts) -> Iterator[Opener]:  # noqa: F811
-    """Open the console at a size, logged in as an admin, for whom every overlay is there."""
-    contexts = []
-    expect.set_options(timeout=PATIENCE_MS)
+def open_page(
+    new_context: Callable[..., BrowserContext], locked: ConsoleServer, accounts: Accounts
+) -> Opener:
+    """Open the console at a size, logged in as an admin, who has every overlay."""
 
     def opened(size: str) -> Page:
         width, height = SIZES[size]
         is_phone = size == "phone"
-        context = browser.new_context(
+        context = new_context(
             viewport={"width": width, "height": height}, is_mobile=is_phone, has_touch=is_phone
         )
-        contexts.append(context)
         context.request.post(f"{locked.url}/login", form={"name": "admin", "password": PASSWORD})
         page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{locked.url}/#map")
         expect(page.get_by_test_id("connection")).to_have_text("live")
         expect(page.get_by_test_id("who-am-i")).to_be_visible()
         return page
 
-    yield opened
-    for context in contexts:
-        context.close()
+    return opened
 
 
 def press(button: Locator) -> None:
-    """Click the middle of a button by mouse; fails where something else lies over it."""
+    """Click the middle of a button by mouse; fails where another element covers it."""
     button.scroll_into_view_if_needed()
     assert button.evaluate(IS_WITHIN_VIEWPORT) and button.evaluate(IS_TOPMOST), button
-    box = button.bounding_box()
-    assert box is not None
-    button.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    button.page.mouse.click(*middle_of(button))
 
 
-def show_place_of(button: Locator) -> None:
-    """Turn to the view, and on a phone to the tab, that the button is in."""
+def show(button: Locator) -> None:
+    """Select the view, and on a phone the tab, that contains the button."""
     page = button.page
     tab = button.evaluate("(button) => button.closest('[data-on]')?.dataset.on.split(' ')[0]")
     if tab and page.get_by_test_id(f"page-tab-{tab}").is_visible():
@@ -87,7 +70,7 @@ def show_place_of(button: Locator) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_every_menu_and_dialog_opens_by_mouse_is_seen_as_a_whole_and_leaves_the_stop_free(
+def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_stop_free(
     size: str, open_page: Opener, operations: FakeOperations
 ) -> None:
     page = open_page(size)
@@ -97,7 +80,7 @@ def test_every_menu_and_dialog_opens_by_mouse_is_seen_as_a_whole_and_leaves_the_
     assert set(on_page) == set(OPENED_BY)
     for overlay_id, opener in OPENED_BY.items():
         button, overlay = page.get_by_test_id(opener), page.locator(f"#{overlay_id}")
-        show_place_of(button)
+        show(button)
         press(button)
         expect(overlay).to_be_visible()
         assert overlay.evaluate(IS_TOPMOST), f"{overlay_id} is covered"
@@ -113,7 +96,7 @@ def test_every_menu_and_dialog_opens_by_mouse_is_seen_as_a_whole_and_leaves_the_
 
 
 @pytest.mark.parametrize(
-    "overlay_id", [name for name in OPENED_BY if name not in ("house", "account", "layers-3d")]
+    "overlay_id", [name for name in OPENED_BY if name not in ("admin", "account", "layers-3d")]
 )
 def test_escape_and_a_click_elsewhere_close_a_menu_and_give_the_focus_back(
     overlay_id: str, open_page: Opener
@@ -139,12 +122,8 @@ def test_escape_and_a_click_elsewhere_close_a_menu_and_give_the_focus_back(
 
 def test_a_class_of_the_page_is_styled_in_one_style_sheet() -> None:
     sheets: dict[str, set[str]] = {}
-    for path in FOLDER.glob("*.css"):
-        if path.name in (
-            "docs.css",
-            "narrow.css",
-            "phone.css",
-        ):  # another page, other sizes of the window
+    for path in FOLDER.rglob("*.css"):
+        if path.name in ("docs.css", "small_screens.css"):  # another page, other window sizes
             continue
         for selectors in re.findall(
             r"([^{}]+)\{", re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)

@@ -1,96 +1,17 @@
-"""The operator's page in a real Chromium: what a person does, and what the robot's side then holds."""
+"""The operator's page in a real Chromium: what an operator does, and what the console then has."""
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
-import pytest
-from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect
 
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import await_map, click_map
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
-
-CHROMIUM = Path("/usr/bin/chromium")
-ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--no-first-run",
-]
-PATIENCE_MS = 20_000
-
-NO_BROWSER = not CHROMIUM.exists() and os.environ.get("CI") != "true"
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One browser for all tests."""
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def page(browser: Browser, server: ConsoleServer) -> Iterator[Page]:
-    """The console's page on a small screen; the test fails when the page complains."""
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    opened = context.new_page()
-    opened.set_default_timeout(PATIENCE_MS)
-    expect.set_options(timeout=PATIENCE_MS)
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on(
-        "console",
-        lambda message: complaints.append(message.text) if message.type == "error" else None,
-    )
-    strangers: list[str] = []
-    opened.on(
-        "request",
-        lambda request: strangers.append(request.url) if not is_own(request.url, server) else None,
-    )
-    opened.goto(f"{server.url}/#map")
-    expect(opened.get_by_test_id("connection")).to_have_text("live")
-    yield opened
-    context.close()
-    assert strangers == []
-    # A refusal is an answer the page shows; Chromium also writes its status to the console.
-    assert [text for text in complaints if "status of 4" not in text] == []
-
-
-def is_own(url: str, server: ConsoleServer) -> bool:
-    """Whether a request stays with the console."""
-    return url.startswith((server.url, "data:", "blob:" + server.url))
-
-
-def click_map(page: Page, x: float, y: float) -> None:
-    """Click a place of the world, in metres, on the map from above."""
-    canvas = page.get_by_test_id("map-canvas")
-    expect(canvas).to_have_attribute("data-place", re.compile(r"\S+ \S+ \S+"))
-    scale, middle_x, middle_y = (
-        float(part) for part in (canvas.get_attribute("data-place") or "").split()
-    )
-    box = canvas.bounding_box()
-    assert box is not None
-    at_x, at_y = (
-        box["width"] / 2 + (x - middle_x) * scale,
-        box["height"] / 2 - (y - middle_y) * scale,
-    )
-    canvas.click(position={"x": at_x, "y": at_y})
-
-
-def await_map(page: Page) -> None:
-    """Wait until the map has its picture."""
-    expect(page.get_by_test_id("map-canvas")).to_have_attribute(
-        "data-place", re.compile(r"^(?!40 0 0$)")
-    )
 
 
 def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> None:
@@ -157,7 +78,7 @@ def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperation
     assert operations.stops == ["console key"]
 
 
-def test_the_stop_is_one_key_or_one_click_says_why_and_waits_for_a_reset(
+def test_the_stop_is_one_key_or_one_click_gives_a_reason_and_lasts_until_a_reset(
     page: Page, operations: FakeOperations
 ) -> None:
     operations.goals.add(3, 0)
@@ -192,7 +113,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
         page.get_by_test_id("goal-input").fill(typed)
         page.get_by_test_id("goal-add").click()
         expect(page.get_by_test_id("toasts")).to_contain_text(words)
-        expect(page.get_by_test_id("goal-input")).to_have_value(typed)  # to be put right
+        expect(page.get_by_test_id("goal-input")).to_have_value(typed)  # to be corrected
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3\n1, 4\n1, 3\n0, 4")
     page.get_by_test_id("zone-finish").click()
@@ -210,7 +131,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
     expect(page.get_by_test_id("zone")).to_have_count(0)
 
 
-def test_a_late_answer_does_not_wipe_what_was_typed_since(
+def test_a_late_answer_does_not_clear_what_was_typed_since(
     page: Page, operations: FakeOperations
 ) -> None:
     held: list[Route] = []
@@ -231,7 +152,7 @@ def test_a_late_answer_does_not_wipe_what_was_typed_since(
     assert [(goal.x_m, goal.y_m) for goal in operations.state().queue] == [(3.0, 0.0), (3.0, 1.0)]
 
 
-def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(
+def test_the_stream_of_states_overwrites_no_edit_and_a_conflict_is_reported(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
@@ -247,7 +168,7 @@ def test_the_stream_does_not_wipe_an_edit_and_a_lost_race_is_told(
         operations.step()
     expect(page.get_by_test_id("zone-name")).to_have_value("Mine")
     page.get_by_test_id("zone-finish").click()
-    expect(page.get_by_test_id("draft-note")).to_contain_text("Somebody else changed this zone")
+    expect(page.get_by_test_id("draft-note")).to_contain_text("Another user has changed this zone")
     assert operations.zones.stored[0].name == "Theirs"
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Mine")
@@ -266,28 +187,30 @@ def test_a_class_switched_off_and_on_changes_the_map(
     assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
 
 
-def test_the_beware_list_is_edited_in_place_and_says_what_nothing_finds(
+def test_the_beware_list_is_edited_in_place_and_names_classes_without_a_detector(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
     cup = page.locator('[data-testid="beware-class"][data-name="cup"]')
     expect(cup.get_by_test_id("found-by")).to_have_text("colour rule")
-    expect(page.locator('[data-name="cable"]').get_by_test_id("found-by")).to_have_text("▲ nothing")
+    expect(page.locator('[data-name="cable"]').get_by_test_id("found-by")).to_have_text(
+        "▲ not detected"
+    )
     cup.get_by_label("Least confidence for cup in percent").fill("80")
     cup.get_by_label("Least confidence for cup in percent").press("Enter")
     expect(cup).to_have_attribute("data-version", "1")
     assert operations.beware.list.named("cup").min_confidence == 0.8
 
 
-def test_a_robot_that_bewares_of_nothing_is_said_and_defaults_and_undo_are_one_click(
+def test_a_beware_list_without_a_class_gives_a_warning_and_defaults_and_undo_are_one_click(
     page: Page, operations: FakeOperations
 ) -> None:
-    shipped, warning = operations.beware.list.classes, page.get_by_test_id("bewares-of-nothing")
+    shipped, warning = operations.beware.list.classes, page.get_by_test_id("nothing-enabled")
     expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
     expect(warning).to_be_hidden()
     expect(page.get_by_test_id("beware-undo")).to_be_disabled()
     operations.beware.replace(BewareList(classes=()))
-    expect(warning).to_contain_text("The robot bewares of nothing")
+    expect(warning).to_contain_text("keeps away from nothing")
     expect(page.get_by_test_id("beware-class")).to_have_count(0)
     page.get_by_test_id("beware-defaults").click()
     expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
@@ -301,7 +224,7 @@ def test_a_robot_that_bewares_of_nothing_is_said_and_defaults_and_undo_are_one_c
     assert [entry.name for entry in operations.beware.list.enabled] == [shipped[-1].name]
 
 
-def test_a_network_that_does_not_run_is_said_on_the_page(
+def test_a_network_that_does_not_run_is_reported_on_the_page(
     page: Page, operations: FakeOperations
 ) -> None:
     expect(page.get_by_test_id("segmenter")).to_have_text("colour rules")
@@ -310,7 +233,7 @@ def test_a_network_that_does_not_run_is_said_on_the_page(
     expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
 
 
-def test_a_console_that_is_gone_is_said_to_be_gone_and_the_page_finds_it_again(
+def test_a_lost_connection_is_reported_and_the_page_reconnects(
     browser: Browser, operations: FakeOperations
 ) -> None:
     console = ConsoleServer(operations, port=0)
@@ -349,7 +272,7 @@ def test_the_space_key_stops_wherever_a_blank_means_nothing(
         expect(page.get_by_test_id("reset")).to_be_disabled()
 
 
-def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(
+def test_the_stop_aborts_the_pending_requests_of_the_page(
     page: Page, operations: FakeOperations
 ) -> None:
     held: list[object] = []
@@ -358,8 +281,10 @@ def test_the_stop_ends_the_requests_of_the_page_that_hang_and_waits_for_none(
         """async (count) => {
             const { get } = await import("/page/core/api.js");
             window.failed = 0;
-            const told = (error) => { window.failed += /let the stop through/.test(error.message); };
-            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch(told);
+            const onFailure = (error) => {
+                window.failed += /let the stop through/.test(error.message);
+            };
+            for (let i = 0; i < count; i += 1) get(`/hang?${i}`).catch(onFailure);
         }""",
         8,
     )

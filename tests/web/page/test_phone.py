@@ -1,26 +1,29 @@
-"""The page on a phone, in a real Chromium with touch: the stop is always there, and every part fits
-the width."""
+"""The page on a phone, in a real Chromium with touch: the stop is always visible."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.test_overlays import IS_TOPMOST, IS_WITHIN_VIEWPORT
-from tests.web.page.test_page import NO_BROWSER, PATIENCE_MS, await_map, browser  # noqa: F401 - a fixture
+from tests.web.page.chromium import (
+    IS_TOPMOST,
+    IS_WITHIN_VIEWPORT,
+    await_map,
+    map_view,
+    middle_of,
+    tap_map,
+)
 from web.server import ConsoleServer
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 PHONE = (390, 844)
 TABS = {
     "map": ["map-canvas", "mode-goal", "mode-draw", "tab-log"],
-    "camera": ["camera", "start", "byhand-open"],
-    "goals": ["start", "byhand-open", "goal-input", "missions"],
+    "camera": ["camera", "start", "teleop-open"],
+    "goals": ["start", "teleop-open", "goal-input", "missions"],
     "zones": ["zones-undo", "zone-sets"],
     "more": ["beware", "legend"],
 }
@@ -28,34 +31,26 @@ Opener = Callable[[int, int], Page]
 
 
 @pytest.fixture
-def open_phone(browser: Browser, server: ConsoleServer) -> Iterator[Opener]:  # noqa: F811
+def open_phone(new_context: Callable[..., BrowserContext], server: ConsoleServer) -> Opener:
     """Open the console in a window of a size, with touch."""
-    contexts = []
-    expect.set_options(timeout=PATIENCE_MS)
 
     def opened(width: int, height: int) -> Page:
-        context = browser.new_context(
+        context = new_context(
             viewport={"width": width, "height": height}, is_mobile=True, has_touch=True
         )
-        contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
         page.goto(server.url)
         expect(page.get_by_test_id("connection")).to_have_text("live")
         return page
 
-    yield opened
-    for context in contexts:
-        context.close()
+    return opened
 
 
 def tap_stop(page: Page) -> None:
-    """Tap the middle of the stop, wherever it is on the screen."""
+    """Tap the middle of the stop."""
     stop = page.get_by_test_id("stop")
     assert stop.evaluate(IS_WITHIN_VIEWPORT) and stop.evaluate(IS_TOPMOST)
-    box = stop.bounding_box()
-    assert box is not None
-    page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.touchscreen.tap(*middle_of(stop))
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
@@ -70,8 +65,8 @@ def test_stop_and_state_are_on_the_screen_of_every_tab_and_nothing_is_wider(
             expect(page.get_by_test_id(part)).to_be_visible()
         for other in {part for parts in TABS.values() for part in parts} - set(shown):
             expect(page.get_by_test_id(other)).to_be_hidden()
-        wide = "[document.documentElement, document.body, document.querySelector('main')].map((box) => box.scrollWidth)"
-        assert max(page.evaluate(wide)) <= size[0], name
+        boxes = "[document.documentElement, document.body, document.querySelector('main')]"
+        assert max(page.evaluate(f"{boxes}.map((box) => box.scrollWidth)")) <= size[0], name
         assert page.evaluate("document.documentElement.scrollHeight") <= size[1], name
         expect(page.get_by_test_id("state-badge")).to_be_in_viewport(ratio=1.0)
         tap_stop(page)
@@ -86,7 +81,7 @@ def test_stop_is_at_the_bottom_over_the_full_width(open_phone: Opener) -> None:
     assert (box["x"], box["width"], box["y"] + box["height"]) == (0, *PHONE)
 
 
-def test_the_map_and_the_picture_are_large_enough_to_work_with(open_phone: Opener) -> None:
+def test_the_map_and_the_camera_image_are_large_enough_to_work_with(open_phone: Opener) -> None:
     page = open_phone(*PHONE)
     for tab, part, height in (("map", "map-canvas", 300), ("camera", "camera", 180)):
         page.get_by_test_id(f"page-tab-{tab}").tap()
@@ -119,15 +114,13 @@ def test_a_goal_is_picked_a_zone_drawn_and_the_robot_driven_by_touch(
     tap_stop(page)
 
 
-def test_two_fingers_zoom_the_map_and_place_nothing(
+def test_two_fingers_zoom_the_map_and_place_no_goal(
     open_phone: Opener, operations: FakeOperations
 ) -> None:
     page = open_phone(*PHONE)
     await_map(page)
     page.get_by_test_id("mode-goal").tap()
-    box, scale = page.get_by_test_id("map-canvas").bounding_box(), scale_of(page)
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    (x, y), scale = middle_of(page.get_by_test_id("map-canvas")), map_view(page)[0]
     touch = page.context.new_cdp_session(page)
 
     def send(kind: str, *distances: float) -> None:
@@ -146,28 +139,7 @@ def test_two_fingers_zoom_the_map_and_place_nothing(
         "was => Number(document.getElementById('map').dataset.place.split(' ')[0]) > 1.8 * was",
         arg=scale,
     )
-    assert 1.8 * scale < scale_of(page) < 2.2 * scale
+    assert 1.8 * scale < map_view(page)[0] < 2.2 * scale
     expect(page.get_by_test_id("goal")).to_have_count(0)
     tap_map(page, 2.5, -1.0)
     expect(page.get_by_test_id("goal")).to_have_count(1)
-
-
-def scale_of(page: Page) -> float:
-    """Pixels per metre of the map."""
-    return float((page.get_by_test_id("map-canvas").get_attribute("data-place") or "").split()[0])
-
-
-def tap_map(page: Page, x: float, y: float) -> None:
-    """Touch a place of the world, in metres."""
-    canvas = page.get_by_test_id("map-canvas")
-    expect(canvas).to_have_attribute("data-place", re.compile(r"\S+ \S+ \S+"))
-    scale, middle_x, middle_y = (
-        float(part) for part in (canvas.get_attribute("data-place") or "").split()
-    )
-    box = canvas.bounding_box()
-    assert box is not None
-    right, down = (
-        box["width"] / 2 + (x - middle_x) * scale,
-        box["height"] / 2 - (y - middle_y) * scale,
-    )
-    canvas.tap(position={"x": right, "y": down})

@@ -1,4 +1,4 @@
-"""Laws of the 3D view's small parts."""
+"""Laws of the parts of the 3D view."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from shapely.geometry import Polygon
 from tests.web.fake_operations import SPEC
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
-from web.viewer.layers.cloud import TILE_M, CloudLayer, class_shading, halvings, is_kept, index_tiles
+from web.viewer.layers.cloud import (
+    TILE_M,
+    CloudLayer,
+    class_shading,
+    halvings,
+    index_tiles,
+    is_kept,
+)
 from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
 from web.viewer.layers.primitives import primitive_segments
 from web.viewer.picking import clamped, floor_point
@@ -45,7 +52,7 @@ def test_rays_that_meet_no_floor_give_nothing() -> None:
 
 
 @given(st.tuples(sensible, sensible))
-def test_a_place_beside_the_map_is_brought_onto_it_even_rounded_to_millimetres(
+def test_a_point_beside_the_map_is_clamped_onto_it_even_rounded_to_millimetres(
     point: tuple[float, float],
 ) -> None:
     x, y = clamped(point, SPEC)
@@ -102,7 +109,7 @@ def test_the_points_are_halved_until_they_keep_the_budget(count: int, budget: in
     assert count >> halved <= budget and (halved == 0 or count >> (halved - 1) > budget)
 
 
-def test_a_share_of_the_points_does_not_flutter_and_is_chosen_by_place_alone() -> None:
+def test_the_share_of_points_has_hysteresis_and_depends_on_position_alone() -> None:
     assert [halvings(count, 100, 1) for count in (250, 190, 90, 70)] == [2, 1, 1, 0]
     points = np.random.default_rng(0).uniform(-20, 20, (50_000, 3)).astype(np.float32)
     shown = is_kept(points, 2)
@@ -129,7 +136,9 @@ def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:
     arcs = np.stack([np.column_stack([np.arange(10), np.full(10, i)]) for i in range(4)]).astype(
         np.float64
     )
-    segments, is_free = primitive_segments(Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0])))
+    segments, is_free = primitive_segments(
+        Candidates(serial=1, arcs=arcs, free=np.array([10, 0, 4, 0]))
+    )
     assert len(segments) == 9 + 4 and is_free.tolist() == [True] * 9 + [True] * 3 + [False]
 
 

@@ -1,58 +1,105 @@
-// The beware list and the legend beside the view.
+// The beware list: classes switched on and off, their margins and confidences.
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
+import { swatchOf } from "./swatch.js";
 
-export const PATTERNS = ["stripes rising", "dots", "stripes falling", "grid", "bars", "columns"];
+let refresh = () => {};
 
-export function showBeware(beware, refetch) {
-  reconcile(element("beware"), beware.classes, (entry) => entry.name, (entry) => bewareItem(entry, refetch), (child, entry) => {
-    const [check, margin, confidence] = child.querySelectorAll("input");
-    check.checked = entry.enabled;
-    setValue(margin, entry.margin_m);
-    setValue(confidence, Math.round(100 * entry.min_confidence));
-    child.classList.toggle("off", !entry.enabled);
-    child.dataset.version = beware.version;
-    const [name, finder] = child.querySelector(".label").children;
-    setText(name, entry.label ?? entry.name);
-    finder.title = "What finds it in the pictures";
-    setText(finder, entry.found_by === "nothing" ? "▲ nothing" : entry.found_by);
-    finder.classList.toggle("lost", entry.found_by === "nothing");
-  });
+// `onNewList` loads and shows the list again after a change.
+export function build(onNewList) {
+  refresh = onNewList;
+  for (const action of ["undo", "defaults"]) {
+    element(`beware-${action}`).onclick = async () => {
+      await attempt(() => post(`/beware/${action}`));
+      refresh();
+    };
+  }
+}
+
+export function show(beware) {
+  reconcile(
+    element("beware"),
+    beware.classes,
+    (entry) => entry.name,
+    itemOf,
+    (child, entry) => {
+      // A list that was sent before an edit of this row does not undo the edit on the page.
+      if (child.isPending) return;
+      const [check, margin, confidence] = child.querySelectorAll("input");
+      check.checked = entry.enabled;
+      setValue(margin, entry.margin_m);
+      setValue(confidence, Math.round(100 * entry.min_confidence));
+      child.classList.toggle("off", !entry.enabled);
+      child.dataset.version = beware.version;
+      const [name, foundBy] = child.querySelector(".label").children;
+      const isFound = entry.found_by !== "nothing";
+      setText(name, entry.label ?? entry.name);
+      foundBy.title = isFound
+        ? "What detects it in the camera image"
+        : "Not detected by this model";
+      setText(foundBy, isFound ? entry.found_by : "▲ not detected");
+      foundBy.classList.toggle("lost", !isFound);
+    },
+  );
   setText(element("beware-version"), `version ${beware.version}`);
   element("beware-undo").disabled = !beware.can_undo;
-  for (const way of ["undo", "defaults"]) element(`beware-${way}`).onclick = async () => { await attempt(() => post(`/beware/${way}`)); refetch(); };
 }
 
-function bewareItem(entry, refetch) {
+function itemOf(entry) {
   const item = make("li", { "data-testid": "beware-class", "data-name": entry.name });
   const patch = async (changes) => {
-    await attempt(() => request("PATCH", `/beware/${encodeURIComponent(entry.name)}`, changes, { "If-Match": `"${item.dataset.version}"` }));
-    refetch();
+    const path = `/beware/${encodeURIComponent(entry.name)}`;
+    item.isPending = true;
+    await attempt(() =>
+      request("PATCH", path, changes, { "If-Match": `"${item.dataset.version}"` }),
+    );
+    item.isPending = false;
+    refresh();
   };
-  const check = make("input", { type: "checkbox", title: "Keep away from it", "aria-label": `Keep away from ${entry.name}`, "data-testid": `beware-${entry.class_id}`, onchange: () => patch({ enabled: check.checked }) });
-  const margin = make("input", { class: "margin", type: "number", min: 0, max: 2, step: 0.05, title: "Room kept around it, metres", "aria-label": `Margin around ${entry.name} in metres`, onchange: () => patch({ margin_m: margin.value === "" ? null : Number(margin.value) }) });
-  const confidence = make("input", { class: "margin", type: "number", min: 0, max: 100, step: 5, title: "How sure one must be of it, percent", "aria-label": `Least confidence for ${entry.name} in percent`, onchange: () => patch({ min_confidence: confidence.value === "" ? null : Number(confidence.value) / 100 }) });
-  const swatch = make("span", { class: "swatch", "data-pattern": PATTERNS[(entry.class_id - 1) % PATTERNS.length] });
-  swatch.style.setProperty("--c", entry.display);
-  const label = make("span", { class: "label", title: entry.name }, make("span"), make("small", { "data-testid": "found-by" }));
-  item.append(check, swatch, label, margin, make("span", { class: "unit" }, "m"), confidence, make("span", { class: "unit" }, "%"));
+  const check = make("input", {
+    type: "checkbox",
+    title: "Keep away from it",
+    "aria-label": `Keep away from ${entry.name}`,
+    "data-testid": `beware-${entry.class_id}`,
+  });
+  check.onchange = () => patch({ enabled: check.checked });
+  const margin = make("input", {
+    class: "margin",
+    type: "number",
+    min: 0,
+    max: 2,
+    step: 0.05,
+    title: "Margin kept around it, metres",
+    "aria-label": `Margin around ${entry.name} in metres`,
+  });
+  margin.onchange = () => patch({ margin_m: margin.value === "" ? null : Number(margin.value) });
+  const confidence = make("input", {
+    class: "margin",
+    type: "number",
+    min: 0,
+    max: 100,
+    step: 5,
+    title: "Least confidence of a detection, percent",
+    "aria-label": `Least confidence for ${entry.name} in percent`,
+  });
+  confidence.onchange = () =>
+    patch({ min_confidence: confidence.value === "" ? null : Number(confidence.value) / 100 });
+  const label = make(
+    "span",
+    { class: "label", title: entry.name },
+    make("span"),
+    make("small", { "data-testid": "found-by" }),
+  );
+  item.append(
+    check,
+    swatchOf(entry),
+    label,
+    margin,
+    make("span", { class: "unit" }, "m"),
+    confidence,
+    make("span", { class: "unit" }, "%"),
+  );
   return item;
-}
-
-const FIXED = [
-  ["#ced6e2", "", "floor, seen"], ["#3e4757", "unknown", "not seen (free)"], ["#78869e", "", "too close"], ["#0c0f14", "", "obstacle"],
-  ["#d63384", "stripes falling", "zone"], ["#0a84ff", "line", "planned path"], ["#57647a", "line dashed", "driven"], ["#00a86b", "flag", "goal ⚑"],
-  ["#ffb703", "line", "draft, camera"],
-];
-
-export function showLegend(beware) {
-  const rows = [...FIXED, ...beware.classes.map((entry) => [entry.display, PATTERNS[(entry.class_id - 1) % PATTERNS.length], entry.name])];
-  element("legend").replaceChildren(...rows.map(([colour, kind, text]) => {
-    const swatch = make("span", { class: kind.startsWith("line") ? `swatch ${kind}` : "swatch" });
-    if (PATTERNS.includes(kind) || kind === "unknown") swatch.dataset.pattern = kind;
-    swatch.style.setProperty("--c", colour);
-    return make("li", {}, swatch, make("span", {}, text));
-  }));
 }

@@ -1,30 +1,36 @@
-// Requests to the same routes that programs use. A refusal becomes an Error whose text is the system's own sentence.
+// Requests to the HTTP API. A refusal becomes an Error whose text is the console's own sentence.
 
-import { during } from "./progress.js";
+import { showProgress } from "./progress.js";
 
-export class Refusal extends Error {
+class Refusal extends Error {
   constructor(status, body) {
-    super(body?.error?.message ?? `the console answered ${status}`);
+    super(body?.error?.message ?? `the console answered with status ${status}`);
     this.status = status;
     this.body = body;
   }
 }
 
-const PATIENCE_MS = 60_000;
-const open = new Set();
-const alarms = [];
+const TIMEOUT_MS = 60_000;
+const WAITING = "the console";
+const pending = new Set();
 
-// Everything the page fetches but the stop. A browser has few connections to one host, and the stop must not wait for one: it
-// ends all of these first, and none waits for ever.
-export async function fetched(address, options = {}) {
-  const giveUp = new AbortController();
-  const tooLong = setTimeout(() => giveUp.abort(), PATIENCE_MS);
-  open.add(giveUp);
+// Every request of the page but the stop. A browser opens few connections to one host and the stop
+// must not wait for one, so the stop aborts all of these.
+export async function abortableFetch(address, options = {}) {
+  const abort = new AbortController();
+  const timer = setTimeout(() => abort.abort(), TIMEOUT_MS);
+  pending.add(abort);
   try {
-    const answer = await fetch(address, { ...options, signal: giveUp.signal });
-    const body = await answer.blob(); // until it is read it keeps the connection
-    return new Response(body.size ? body : null, { status: answer.status, headers: answer.headers });
-  } finally { clearTimeout(tooLong); open.delete(giveUp); }
+    const answer = await fetch(address, { ...options, signal: abort.signal });
+    const body = await answer.blob(); // an unread body occupies the connection
+    return new Response(body.size ? body : null, {
+      status: answer.status,
+      headers: answer.headers,
+    });
+  } finally {
+    clearTimeout(timer);
+    pending.delete(abort);
+  }
 }
 
 export async function request(method, path, body, headers = {}) {
@@ -35,40 +41,65 @@ export async function request(method, path, body, headers = {}) {
   }
   let response;
   try {
-    response = await during(fetched(`/api/v1${path}`, options), `${method} ${path}`);
+    response = await showProgress(abortableFetch(`/api/v1${path}`, options), WAITING);
   } catch (error) {
     if (error instanceof Refusal) throw error;
-    throw new Refusal(0, { error: { message: "the console does not answer; nothing was changed as far as this page knows" } });
+    const message = "the console does not answer; as far as this page knows, nothing was changed";
+    throw new Refusal(0, { error: { message } });
   }
-  const text = await response.text();
-  let value = null;
-  try { value = text ? JSON.parse(text) : null; } catch { /* an answer that is no JSON has no more to say */ }
+  const value = parsed(await response.text());
   if (!response.ok) throw new Refusal(response.status, value);
   return value;
+}
+
+function parsed(text) {
+  try {
+    return text ? JSON.parse(text) : null;
+  } catch {
+    return null; // an answer that is not JSON says nothing beyond its status
+  }
 }
 
 export const get = (path) => request("GET", path);
 export const post = (path, body) => request("POST", path, body);
 
-const SOON_MS = 300;
-// Another way to say stop, that is open already: told of it where no answer comes soon.
-export const alsoStopsBy = (tell) => alarms.push(tell);
+const STOP_ATTEMPTS = 3;
+const STOP_TIMEOUT_MS = 1500;
+const SECOND_CHANNEL_AFTER_MS = 300;
+const stopChannels = [];
 
-// The stop is sent again until an answer comes: it may be the one request that a bad link swallows.
-export async function stop(by) {
-  const first = { error: { message: "given up, to let the stop through; look whether it was done" } };
-  for (const waiting of open) waiting.abort(new Refusal(0, first));
-  const unheard = setTimeout(() => alarms.forEach((tell) => tell(by)), SOON_MS);
-  for (let attempt = 0; attempt < 3; attempt += 1) {
+// Register a second, open channel for the stop, used where no answer comes soon.
+export const addStopChannel = (send) => stopChannels.push(send);
+
+// Send the stop until it is answered: a bad link may swallow one request.
+export async function stop(source) {
+  const message = "cancelled to let the stop through; check whether it took effect";
+  for (const abort of pending) abort.abort(new Refusal(0, { error: { message } }));
+  const timer = setTimeout(
+    () => stopChannels.forEach((send) => send(source)),
+    SECOND_CHANNEL_AFTER_MS,
+  );
+  for (let attempt = 0; attempt < STOP_ATTEMPTS; attempt += 1) {
     try {
-      const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(by)}`, { method: "POST", keepalive: true, signal: AbortSignal.timeout(1500) });
-      if (response.ok) { clearTimeout(unheard); return; }
-    } catch { /* try again */ }
+      const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(source)}`, {
+        method: "POST",
+        keepalive: true,
+        signal: AbortSignal.timeout(STOP_TIMEOUT_MS),
+      });
+      if (response.ok) {
+        clearTimeout(timer);
+        return;
+      }
+    } catch {
+      // try again
+    }
   }
   throw new Error("THE STOP DID NOT REACH THE ROBOT. Use the stop on the robot itself.");
 }
 
-// One connection that comes back by itself; `onMessage` gets parsed messages, `onOpen` a function to send with.
+const RECONNECT_MS = 500;
+
+// A websocket that reconnects; `onMessage` gets parsed messages.
 export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {} }) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   let socket;
@@ -76,8 +107,15 @@ export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {}
     socket = new WebSocket(`${scheme}://${location.host}/api/v1${path}`);
     socket.onopen = () => onOpen();
     socket.onmessage = (event) => onMessage(JSON.parse(event.data));
-    socket.onclose = () => { onClose(); setTimeout(open, 500); };
+    socket.onclose = () => {
+      onClose();
+      setTimeout(open, RECONNECT_MS);
+    };
   };
   open();
-  return { send: (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); } };
+  return {
+    send: (message) => {
+      if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+    },
+  };
 }

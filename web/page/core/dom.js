@@ -1,4 +1,4 @@
-// Small pieces that every list of the page is made of.
+// Elements of the page, values written into them, and numbers as text.
 
 export const element = (id) => document.getElementById(id);
 
@@ -12,7 +12,7 @@ export function make(tag, attributes = {}, ...children) {
   return node;
 }
 
-// Keep one child per key, in order; `refresh` sets what may have changed. What the operator types in stays.
+// Keep one child per key, in order; `refresh` sets what may have changed. Input in progress stays.
 export function reconcile(list, items, keyOf, create, refresh) {
   const old = new Map([...list.children].map((child) => [child.dataset.key, child]));
   let previous = null;
@@ -20,7 +20,10 @@ export function reconcile(list, items, keyOf, create, refresh) {
     const key = String(keyOf(item));
     let child = old.get(key);
     old.delete(key);
-    if (!child) { child = create(item); child.dataset.key = key; }
+    if (!child) {
+      child = create(item);
+      child.dataset.key = key;
+    }
     child.item = item;
     refresh(child, item);
     const next = previous ? previous.nextSibling : list.firstChild;
@@ -30,27 +33,57 @@ export function reconcile(list, items, keyOf, create, refresh) {
   for (const child of old.values()) child.remove();
 }
 
-// Written only when it is another: what is written is laid out and painted again.
-export function set(holder, values) { for (const [name, value] of Object.entries(values)) if (holder[name] !== value) holder[name] = value; }
-export function setText(node, text) { if (node.textContent !== text) node.textContent = text; }
-// What a field said has been taken; what was typed into it since then stays.
-export function spent(input, taken) { if (input.value === taken) input.value = ""; }
-export function setValue(input, value) { if (document.activeElement !== input && input.value !== String(value)) input.value = value; }
+// Values are written only where they differ: every write costs a layout and a paint.
+export function set(target, values) {
+  for (const [name, value] of Object.entries(values))
+    if (target[name] !== value) target[name] = value;
+}
 
-// A file for the operator, and one from the operator.
+export function setText(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+export function setValue(input, value) {
+  if (document.activeElement !== input && input.value !== String(value)) input.value = value;
+}
+
+// Clear a field whose value was sent, unless it has been edited since.
+export function clearSent(input, sent) {
+  if (input.value === sent) input.value = "";
+}
+
 export function download(name, blob) {
   const link = make("a", { href: URL.createObjectURL(blob), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-export const remembered = (key, fallback) => { try { return JSON.parse(localStorage.getItem(key)) ?? fallback; } catch { return fallback; } };
-export const remember = (key, value) => { try { localStorage.setItem(key, JSON.stringify(value)); } catch { /* a browser that keeps nothing */ } };
-export const number = (value, digits, unit) => (value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`.trim());
-export const clock = (seconds) => new Date(1000 * seconds).toLocaleTimeString([], { hour12: false });
+// Settings that this browser remembers.
+export function loadSetting(key, fallback) {
+  try {
+    return JSON.parse(localStorage.getItem(key)) ?? fallback;
+  } catch {
+    return fallback;
+  }
+}
 
-// So long that nobody wants to read more digits.
-export function age(seconds) {
+export function saveSetting(key, value) {
+  try {
+    localStorage.setItem(key, JSON.stringify(value));
+  } catch {
+    // this browser stores nothing
+  }
+}
+
+export const formatNumber = (value, digits, unit) =>
+  value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`.trim();
+export const formatTime = (unixS) =>
+  new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
+export const formatSigned = (value, digits, unit) =>
+  `${value >= 0 ? "+" : "−"}${Math.abs(value).toFixed(digits)} ${unit}`;
+
+// About two significant digits.
+export function formatAge(seconds) {
   if (seconds < 9.95) return `${seconds.toFixed(1)} s`;
   if (seconds < 90) return `${seconds.toFixed(0)} s`;
   return seconds < 5400 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(1)} h`;

@@ -1,23 +1,24 @@
-// Menus beside their buttons. They are popovers, in the browser's top layer: no box of the page cuts one off or covers it. Escape
-// and a click elsewhere close one; the button has the focus again unless the click gave it to something else.
+// Menus beside their buttons. They are popovers in the browser's top layer, so that no part of the
+// page clips or covers one. Escape and a click elsewhere close a menu; then the button has the
+// focus again, unless the click gave it to another element.
 
 import { element } from "./dom.js";
 
 const GAP_PX = 4;
-const opened = () => document.querySelector(":popover-open");
+const openPopover = () => document.querySelector(":popover-open");
 const buttonOf = (popover) => document.querySelector(`[popovertarget=${popover.id}]`);
 
-// Close a menu, else a dialog; whether one was open.
+// Close the open menu, else the open dialog; returns whether one was open.
 export function closeOverlay() {
   const dialog = document.querySelector("dialog[open]");
-  if (opened()) opened().hidePopover();
+  if (openPopover()) openPopover().hidePopover();
   else if (dialog) dialog.close();
   else return false;
   return true;
 }
 
-// Below the button or above it, on the side with more room; never over the stop.
-function place(menu) {
+// Below or above the button, on the side with more space; never over the stop.
+function positionMenu(menu) {
   const { left, top, bottom } = buttonOf(menu).getBoundingClientRect();
   const stop = element("stop").getBoundingClientRect();
   const end = stop.top > bottom ? stop.top : innerHeight;
@@ -30,9 +31,24 @@ function place(menu) {
 
 for (const popover of document.querySelectorAll("[popover]")) {
   const isMenu = popover.classList.contains("menu");
-  popover.addEventListener("beforetoggle", (event) => { if (event.newState === "open" && isMenu) place(popover); });
-  popover.addEventListener("toggle", (event) => { if (event.newState === "closed" && document.activeElement === document.body) buttonOf(popover).focus(); });
+  popover.addEventListener("beforetoggle", (event) => {
+    if (event.newState === "open" && isMenu) positionMenu(popover);
+  });
+  popover.addEventListener("toggle", (event) => {
+    if (event.newState === "closed" && document.activeElement === document.body)
+      buttonOf(popover).focus();
+  });
 }
-for (const change of ["resize", "scroll"]) window.addEventListener(change, () => { if (opened()?.matches(".menu")) place(opened()); }, true);
-// A click in the 3D view is heard by its own document only.
-window.addEventListener("blur", () => { if (document.activeElement === element("viewer")) opened()?.hidePopover(); });
+for (const change of ["resize", "scroll"]) {
+  window.addEventListener(
+    change,
+    () => {
+      if (openPopover()?.matches(".menu")) positionMenu(openPopover());
+    },
+    true,
+  );
+}
+// A click in the 3D view reaches only its own document.
+window.addEventListener("blur", () => {
+  if (document.activeElement === element("viewer")) openPopover()?.hidePopover();
+});

@@ -1,22 +1,15 @@
-// On a phone the page is one column, and a bar of tabs says which part of it is shown. On a larger screen all parts are.
-
-import { drawing, onDraft } from "../zones/draft.js";
+// Tabs of a narrow window: one column, of which they show a part. A larger screen shows all parts.
 
 const parts = [...document.querySelectorAll("[data-on]")];
 const tabs = [...document.querySelectorAll(".page-tabs [data-tab]")];
-let wasDrawing = false;
 
-export const isNarrow = () => matchMedia("(max-width: 940px)").matches; // as in phone.css
+export const isNarrow = () => matchMedia("(max-width: 940px)").matches; // as in small_screens.css
 
-function turnTo(name) {
+export function selectTab(name) {
   for (const tab of tabs) tab.setAttribute("aria-selected", String(tab.dataset.tab === name));
-  for (const part of parts) part.classList.toggle("elsewhere", !part.dataset.on.split(" ").includes(name));
+  for (const part of parts)
+    part.classList.toggle("elsewhere", !part.dataset.on.split(" ").includes(name));
 }
 
-for (const tab of tabs) tab.onclick = () => turnTo(tab.dataset.tab);
-// A zone is drawn on the map, wherever its drawing was begun.
-onDraft(() => {
-  if (drawing() && !wasDrawing) turnTo("map");
-  wasDrawing = drawing();
-});
-turnTo("map");
+for (const tab of tabs) tab.onclick = () => selectTab(tab.dataset.tab);
+selectTab("map");

@@ -1,30 +1,42 @@
-// A sign for whatever takes longer than a second, with its name and how long it has taken.
+// A sign for work that takes longer than a second: what it waits for, and how long it has taken.
 
-import { set, setText } from "./dom.js";
+import { make, set, setText } from "./dom.js";
 
 const SHOWN_AFTER_MS = 1000;
 const running = new Map();
-const box = document.createElement("div");
-box.className = "progress";
-box.setAttribute("role", "status");
-box.dataset.testid = "progress";
-box.hidden = true;
-const bar = document.createElement("progress");
-const words = document.createElement("span");
-box.append(bar, words);
+const words = make("span");
+const box = make(
+  "div",
+  { class: "progress", role: "status", hidden: "", "data-testid": "progress" },
+  make("progress"),
+  words,
+);
 document.body.append(box);
 
-export async function during(promise, what) {
-  const key = Symbol(what);
-  running.set(key, { what, since: performance.now() });
-  try { return await promise; } finally { running.delete(key); show(); }
+export async function showProgress(promise, name) {
+  const key = Symbol(name);
+  running.set(key, { name, sinceMs: performance.now() });
+  try {
+    return await promise;
+  } finally {
+    running.delete(key);
+    show();
+  }
 }
 
 function show() {
   const now = performance.now();
-  const slow = [...running.values()].filter((one) => now - one.since > SHOWN_AFTER_MS);
-  set(box, { hidden: slow.length === 0 });
-  if (slow.length) setText(words, `waiting for ${slow.map((one) => `${one.what} (${((now - one.since) / 1000).toFixed(0)} s)`).join(", ")}`);
+  const slow = new Map(); // name → the longest wait; insertion order is by start
+  for (const { name, sinceMs } of running.values()) {
+    if (now - sinceMs > SHOWN_AFTER_MS && !slow.has(name))
+      slow.set(name, ((now - sinceMs) / 1000).toFixed(0));
+  }
+  set(box, { hidden: slow.size === 0 });
+  if (slow.size)
+    setText(
+      words,
+      `waiting for ${[...slow].map(([name, seconds]) => `${name} (${seconds} s)`).join(", ")}`,
+    );
 }
 
 setInterval(show, 250);

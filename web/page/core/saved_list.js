@@ -1,31 +1,74 @@
-// A menu of things that are kept under a name: take one, forget one, keep the present one.
+// A menu of values saved under a name: load one, delete one, save the present one.
 
 import { get, request } from "./api.js";
-import { make, spent } from "./dom.js";
+import { clearSent, make } from "./dom.js";
 import { attempt } from "./toasts.js";
 
-// `take` is the last part of the address that takes one; `say` tells of an entry in words.
-export function shelf(menu, { path, take, verb, placeholder, words, taken }) {
+// `action` is the last part of the address that loads an entry, `verb` its button, `describe` the
+// entry in words; `onLoaded` is called after one was loaded.
+export function savedList(menu, { path, action, verb, placeholder, describe, onLoaded }) {
   const list = make("ul", { class: "list" });
-  const name = make("input", { maxlength: 80, placeholder, "aria-label": placeholder, "data-testid": `${menu.id}-name` });
-  const form = make("form", { class: "row", autocomplete: "off" }, name, make("button", { "data-testid": `${menu.id}-save` }, "Save"));
+  const name = make("input", {
+    maxlength: 80,
+    placeholder,
+    "aria-label": placeholder,
+    "data-testid": `${menu.id}-name`,
+  });
+  const save = make("button", { "data-testid": `${menu.id}-save` }, "Save");
+  const form = make("form", { class: "row", autocomplete: "off" }, name, save);
   menu.append(list, form);
-  const address = (entry) => `${path}/${encodeURIComponent(entry)}`;
+  const addressOf = (entryName) => `${path}/${encodeURIComponent(entryName)}`;
+
+  async function load(entry) {
+    await request("POST", `${addressOf(entry.name)}/${action}`);
+    menu.hidePopover();
+    onLoaded?.();
+  }
+
+  async function remove(entry) {
+    await request("DELETE", addressOf(entry.name));
+    refresh();
+  }
+
+  const itemOf = (entry) =>
+    make(
+      "li",
+      { "data-testid": `${menu.id}-entry` },
+      make(
+        "span",
+        { class: "label" },
+        make("span", {}, entry.name),
+        make("small", {}, describe(entry)),
+      ),
+      make("button", { onclick: () => attempt(() => load(entry)) }, verb),
+      make(
+        "button",
+        {
+          title: "Delete",
+          "aria-label": `Delete ${entry.name}`,
+          onclick: () => attempt(() => remove(entry)),
+        },
+        "✕",
+      ),
+    );
 
   async function refresh() {
     const entries = await get(path);
-    list.replaceChildren(...entries.map((entry) => make("li", { "data-testid": `${menu.id}-entry` },
-      make("span", { class: "label" }, make("span", {}, entry.name), make("small", {}, words(entry))),
-      make("button", { onclick: () => attempt(async () => { await request("POST", `${address(entry.name)}/${take}`); menu.hidePopover(); taken?.(); }) }, verb),
-      make("button", { title: "Forget it", "aria-label": `Forget ${entry.name}`, onclick: () => attempt(async () => { await request("DELETE", address(entry.name)); refresh(); }) }, "✕"),
-    )));
-    if (!entries.length) list.append(make("li", { class: "empty" }, "nothing kept yet"));
+    list.replaceChildren(...entries.map(itemOf));
+    if (!entries.length) list.append(make("li", { class: "empty" }, "Nothing saved yet"));
   }
 
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const typed = name.value;
-    if (typed.trim()) attempt(async () => { await request("PUT", address(typed.trim())); spent(name, typed); refresh(); });
+    if (!typed.trim()) return;
+    attempt(async () => {
+      await request("PUT", addressOf(typed.trim()));
+      clearSent(name, typed);
+      refresh();
+    });
   });
-  menu.addEventListener("toggle", (event) => { if (event.newState === "open") attempt(refresh); });
+  menu.addEventListener("toggle", (event) => {
+    if (event.newState === "open") attempt(refresh);
+  });
 }

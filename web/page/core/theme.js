@@ -1,24 +1,27 @@
-// Dark or light: as the system has it, until the operator says otherwise.
+// Dark or light colours: those of the system, until the operator chooses.
 
-import { element, remember, remembered } from "./dom.js";
+import { element, loadSetting, saveSetting } from "./dom.js";
 
 const KEY = "console.theme";
 const system = matchMedia("(prefers-color-scheme: light)");
-const watchers = [];
+const listeners = [];
 
-export const onTheme = (watcher) => watchers.push(watcher);
+export const onTheme = (listener) => listeners.push(listener);
 export const isLight = () => document.documentElement.dataset.theme === "light";
 
 function apply() {
-  document.documentElement.dataset.theme = remembered(KEY, system.matches ? "light" : "dark");
+  document.documentElement.dataset.theme = loadSetting(KEY, system.matches ? "light" : "dark");
   const button = element("theme");
   button.textContent = isLight() ? "☾" : "☀";
+  button.title = isLight() ? "Dark colours (D)" : "Light colours (D)";
   button.setAttribute("aria-label", isLight() ? "Dark colours" : "Light colours");
-  button.title = button.getAttribute("aria-label");
-  for (const watcher of watchers) watcher();
+  for (const listener of listeners) listener();
 }
 
-export function switchTheme() { remember(KEY, isLight() ? "dark" : "light"); apply(); }
+export function switchTheme() {
+  saveSetting(KEY, isLight() ? "dark" : "light");
+  apply();
+}
 
 system.addEventListener("change", apply);
 element("theme").onclick = switchTheme;

@@ -1,41 +1,43 @@
-// What was refused, in words, until it is read.
+// Short messages: refusals, and changes that took effect.
 
-const box = document.getElementById("toasts");
+import { element, make } from "./dom.js";
 
-// `action`: what the operator can do about it with one click, `{label, act}`.
-export function say(text, { good = false, action = null } = {}) {
+const box = element("toasts");
+const MAX_SHOWN = 4;
+const GOOD_MS = 2500;
+const BAD_MS = 9000;
+
+// `action` is what the operator can do about it with one click: `{ label, run }`.
+export function notify(text, { good = false, action = null } = {}) {
   for (const old of box.children) if (old.dataset.text === text) old.remove();
-  const toast = document.createElement("div");
-  toast.className = good ? "toast done" : "toast";
-  toast.dataset.text = text;
-  const mark = document.createElement("b");
-  mark.textContent = good ? "✓" : "!";
-  const words = document.createElement("span");
-  words.textContent = text;
-  const close = document.createElement("button");
-  close.textContent = "✕";
-  close.setAttribute("aria-label", "Dismiss");
-  close.onclick = () => toast.remove();
-  toast.append(mark, words, ...(action ? [remedy(action, toast)] : []), close);
+  const close = make("button", { "aria-label": "Dismiss", onclick: () => toast.remove() }, "✕");
+  const toast = make(
+    "div",
+    { class: good ? "toast done" : "toast", "data-text": text },
+    make("b", {}, good ? "✓" : "!"),
+    make("span", {}, text),
+    close,
+  );
+  if (action) close.before(actionButton(action, toast));
   box.append(toast);
-  while (box.children.length > 4) box.firstChild.remove();
-  setTimeout(() => toast.remove(), good ? 2500 : 9000);
+  while (box.children.length > MAX_SHOWN) box.firstChild.remove();
+  setTimeout(() => toast.remove(), good ? GOOD_MS : BAD_MS);
 }
 
-function remedy({ label, act }, toast) {
-  const button = document.createElement("button");
-  button.textContent = label;
-  button.dataset.testid = "remedy";
-  button.onclick = () => { toast.remove(); act(); };
-  return button;
+function actionButton({ label, run }, toast) {
+  const onclick = () => {
+    toast.remove();
+    run();
+  };
+  return make("button", { "data-testid": "toast-action", onclick }, label);
 }
 
-// Run an action of the operator; a refusal is shown, never swallowed.
+// Run an action of the operator; a refusal is shown.
 export async function attempt(action) {
   try {
     return await action();
   } catch (error) {
-    say(error.message);
+    notify(error.message);
     return undefined;
   }
 }

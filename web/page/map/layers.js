@@ -1,42 +1,78 @@
-// Which layers of the map are shown, and how strongly: each with a switch and a slider, remembered by this browser.
+// The layers of the map: each has a switch and a slider, remembered by this browser.
 
-import { element, make, reconcile, remember, remembered } from "../core/dom.js";
+import { element, loadSetting, make, reconcile, saveSetting } from "../core/dom.js";
+import { pen } from "./strokes.js";
 
 const KEY = "console.layers";
 const FIXED = [
-  ["unknown", "not seen"], ["free", "floor, seen"], ["obstacle", "obstacles"], ["inflation", "too close"], ["prior", "prior map"],
-  ["zones", "zones"], ["path", "planned path"], ["waypoints", "waypoints"], ["driven", "driven way"], ["people", "people, where they go"],
-  ["view", "what the camera sees"], ["motion", "where it steers"],
-  ["candidates", "motions to choose from"],
+  ["unknown", "not seen"],
+  ["free", "floor, seen"],
+  ["obstacle", "obstacles"],
+  ["inflation", "too close"],
+  ["prior", "prior map"],
+  ["zones", "zones"],
+  ["path", "planned path"],
+  ["waypoints", "waypoints"],
+  ["driven", "driven path"],
+  ["people", "people, predicted"],
+  ["view", "camera view"],
+  ["motion", "commanded motion"],
+  ["candidates", "candidate motions"],
 ];
-// What costs the robot something to work out is off until somebody wants to see it.
+// Off until the operator wants it: the robot computes it on request.
 const OFF = new Set(["candidates"]);
-const settings = remembered(KEY, {});
-const watchers = [];
+const settings = loadSetting(KEY, {});
+const listeners = [];
 
-export const onLayers = (watcher) => watchers.push(watcher);
-// 0 where a layer is off, else how strong it is, to 1.
+export const onLayers = (listener) => listeners.push(listener);
+
+const settingOf = (layer) => ({ on: !OFF.has(layer), fade: 1, ...settings[layer] });
+
+// Opacity of a layer, 0 to 1; 0 where it is off.
 export function strength(layer) {
-  const { on, fade } = setting(layer);
+  const { on, fade } = settingOf(layer);
   return on ? fade : 0;
 }
 
-const setting = (layer) => ({ on: !OFF.has(layer), fade: 1, ...settings[layer] });
-
-export function showLayers(classes) {
-  const layers = [...FIXED, ...classes.map((entry) => [`class-${entry.class_id}`, entry.label ?? entry.name])];
-  reconcile(element("map-layers"), layers, ([id]) => id, layerItem, () => {});
+export function drawLayer(name, draw) {
+  const opacity = strength(name);
+  if (opacity === 0) return;
+  pen.globalAlpha = opacity;
+  draw();
+  pen.globalAlpha = 1;
 }
 
-function layerItem([id, text]) {
-  const { on, fade } = setting(id);
-  const check = make("input", { type: "checkbox", "data-testid": `layer-${id}`, onchange: set });
-  const slider = make("input", { type: "range", min: 0.1, max: 1, step: 0.1, "aria-label": `How strongly ${text} is shown`, oninput: set });
+export function showLayers(classes) {
+  const layers = [
+    ...FIXED,
+    ...classes.map((entry) => [`class-${entry.class_id}`, entry.label ?? entry.name]),
+  ];
+  reconcile(
+    element("map-layers"),
+    layers,
+    ([id]) => id,
+    itemOf,
+    () => {},
+  );
+}
+
+function itemOf([id, text]) {
+  const { on, fade } = settingOf(id);
+  const check = make("input", { type: "checkbox", "data-testid": `layer-${id}`, onchange: save });
+  const slider = make("input", {
+    type: "range",
+    min: 0.1,
+    max: 1,
+    step: 0.1,
+    title: "Opacity",
+    "aria-label": `Opacity of ${text}`,
+    oninput: save,
+  });
   [check.checked, slider.value] = [on, fade];
-  function set() {
+  function save() {
     settings[id] = { on: check.checked, fade: Number(slider.value) };
-    remember(KEY, settings);
-    for (const watcher of watchers) watcher();
+    saveSetting(KEY, settings);
+    for (const listener of listeners) listener();
   }
   return make("li", {}, make("label", {}, check, make("span", {}, text)), slider);
 }

@@ -1,57 +1,71 @@
-// The cells of the map, kept up to date tile by tile: only what changed is fetched and painted.
+// The tiles of the map: only those that changed are fetched and painted.
 
-import { fetched, get } from "../core/api.js";
-import { mixer, paint, read } from "./cells.js";
+import { abortableFetch, get } from "../core/api.js";
+import { colourMixer, paint, read } from "./cells.js";
 
-const LARGE = 1_500_000;
-const AT_ONCE = 6;
-const held = new Map();
+const LARGE_MAP_CELLS = 1_500_000;
+const PARALLEL_REQUESTS = 6;
+const tiles = new Map(); // "row/col" → its cells and position
 let canvas = new OffscreenCanvas(1, 1);
-let mix = mixer([], false);
+let colourAt = colourMixer([], false);
 let scale = 1;
-let known = 0;
-// Counts what was painted: who has drawn this canvas elsewhere draws it again when the number is another.
-export let painted = 0;
+let knownVersion = 0;
+// Counts paintings, so that a copy of the canvas knows when it is out of date.
+export let paintCount = 0;
 
-// A canvas with the newest map, row 0 of the grid at its lower edge, and its size in cells.
-export async function newest() {
-  const { version, tile_cells: side, rows, cols, changed } = await get(`/map/tiles?since=${known}`);
-  // Two pixels a cell and side where the map is small, so that a texture is finer than a cell; for more a tablet has no memory.
-  const fine = rows * cols > LARGE ? 1 : 2;
-  if (canvas.width !== cols * fine || canvas.height !== rows * fine) {
-    canvas = new OffscreenCanvas(cols * fine, rows * fine);
-    scale = fine;
-    held.clear();
-    if (known) { known = 0; return newest(); }
+// Return a canvas with the newest map, row 0 of the grid at its lower edge, and its size in cells.
+export async function loadNewest() {
+  const {
+    version,
+    tile_cells: side,
+    rows,
+    cols,
+    changed,
+  } = await get(`/map/tiles?since=${knownVersion}`);
+  // With two pixels per cell and side patterns are finer than a cell; large maps would need too
+  // much memory.
+  const pixels = rows * cols > LARGE_MAP_CELLS ? 1 : 2;
+  if (canvas.width !== cols * pixels || canvas.height !== rows * pixels) {
+    canvas = new OffscreenCanvas(cols * pixels, rows * pixels);
+    scale = pixels;
+    tiles.clear();
+    if (knownVersion) {
+      knownVersion = 0;
+      return loadNewest();
+    }
   }
   const waiting = [...changed];
   const work = async () => {
     for (let next = waiting.pop(); next; next = waiting.pop()) {
-      const [row, col, at] = next;
-      const answer = await fetched(`/api/v1/map/tiles/${row}/${col}.png?v=${at}`);
-      if (!answer.ok) throw new Error("no map yet");
-      const cells = await read(await answer.blob());
-      const tile = { cells, left: col * side, top: rows - row * side - cells.rows };
-      const old = held.get(`${row}/${col}`);
-      held.set(`${row}/${col}`, tile);
-      if (old && same(old.cells.data, cells.data)) continue;
-      paint(canvas.getContext("2d"), tile, scale, mix);
-      painted += 1;
+      const [row, col, tileVersion] = next;
+      await loadTile(row, col, tileVersion, side, rows);
     }
   };
-  await Promise.all(Array.from({ length: AT_ONCE }, work));
-  known = version;
+  await Promise.all(Array.from({ length: PARALLEL_REQUESTS }, work));
+  knownVersion = version;
   return { canvas, rows, cols };
 }
 
-function same(one, other) {
+async function loadTile(row, col, version, side, rows) {
+  const answer = await abortableFetch(`/api/v1/map/tiles/${row}/${col}.png?v=${version}`);
+  if (!answer.ok) throw new Error("no map yet");
+  const cells = await read(await answer.blob());
+  const tile = { cells, left: col * side, top: rows - row * side - cells.rows };
+  const old = tiles.get(`${row}/${col}`);
+  tiles.set(`${row}/${col}`, tile);
+  if (old && isEqual(old.cells.data, cells.data)) return;
+  paint(canvas.getContext("2d"), tile, scale, colourAt);
+  paintCount += 1;
+}
+
+function isEqual(one, other) {
   const [a, b] = [one, other].map((bytes) => new Uint32Array(bytes.buffer));
   return a.length === b.length && a.every((cell, i) => cell === b[i]);
 }
 
-// Paint what is here anew: the list, a layer or the theme has changed.
+// Paint all tiles again, after a change of the list, a layer or the theme.
 export function repaint(classes, light) {
-  mix = mixer(classes, light);
-  for (const tile of held.values()) paint(canvas.getContext("2d"), tile, scale, mix);
-  painted += 1;
+  colourAt = colourMixer(classes, light);
+  for (const tile of tiles.values()) paint(canvas.getContext("2d"), tile, scale, colourAt);
+  paintCount += 1;
 }

@@ -1,17 +1,20 @@
-// The goals that wait: picked, named, ordered, looped, kept; and the offer of a better place when one is refused.
+// The queue of goals: added, named, reordered, repeated, saved; a blocked goal is offered the
+// nearest free position.
 
 import { post, request } from "../core/api.js";
-import { element, make, reconcile, set, setText, setValue, spent } from "../core/dom.js";
+import { clearSent, element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
-import { shelf } from "../core/saved_list.js";
-import { attempt, say } from "../core/toasts.js";
+import { savedList } from "../core/saved_list.js";
+import { attempt, notify } from "../core/toasts.js";
 
-export const offer = { place: null, yaw: null };
-const watchers = [];
-export const onOffer = (watcher) => watchers.push(watcher);
+const REACHED_SHOWN = 5;
+// The nearest free position to a blocked goal, or null.
+export const offer = { position: null, yaw: null };
+const listeners = [];
+export const onOffer = (listener) => listeners.push(listener);
 let ids = [];
 
-// Whether it was taken.
+// Returns whether the goal was accepted.
 export async function addGoal([x, y], yaw = null, name = "") {
   setOffer(null);
   try {
@@ -19,80 +22,150 @@ export async function addGoal([x, y], yaw = null, name = "") {
     return true;
   } catch (error) {
     const nearest = error.body?.nearest;
-    if (!nearest) { say(error.message); return false; }
+    if (!nearest) {
+      notify(error.message);
+      return false;
+    }
     setOffer([nearest.x_m, nearest.y_m], yaw);
-    say(error.message, { action: { label: `Take ${nearest.x_m.toFixed(2)}, ${nearest.y_m.toFixed(2)}`, act: takeOffer } });
+    notify(error.message, {
+      action: {
+        label: `Take ${nearest.x_m.toFixed(2)}, ${nearest.y_m.toFixed(2)}`,
+        run: acceptOffer,
+      },
+    });
     return false;
   }
 }
 
-export function takeOffer() { if (offer.place) addGoal(offer.place, offer.yaw); }
-
-function setOffer(place, yaw = null) {
-  Object.assign(offer, { place, yaw });
-  for (const watcher of watchers) watcher();
+export function acceptOffer() {
+  if (offer.position) addGoal(offer.position, offer.yaw);
 }
 
-export const degrees = (yaw) => `${Math.round((yaw * 180) / Math.PI)}°`;
+function setOffer(position, yaw = null) {
+  Object.assign(offer, { position, yaw });
+  for (const listener of listeners) listener();
+}
 
 export function showGoals(state) {
   ids = state.queue.map((goal) => goal.id);
   const waiting = state.queue.map((goal, i) => ({ ...goal, number: i + 1 }));
-  const reached = state.reached.slice(-5).reverse().map((goal) => ({ ...goal, number: 0 }));
-  reconcile(element("goals"), [...waiting, ...reached], (goal) => `${goal.number ? "w" : "r"}${goal.id}`, goalItem, (child, goal) => {
+  const reached = state.reached
+    .slice(-REACHED_SHOWN)
+    .reverse()
+    .map((goal) => ({ ...goal, number: 0 }));
+  const keyOf = (goal) => `${goal.number ? "w" : "r"}${goal.id}`;
+  reconcile(element("goals"), [...waiting, ...reached], keyOf, itemOf, (child, goal) => {
     setText(child.querySelector(".number"), goal.number ? `⚑ ${goal.number}` : "✓");
     const name = child.querySelector(".name");
     if (name) setValue(name, goal.name);
-    else setText(child.querySelector(".place"), `${goal.name} ${spot(goal)}`);
-    setText(child.querySelector(".present"), goal.number === 1 ? (state.moving ? "driving here" : "next") : goal.number ? "" : "reached");
+    else setText(child.querySelector(".place"), `${goal.name} ${positionText(goal)}`);
+    setText(child.querySelector(".status"), statusText(goal, state.moving));
     const up = child.querySelector("[data-up]");
     if (up) set(up, { disabled: goal.number === 1 });
   });
   set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
   setText(element("goal-count"), `${waiting.length} waiting · ${state.reached.length} reached`);
-  if (!looping) element("loop").checked = state.loop;
+  if (!isLoopPending) element("loop").checked = state.loop;
 }
 
-const spot = (goal) => `${goal.x_m.toFixed(2)}, ${goal.y_m.toFixed(2)}${goal.yaw_rad === null ? "" : ` ∠ ${degrees(goal.yaw_rad)}`}`;
+function statusText(goal, isMoving) {
+  if (goal.number === 0) return "reached";
+  if (goal.number > 1) return "";
+  return isMoving ? "driving here" : "next";
+}
 
-function goalItem(goal) {
-  const item = make("li", { "data-testid": goal.number ? "goal" : "goal-reached", class: goal.number ? "" : "reached" });
+const degrees = (yaw) => `${Math.round((yaw * 180) / Math.PI)}°`;
+const positionText = (goal) =>
+  `${goal.x_m.toFixed(2)}, ${goal.y_m.toFixed(2)}${goal.yaw_rad === null ? "" : ` ∠ ${degrees(goal.yaw_rad)}`}`;
+
+function itemOf(goal) {
+  const item = make("li", {
+    "data-testid": goal.number ? "goal" : "goal-reached",
+    class: goal.number ? "" : "reached",
+  });
   item.append(make("span", { class: "number" }));
   if (!goal.number) {
-    item.append(make("span", { class: "place" }), make("span", { class: "present" }));
+    item.append(make("span", { class: "place" }), make("span", { class: "status" }));
     return item;
   }
-  const where = spot(goal);
-  const rename = (event) => attempt(() => request("PATCH", `/goals/${goal.id}`, { name: event.target.value.trim() }));
-  const up = () => {
-    const at = ids.indexOf(goal.id);
-    const order = ids.filter((id) => id !== goal.id);
-    order.splice(at - 1, 0, goal.id);
-    attempt(() => request("PUT", "/goals/order", { ids: order }));
-  };
+  const where = positionText(goal);
+  const rename = (event) =>
+    attempt(() => request("PATCH", `/goals/${goal.id}`, { name: event.target.value.trim() }));
+  const remove = () => attempt(() => request("DELETE", `/goals/${goal.id}`));
   item.append(
-    make("input", { class: "name", maxlength: 80, placeholder: where, title: where, "aria-label": `Name of the goal at ${where}`, "data-testid": "goal-name", onchange: rename }),
-    make("span", { class: "present" }),
-    make("button", { "data-up": "", "data-testid": "goal-up", title: "Earlier", "aria-label": `Drive to ${where} earlier`, onclick: up }, "↑"),
-    make("button", { title: "Remove", "aria-label": `Remove the goal at ${where}`, "data-testid": "goal-remove", onclick: () => attempt(() => request("DELETE", `/goals/${goal.id}`)) }, "✕"),
+    make("input", {
+      class: "name",
+      maxlength: 80,
+      placeholder: where,
+      title: where,
+      "aria-label": `Name of the goal at ${where}`,
+      "data-testid": "goal-name",
+      onchange: rename,
+    }),
+    make("span", { class: "status" }),
+    make(
+      "button",
+      {
+        "data-up": "",
+        "data-testid": "goal-up",
+        title: "Drive here earlier",
+        "aria-label": `Drive to ${where} earlier`,
+        onclick: () => moveUp(goal.id),
+      },
+      "↑",
+    ),
+    make(
+      "button",
+      {
+        title: "Remove",
+        "aria-label": `Remove the goal at ${where}`,
+        "data-testid": "goal-remove",
+        onclick: remove,
+      },
+      "✕",
+    ),
   );
   return item;
 }
 
-// A state that was on its way when the box was ticked does not untick it.
-let looping = false;
+function moveUp(id) {
+  const order = ids.filter((other) => other !== id);
+  order.splice(ids.indexOf(id) - 1, 0, id);
+  attempt(() => request("PUT", "/goals/order", { ids: order }));
+}
+
+// A state that was sent before the box was ticked does not untick it.
+let isLoopPending = false;
 element("loop").onchange = async () => {
-  looping = true;
+  isLoopPending = true;
   await attempt(() => request("PUT", "/mission/loop", { loop: element("loop").checked }));
-  looping = false;
+  isLoopPending = false;
 };
+
 element("goal-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  const input = event.target.elements.place, typed = input.value;
+  const input = event.target.elements.place;
+  const typed = input.value;
   attempt(async () => {
-    const numbers = typed.split(/[,\s]+/).filter(Boolean).map(Number);
-    if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) throw new Error(`“${typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees`);
-    if (await addGoal(numbers, numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null)) spent(input, typed);
+    const numbers = typed
+      .split(/[,\s]+/)
+      .filter(Boolean)
+      .map(Number);
+    if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) {
+      throw new Error(
+        `“${typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees`,
+      );
+    }
+    const yaw = numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null;
+    if (await addGoal(numbers, yaw)) clearSent(input, typed);
   });
 });
-shelf(element("missions"), { path: "/missions", take: "load", verb: "Load", placeholder: "Name for the waiting goals", words: (entry) => `${entry.goals} goal${entry.goals > 1 ? "s" : ""}${entry.loop ? ", again and again" : ""}` });
+
+savedList(element("missions"), {
+  path: "/missions",
+  action: "load",
+  verb: "Load",
+  placeholder: "Name for the waiting goals",
+  describe: (entry) =>
+    `${entry.goals} goal${entry.goals > 1 ? "s" : ""}${entry.loop ? ", repeated" : ""}`,
+});

@@ -1,11 +1,13 @@
-// The form beside the drawing: every value of a zone as text and numbers, so that nothing needs the pointer.
+// The form of a draft: every value of a zone as text and numbers, so that nothing needs the pointer.
 
 import { element } from "../core/dom.js";
 import { distance, rounded } from "../core/geometry.js";
 
 const form = element("draft");
-const field = (name) => element(`draft-${name}`);
-const UNITS = { polygon: "corner", free: "corner", circle: "point", corridor: "point" };
+export const field = (name) => element(`draft-${name}`);
+const POINT_NAMES = { polygon: "corner", free: "corner", circle: "point", corridor: "point" };
+const DEFAULT_LIMIT_MPS = 0.3;
+const DEFAULT_COLOUR = "#d63384";
 let stored = null;
 
 export function showForm(draft, zone, name) {
@@ -15,8 +17,8 @@ export function showForm(draft, zone, name) {
   field("name").value = stored?.name ?? name;
   field("margin").value = stored?.margin_m ?? 0;
   field("kind").value = stored?.kind ?? "keep-out";
-  field("limit").value = stored?.max_speed_mps ?? 0.3;
-  field("colour").value = stored?.colour ?? "#d63384";
+  field("limit").value = stored?.max_speed_mps ?? DEFAULT_LIMIT_MPS;
+  field("colour").value = stored?.colour ?? DEFAULT_COLOUR;
   field("colour").dataset.own = String(Boolean(stored?.colour));
   field("expiry").value = stored?.expires_at_s ? "keep" : "";
   field("expiry").querySelector("[value=keep]").hidden = !stored?.expires_at_s;
@@ -35,45 +37,58 @@ export function showKind() {
   element("draft-limit-field").hidden = field("kind").value !== "speed-limit";
 }
 
+// The properties of the zone as the API takes them.
 export function readForm() {
-  const slow = field("kind").value === "speed-limit";
+  const isLimit = field("kind").value === "speed-limit";
   const expiry = field("expiry").value;
   return {
     name: field("name").value.trim(),
     enabled: stored?.enabled ?? true,
     margin_m: Number(field("margin").value),
     kind: field("kind").value,
-    max_speed_mps: slow ? Number(field("limit").value) : null,
+    max_speed_mps: isLimit ? Number(field("limit").value) : null,
     colour: field("colour").dataset.own === "true" ? field("colour").value : null,
-    expires_at_s: expiry === "keep" ? stored?.expires_at_s ?? null : null,
+    expires_at_s: expiry === "keep" ? (stored?.expires_at_s ?? null) : null,
     expires_in_s: Number(expiry) > 0 ? Number(expiry) : null,
   };
 }
 
-// Numbers follow the drawing, except where the operator is typing.
-export function describe(draft, answer = null) {
+// Show the drawing in numbers, except in the field that has the focus.
+export function describe(draft, preview = null) {
   const { corners, tool } = draft;
-  fill("corners", (tool === "circle" ? corners.slice(0, 1) : corners).map(([x, y]) => `${x}, ${y}`).join("\n"));
-  fill("size", tool === "circle" ? rounded(corners.length > 1 ? distance(...corners) : 0) : draft.width);
-  element("draft-size-field").hidden = tool !== "circle" && tool !== "corridor";
-  element("draft-size-name").textContent = tool === "circle" ? "Radius, m" : "Width, m";
-  element("draft-tool").value = tool;
-  const count = corners.length ? `${corners.length} ${UNITS[tool]}${corners.length > 1 ? "s" : ""}` : "nothing drawn yet";
-  note(answer ? `${count} · ${answer.text}` : count, answer?.bad ?? false);
+  const isCircle = tool === "circle";
+  fill(
+    "corners",
+    (isCircle ? corners.slice(0, 1) : corners).map(([x, y]) => `${x}, ${y}`).join("\n"),
+  );
+  fill("size", isCircle ? rounded(corners.length > 1 ? distance(...corners) : 0) : draft.width);
+  element("draft-size-field").hidden = !isCircle && tool !== "corridor";
+  element("draft-size-name").textContent = isCircle ? "Radius, m" : "Width, m";
+  field("tool").value = tool;
+  const count = corners.length
+    ? `${corners.length} ${POINT_NAMES[tool]}${corners.length > 1 ? "s" : ""}`
+    : "nothing drawn yet";
+  note(preview ? `${count} · ${preview.text}` : count, preview?.bad ?? false);
 }
 
-function fill(name, value) { if (document.activeElement !== field(name)) field(name).value = value; }
+function fill(name, value) {
+  if (document.activeElement !== field(name)) field(name).value = value;
+}
 
 export function note(text, bad = false) {
-  element("draft-note").textContent = text;
-  element("draft-note").classList.toggle("bad", bad);
+  field("note").textContent = text;
+  field("note").classList.toggle("bad", bad);
 }
 
 export function parseCorners(text) {
-  const pairs = text.split(/[;\n]/).map((pair) => pair.trim()).filter(Boolean);
+  const pairs = text
+    .split(/[;\n]/)
+    .map((pair) => pair.trim())
+    .filter(Boolean);
   return pairs.map((pair) => {
     const numbers = pair.split(/[,\s]+/).map(Number);
-    if (numbers.length !== 2 || !numbers.every(Number.isFinite)) throw new Error(`“${pair}” is no corner; write x, y in metres, corners apart by ;`);
+    if (numbers.length !== 2 || !numbers.every(Number.isFinite))
+      throw new Error(`“${pair}” is no corner; write x, y in metres, with ; between corners`);
     return numbers;
   });
 }

@@ -1,0 +1,54 @@
+// What the operator is drawing on the map, and the scale bar.
+
+import { midpoints } from "../core/geometry.js";
+import { isLight } from "../core/theme.js";
+import { draft, outline } from "../zones/draft.js";
+import { arrow, COLOURS, dot, fill, flag, line, pen, tag } from "./strokes.js";
+import { canvas, toPage, view } from "./view.js";
+import { sketch } from "./world.js";
+
+const HEADING_M = 0.6;
+const SCALES_M = [1, 2, 5, 10, 20, 50, 100];
+const MIN_SCALE_PX = 60;
+const SELECTED = "#ff7b00";
+
+function drawPreview(path) {
+  line(path, "#00000080", 5, [8, 6]);
+  line(path, COLOURS.draft, 3, [8, 6]);
+}
+
+export function drawDraft() {
+  const { corners, preview, tool, selected } = draft;
+  const ring = outline();
+  drawPreview(preview);
+  fill(ring, "#ffb70333");
+  line(ring, COLOURS.draft, 2.5, [], ring.length > 2);
+  if (tool === "corridor") line(corners, COLOURS.draft, 1, [4, 4]);
+  if (draft.mode === "edit")
+    for (const { at } of midpoints(tool, corners)) dot(at, 4.5, COLOURS.draft, { hollow: true });
+  corners.forEach((corner, i) =>
+    dot(corner, i === selected ? 8 : 6, i === selected ? SELECTED : COLOURS.draft),
+  );
+}
+
+export function drawSketch() {
+  line(sketch.stroke, COLOURS.draft, 3);
+  if (!sketch.goal) return;
+  drawPreview(sketch.path);
+  flag(sketch.goal, "+", COLOURS.draft);
+  if (sketch.heading !== null) arrow(sketch.goal, sketch.heading, HEADING_M, COLOURS.draft);
+  if (!sketch.verdict) return;
+  const [x, y] = toPage(sketch.goal);
+  tag(sketch.verdict, [x, y + 18], "#ffe3a3");
+}
+
+export function drawScale(height) {
+  const metres = SCALES_M.find((m) => m * view.scale > MIN_SCALE_PX) ?? SCALES_M.at(-1);
+  const [x, y] = [canvas.clientWidth - metres * view.scale - 14, height - 14];
+  pen.fillStyle = isLight() ? "#1d2733" : "#e6ebf2";
+  pen.fillRect(x, y, metres * view.scale, 3);
+  pen.font = "11px sans-serif";
+  pen.textAlign = "left";
+  pen.textBaseline = "bottom";
+  pen.fillText(`${metres} m`, x, y - 2);
+}

@@ -1,0 +1,58 @@
+// The values that the map shows, and whether a new value would look different.
+
+import { view } from "./view.js";
+
+export const world = {
+  map: null,
+  picture: null,
+  state: null,
+  classes: [],
+  path: [],
+  waypoints: [],
+  driven: [],
+  people: [],
+  closed: [],
+  view: [],
+  zones: [],
+  candidates: { arcs: [], chosen: null },
+};
+// What the pointer is placing: a freehand stroke, a goal with its heading and the path to it.
+export const sketch = { stroke: [], goal: null, heading: null, path: [], verdict: "" };
+
+const VISIBLE_PX = 0.5;
+const VISIBLE_RAD = 0.01;
+const VISIBLE_SPEED = 0.01;
+const LINES = new Set(["path", "waypoints", "driven", "view"]);
+
+// Take new values; returns the names of those that look different. Values that look the same are
+// not taken, so that small steps add up to a visible one.
+export function takeValues({ state = world.state, picture = world.picture, ...others }) {
+  const looksDifferent = (name) =>
+    !(LINES.has(name) ? coincide : isEqual)(others[name], world[name]);
+  const changed = Object.keys(others).filter(looksDifferent);
+  for (const name of changed) world[name] = others[name];
+  Object.assign(world, { state, picture });
+  return changed;
+}
+
+const isEqual = (one, other) => JSON.stringify(one) === JSON.stringify(other);
+const pixels = (dx, dy) => Math.hypot(dx, dy) * view.scale;
+const coincide = (one, other) =>
+  one.length === other.length &&
+  one.every(([x, y], i) => pixels(x - other[i][0], y - other[i][1]) < VISIBLE_PX);
+
+export function looksAlike(state, drawn) {
+  if (!state || !drawn) return state === drawn;
+  const { pose, command, queue, reached } = state;
+  const steered = Math.hypot(
+    command.v_mps - drawn.command.v_mps,
+    command.w_radps - drawn.command.w_radps,
+  );
+  return (
+    (pose.x_m === null) === (drawn.pose.x_m === null) &&
+    pixels(pose.x_m - drawn.pose.x_m, pose.y_m - drawn.pose.y_m) < VISIBLE_PX &&
+    Math.abs(pose.yaw_rad - drawn.pose.yaw_rad) < VISIBLE_RAD &&
+    steered < VISIBLE_SPEED &&
+    isEqual([queue, reached], [drawn.queue, drawn.reached])
+  );
+}

@@ -1,0 +1,93 @@
+// Who is in control of the robot, and the page's sign of life: the console asks twice a second, and
+// a page that is closed, frozen or cut off does not answer.
+
+import { showVisitor } from "../access/admin_panel.js";
+import { addStopChannel, connect, get, post } from "../core/api.js";
+import { element, set, setText } from "../core/dom.js";
+import { attempt, notify } from "../core/toasts.js";
+
+const EDITORS = ".left, [aria-label='Mode'], #beware, #beware-tools";
+let previous = null;
+let releaseKeys = () => {};
+
+// Called when this page can no longer drive.
+export const onControlLost = (act) => {
+  releaseKeys = act;
+};
+
+const link = connect("/control/live", {
+  onMessage: (message) => {
+    if (message.type === "refused") {
+      releaseKeys();
+      notify(message.message);
+      return;
+    }
+    link.send({ type: "here" });
+    show(message);
+  },
+  onClose: checkSession,
+});
+
+addStopChannel((source) => link.send({ type: "stop", by: source }));
+
+export function sendVelocity(vMps, wRadps) {
+  link.send({ type: "drive", v_mps: vMps, w_radps: wRadps, t_ms: performance.now() });
+}
+
+// Show the login page when the session has ended: this page could do nothing more.
+async function checkSession() {
+  releaseKeys();
+  try {
+    await get("/me");
+  } catch (error) {
+    if (error.status === 401) location.reload();
+  }
+}
+
+function show(now) {
+  const { you, holder, asking } = now;
+  const isViewer = you.role === "viewer";
+  set(document.body.dataset, { role: you.role });
+  for (const part of document.querySelectorAll(EDITORS)) set(part, { inert: isViewer });
+  const who = now.yours ? "you" : holder ? "other" : "free";
+  set(element("control").dataset, { who });
+  const words = {
+    you: "● You have control",
+    other: `▲ ${holder?.name} has control`,
+    free: "○ Control is free",
+  }[who];
+  const request =
+    now.yours && asking ? ` · ${asking.name} asks` : now.asked_by_you ? " · asked" : "";
+  setText(element("control-text"), isViewer ? `${words} · you watch` : words + request);
+  set(element("control-text"), {
+    title: now.yours && asking ? `${asking.name} asks for control` : words,
+  });
+  set(element("control-take"), { hidden: isViewer || now.yours });
+  set(element("control-ask"), {
+    hidden: Boolean(isViewer || now.yours || !holder || now.asked_by_you),
+  });
+  set(element("control-give"), { hidden: !now.yours });
+  element("control-give").classList.toggle("due", Boolean(now.yours && asking));
+  set(element("logout"), { hidden: !you.logged_in });
+  setText(element("account-button"), you.name);
+  showVisitor(you);
+  if (previous !== null && previous.serial !== now.serial) announce(now);
+  previous = now;
+}
+
+function announce(now) {
+  if (previous.yours && !now.yours) {
+    releaseKeys();
+    const change = now.taken ? "has taken over control" : "is in control now";
+    if (now.holder) notify(`${now.holder.name} ${change}. Take over to drive again.`);
+    else notify("You have given up control.", { good: true });
+  } else if (now.yours && !previous.yours) {
+    notify("You are in control.", { good: true });
+  } else if (now.yours && now.asking && !previous.asking) {
+    notify(`${now.asking.name} asks for control: press “Hand over”, or just drive on.`);
+  }
+}
+
+for (const action of ["take", "ask", "give"]) {
+  element(`control-${action}`).onclick = () => attempt(() => post(`/control/${action}`));
+}

@@ -1,0 +1,61 @@
+// Zones read from and written to files: GeoJSON, and keep-out masks of Nav2.
+
+import { abortableFetch, post } from "../core/api.js";
+import { download, element } from "../core/dom.js";
+import { attempt, notify } from "../core/toasts.js";
+
+let refresh = () => {};
+
+// `onNewZones` loads and shows the zones again after an import.
+export function build(onNewZones) {
+  refresh = onNewZones;
+}
+
+async function importFiles(files) {
+  const find = (pattern) => files.find((file) => pattern.test(file.name));
+  const [plan, yaml, image] = [find(/\.(geo)?json$/i), find(/\.ya?ml$/i), find(/\.(pgm|png)$/i)];
+  if (plan) await post("/zones/import", parsed(await plan.text(), plan.name));
+  else if (yaml && image)
+    await post("/zones/import-mask", {
+      yaml: await yaml.text(),
+      picture: await base64(image),
+      name: yaml.name.replace(/\.ya?ml$/i, ""),
+    });
+  else
+    throw new Error("choose one GeoJSON file, or the YAML and the image of a Nav2 mask together");
+  notify("The zones of the file are in force.", { good: true });
+  refresh();
+}
+
+async function base64(file) {
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+}
+
+function parsed(text, name) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    throw new Error(`${name} is not readable as JSON`);
+  }
+}
+
+async function exportFile(route, name, type) {
+  const response = await abortableFetch(`/api/v1/${route}`);
+  if (!response.ok) throw new Error("the console did not deliver the file");
+  download(name, new Blob([await response.arrayBuffer()], { type }));
+}
+
+element("zones-file").onchange = (event) =>
+  attempt(async () => {
+    const files = [...event.target.files];
+    event.target.value = "";
+    await importFiles(files);
+  });
+element("zones-geojson").onclick = () =>
+  attempt(() => exportFile("zones", "zones.geojson", "application/geo+json"));
+element("zones-mask").onclick = () =>
+  attempt(async () => {
+    await exportFile("zones.yaml", "zones.yaml", "application/yaml");
+    await exportFile("zones.pgm", "zones.pgm", "image/x-portable-graymap");
+  });

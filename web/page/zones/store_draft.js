@@ -1,0 +1,51 @@
+// Storing a finished draft as a zone.
+
+import { post, request } from "../core/api.js";
+import { notify } from "../core/toasts.js";
+import { asZone, draft, hasEnoughCorners, isDrawing, setMode } from "./draft.js";
+import { note } from "./draft_form.js";
+
+let pending = null;
+
+// The request that is on its way, or null. Until its answer the draft stands, and what the operator
+// begins meanwhile has to wait: the answer would end it.
+export const pendingStore = () => pending;
+
+export function finish() {
+  if (!isDrawing() || pending) return;
+  if (!hasEnoughCorners()) {
+    note("The shape is not complete yet: click its points on the map.", true);
+    return;
+  }
+  pending = store().finally(() => {
+    pending = null;
+  });
+}
+
+async function store() {
+  const zone = asZone();
+  try {
+    if (draft.mode === "draw") await post("/zones", zone);
+    else
+      await request("PUT", `/zones/${encodeURIComponent(draft.id)}`, zone, {
+        "If-Match": `"${draft.version}"`,
+      });
+    const { name, enabled } = zone.properties;
+    notify(
+      `Zone “${name}” is ${enabled ? "in force" : "stored; switch it on to put it in force"}.`,
+      { good: true },
+    );
+    if (isDrawing()) setMode("navigate");
+  } catch (error) {
+    if (error.body?.error?.code === "outdated") {
+      draft.version = error.body.stored_version;
+      note(
+        "Another user has changed this zone meanwhile. Finish again to replace that version, Cancel to keep it.",
+        true,
+      );
+    } else {
+      note(error.message, true);
+    }
+    notify(error.message);
+  }
+}
