@@ -24,13 +24,8 @@ const numbered = (node) => {
   if (!numbers.has(node)) numbers.set(node, last += 1);
   return numbers.get(node);
 };
-// On a busy processor a value may be late: its age is then shown, and counted in tenths.
-const isLateness = ({ target, type, attributeName, removedNodes }) => (type === "attributes"
-  ? attributeName === "class" && target.matches(".age, body")
-  : target.matches?.(".age.old") || removedNodes[0]?.textContent.startsWith("▲"));
 new MutationObserver((records) => {
-  for (const record of records) if (record.target.id !== "camera" && !isLateness(record)) {
-    const { target, type, attributeName } = record;
+  for (const { target, type, attributeName } of records) if (target.id !== "camera") {
     const node = target.nodeType === 1 ? target : target.parentElement;
     const name = `${node.tagName}#${node.id || node.className}`;
     window.writes.push(`${type} ${attributeName} ${name} ${numbered(node)}`);
@@ -38,7 +33,7 @@ new MutationObserver((records) => {
 }).observe(document.body, {
   subtree: true, childList: true, characterData: true, attributes: true,
 });"""
-"""JavaScript: records every write to the page but the camera image and ages of late values."""
+"""JavaScript: records every write to the page, apart from the camera image."""
 HIDE = """Object.defineProperty(document, "hidden", { get: () => true, configurable: true });
 document.dispatchEvent(new Event("visibilitychange"));"""
 

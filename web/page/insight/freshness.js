@@ -39,9 +39,11 @@ export function stateArrived(state, mapVersion, isOnMap) {
 // A value that was asked for at `askedMs` is as current as the newest image was then.
 export function loaded(name, version, askedMs, isFilled = true) {
   shownVersion[name] = version;
-  if (currentMs.image !== null)
-    currentMs[name] = Math.max(currentMs[name] ?? 0, Math.min(askedMs, currentMs.image));
   if (name === "path") hasPath = isFilled;
+  if (!isFilled) currentMs[name] = null;
+  else if (currentMs.image !== null) {
+    currentMs[name] = Math.max(currentMs[name] ?? 0, Math.min(askedMs, currentMs.image));
+  }
 }
 
 function show() {
