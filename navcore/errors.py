@@ -4,9 +4,11 @@
     ├── BadConfiguration    an invalid file or value; names key, value and allowed range
     ├── BadFrame            a camera frame that must not enter the map
     ├── BadGeometry         a zone or a goal that does not fit on the map
-    │   └── BlockedGoal     a goal in a blocked cell; has the nearest free position
+    │   ├── BlockedGoal     a goal in a blocked cell; has the nearest free position
+    │   └── CrossedOutline  an outline that crosses itself; has the position
     ├── Refused             an action that the present state does not allow
-    │   └── Outdated        an edit of a version that has changed meanwhile
+    │   ├── Outdated        an edit of a version that has changed meanwhile
+    │   └── AlreadyThere    what was to be stored exists; has the names
     ├── NotKnown            an id that does not exist
     └── StorageFailed       a failure of the disk; the older contents are intact
 
@@ -41,12 +43,30 @@ class BlockedGoal(BadGeometry):
         self.nearest = nearest
 
 
+class CrossedOutline(BadGeometry):
+    """The outline of a zone crosses or touches itself."""
+
+    def __init__(self, text: str, crossing: tuple[float, float]) -> None:
+        """`crossing`: (x, y) in metres of the map frame of a point where it does."""
+        super().__init__(text)
+        self.crossing = crossing
+
+
 class Refused(BewareNavError):  # noqa: N818
     """The present state does not allow the action; nothing was changed."""
 
 
 class Outdated(Refused):
     """The edit was made against an older version than the stored one; nothing was changed."""
+
+
+class AlreadyThere(Refused):
+    """What was to be stored is stored already; nothing was changed."""
+
+    def __init__(self, text: str, names: tuple[str, ...]) -> None:
+        """`names`: names of what is there."""
+        super().__init__(text)
+        self.names = names
 
 
 class NotKnown(BewareNavError):  # noqa: N818

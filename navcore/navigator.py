@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,9 +15,21 @@ from navcore.control.motion import Motion
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
-from navcore.geometry.arrays import FloatImage
-from navcore.geometry.transform import Pose2, Twist
-from navcore.grid.grid import GridSpec, OccupancyGrid, inflate_layers
+from navcore.geometry.arrays import FloatImage, Points
+from navcore.geometry.transform import Matrix, Pose2, Twist
+from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
+from navcore.grid.growth import growth_to
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.keyframe_store import restored, stored
+from navcore.localisation.localisation import Localisation, Outcome, Task
+from navcore.localisation.map_correction import (
+    AppliedCorrection,
+    MapCorrection,
+    PrepareCorrection,
+)
+from navcore.localisation.zone_margins import ZoneMargins
+from navcore.mapping.correction import PreparedCorrection
+from navcore.mapping.extent import needed_part, permitted_part
 from navcore.mapping.mapper import Mapper
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
@@ -38,7 +51,11 @@ class TickResult:
     """The outcome of one tick."""
 
     frame: Frame
-    """The frame that was processed."""
+    """The frame that was processed, placed in the map."""
+    place: LocalisationEstimate
+    """Where the robot is in the map, and how sure that is."""
+    correction: AppliedCorrection | None = None
+    """Correction of the map before this frame; None without one."""
     labels: Labels
     """Label of every pixel."""
     occupancy: Costmap
@@ -48,7 +65,7 @@ class TickResult:
     motion: Motion
     """The motion until the next frame."""
     people: tuple[Track, ...] = ()
-    """Tracked people."""
+    """Tracked people in the map frame."""
     closed: tuple[Zone, ...] = ()
     """Zones that the robot avoids of its own accord for a while: passages that it found blocked,
     lanes of people."""
@@ -73,8 +90,14 @@ class Stages:
     track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
         PeopleTracker.follow
     )
-    """Track people."""
-    update_map: Callable[[Mapper, Frame, Labels, BewareList, FloatImage], None] = Mapper.update
+    """Track people, in odometry's frame."""
+    localise: Callable[
+        [Localisation, Frame, Labels, tuple[Track, ...], FloatImage], LocalisationEstimate
+    ] = Localisation.update
+    """Estimate where odometry's frame lies in the map; everything after it is in the map frame."""
+    update_map: Callable[[Mapper, Frame, Labels, BewareList, FloatImage, Pose2], None] = (
+        Mapper.update
+    )
     """Insert the frame's points into the map."""
     update_costmap: Callable[[LiveCostmap, BewareList, tuple[Zone, ...]], Costmap] = (
         LiveCostmap.follow
@@ -105,37 +128,63 @@ class Navigator:
         config: NavigatorConfig,
         stages: Stages | None = None,
     ) -> None:
+        self.first_grid = spec
+        """Grid of a map in which nothing is known yet."""
         self.map = PointMap(spec, config.map)
         """The global map."""
         self.behaviour = Behaviour()
         """Recovery, waiting and keep-outs as of the newest tick."""
         self._stages = stages or Stages()
-        self._profile, self._config, self._segmenter = profile, config, segmenter
+        self.config = self._config = config
+        """The configuration."""
+        self._profile, self._segmenter = profile, segmenter
         self._tracker = PeopleTracker(
             non_cooperative=config.people.non_cooperative, config=config.perception
         )
         self._mapper = Mapper(self.map, self._tracker, profile, config)
+        self.localisation = Localisation(self.map.pose_ids, config.localisation)
+        """Estimates the pose in the map."""
+        self.map.scans = lambda: stored(self.localisation.keyframes)
+        self.place = LocalisationEstimate()
+        """Estimate of the newest frame."""
+        self.zone_margins = ZoneMargins(config.zone_margins)
+        """Growth of the zones with the uncertainty of the pose."""
+        self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
         )
-        self._planner = GlobalPlanner(self._costmap.space, spec, profile, config)
+        self._planner = GlobalPlanner(self._costmap.space, self.map.explored, profile, config)
         self._controller = Controller(self.map.explored, profile, config)
 
     def tick(self, frame: Frame, request: NavigationRequest) -> TickResult:
         """Turn a frame into a motion. Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
-        stages, beware, pose = self._stages, request.beware, frame.pose
+        stages, beware = self._stages, request.beware
         labels = stages.segment(self._segmenter, frame, beware)
         ground_m = stages.estimate_ground(
             frame, self._config.points.max_slope, self._config.perception.ground
         )
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
-        stages.update_map(self._mapper, frame, labels, beware, ground_m)
+        correction = self._correction.apply(self.place.T_map_base, frame.twist)
+        self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
+        frame = frame.placed(place.T_map_odom)
+        people = tuple(person.placed(place.T_map_odom) for person in people)
         self.behaviour = self.behaviour.towards(request)
         keep_outs = self.behaviour.keep_outs
+        request = dataclasses.replace(request, zones=self.zone_margins.follow(request.zones, place))
         zones = (*request.zones, *keep_outs)
+        if place.is_known:
+            self.grow_to(self._needed_part(frame, request, zones))
+            stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
-        route = stages.plan(self._planner, costmap, pose, request, keep_outs, stages.replan)
+        route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
+        while self._planner.lacking and self.grow_to(
+            permitted_part(self._planner.lacking, self.map.spec, zones)
+        ):
+            costmap = stages.update_costmap(self._costmap, beware, zones)
+            route = stages.plan(
+                self._planner, costmap, frame.pose, request, keep_outs, stages.replan
+            )
         task = self._control_task(costmap, frame, route, people, request)
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
@@ -150,13 +199,30 @@ class Navigator:
         )
         return TickResult(
             frame=frame,
+            place=place,
+            correction=correction,
             labels=labels,
             occupancy=costmap,
             route=route,
-            motion=self.limit(motion, request.zones, pose, frame.twist),
+            motion=self.limit(motion, request.zones, frame.pose, frame.twist),
             people=people,
             closed=keep_outs,
         )
+
+    def grow_to(self, part: Box) -> bool:
+        """Grow the grid by whole tiles to contain a part of the map frame, in cells of the present
+        grid; return whether it has grown.
+
+        It does not where it contains the part already, and where it would become too large
+        (`navcore.grid.growth`): then the part stays outside the map.
+        """
+        growth = growth_to(self.map.spec, part)
+        if growth is None:
+            return False
+        self.map.grow(growth)
+        self._costmap.grow(growth)
+        self._planner.grow(self._costmap.space, growth)
+        return True
 
     def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
@@ -175,18 +241,60 @@ class Navigator:
         )
         return Costmap.of(grid, blocked, version=-1)
 
-    def travel_time_s(
-        self, route: Route, zones: tuple[Zone, ...], *, start_yaw_rad: float | None
-    ) -> float:
-        """Estimate the duration of a route in seconds, without people in the way."""
-        points, local = route.points, self._config.local
-        return travel_time_s(points, zones, self._profile, local, start_yaw_rad=start_yaw_rad)
+    def travel_time_s(self, points: Points, zones: tuple[Zone, ...]) -> float:
+        """Estimate the duration in seconds of the drive along (N, 2) points, without people in the
+        way."""
+        return travel_time_s(points, zones, self._profile)
+
+    def next_task(self) -> Task | PrepareCorrection | None:
+        """Return what is to be computed beside the tick: loop closures, relocalisation; None for
+        nothing."""
+        return self._correction.next_task()
+
+    @property
+    def waits_for_standstill(self) -> bool:
+        """Whether the robot has to stand for a correction of its place on the map."""
+        return self._correction.waits_for_standstill
+
+    def take(self, outcome: Outcome | PreparedCorrection) -> None:
+        """Receive the outcome of a task before the next tick."""
+        self._correction.take(outcome)
+
+    def adopt_map(self) -> None:
+        """Localise in the map that was loaded, whose poses are constants, from the next frame on,
+        and plan on its grid."""
+        self._costmap.restart()
+        self._planner = GlobalPlanner(
+            self._costmap.space, self.map.explored, self._profile, self._config
+        )
+        self.localisation.load(restored(self.map.scans(), self.map.poses))
+        self.map.scans = lambda: stored(self.localisation.keyframes)
+        self.zone_margins = ZoneMargins(self._config.zone_margins, frozen=len(self.map.poses) > 0)
+
+    def place_robot(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
+        """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance."""
+        self.localisation.place(T_map_base, covariance, frame)
+        self.reset_pose()
 
     def reset_pose(self) -> None:
         """Expect the robot anywhere: it was moved by other means than its wheels."""
         self._mapper.reset_pose()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
+
+    def _needed_part(
+        self, frame: Frame, request: NavigationRequest, zones: tuple[Zone, ...]
+    ) -> Box:
+        config, around_m = self._config, self._profile.circumscribed_radius_m
+        return needed_part(
+            self.map.spec,
+            frame,
+            body_m=max(around_m, config.start_clear_m),
+            reach_m=config.local.reach_m + around_m,
+            max_range_m=config.points.max_range_m,
+            goal=request.goal,
+            zones=zones,
+        )
 
     def _control_task(
         self,

@@ -9,6 +9,7 @@ import numpy as np
 
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.control import dynamic_window
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.social import NO_PEOPLE, clear_of_people
@@ -16,6 +17,14 @@ from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
+from navcore.localisation.matching import search
+from navcore.localisation.place_map import place_map_of
+from navcore.localisation.place_search import search_places
+from navcore.localisation.scan import Keyframe, Scan
+from navcore.localisation.scan_map import ScanMap
+from navcore.localisation.submap import Submap
+from navcore.mapping.extent import measured_bounds
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
@@ -25,6 +34,7 @@ from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.perception.overhang_filter import overhung_regions
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
+from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import near_points, time_to_contact
@@ -62,7 +72,10 @@ def _warm_kernels() -> None:
         id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
     )
     navigator.tick(frame, NavigationRequest(goal=None, leave=True, beware=beware, zones=(here,)))
+    # A goal beyond the map makes it grow.
+    decision = navigator.tick(frame, NavigationRequest(goal=(20.0, 0.0), beware=beware, zones=()))
     # Kernels that such a drive seldom or never reaches.
+    measured_bounds(frame.depth_m, frame.T_map_camera, frame.intrinsics.pinhole, 5.0)
     spec, people = navigator.map.spec, NavigatorConfig().people
     viewpoint_before_gap(
         decision.occupancy,
@@ -73,6 +86,8 @@ def _warm_kernels() -> None:
         body_m=MappingConfig().body_m,
     )
     navigator.preview(decision.occupancy, frame.pose, goal)
+    free = np.ones((4, 4), dtype=np.bool_)
+    plan_weighted(free, ~free, 2.0, (0, 0), (3, 3))
     tight = ManoeuvreProblem(
         obstacles=np.array([[WALL_M, 0.0]]),
         cell_radius_m=0.04,
@@ -95,6 +110,39 @@ def _warm_kernels() -> None:
     person = dataclasses.replace(NO_PEOPLE, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     clear_of_people(person, poses, poses[..., 0].copy(), HUSKY, people)
     dynamic_window.warm(HUSKY)
+    _correct_a_map(navigator.map)
+    _search_a_place()
+
+
+def _search_a_place() -> None:
+    """Search some points in a map of the same points, as a lost robot does."""
+    points = np.array([[0.3 * k, 0.1 * (k % 3)] for k in range(20)])
+    normals = np.tile([0.0, 1.0], (20, 1))
+    rules = RelocalisationConfig(search=PlaceSearchConfig(least_points=5))
+    seen = Submap(
+        points=points.copy(),
+        normals=normals.copy(),
+        origins=points + 1.0,
+        T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+    )
+    scan = Scan(
+        points_base=points.copy(),
+        variance_m2=np.full(len(points), 1e-4),
+        normals=normals.copy(),
+        origin=np.zeros(2),
+    )
+    shown = (Keyframe(pose_id=0, T_map_base=seen.T_odom_base, scan=scan),)
+    search_places(seen, place_map_of(points, normals, rules.search, shown), rules)
+    seen_again = ScanMap()
+    seen_again.put(shown[0])
+    search(scan, seen_again, seen.T_odom_base)
+
+
+def _correct_a_map(point_map: PointMap) -> None:
+    """Correct the poses of a map, as a loop closure does."""
+    moved = Pose2(x_m=0.1, y_m=0.05, yaw_rad=0.02)
+    for _ in range(2):
+        point_map.correct({pose_id: moved @ pose for pose_id, pose in enumerate(point_map.poses)})
 
 
 class _UnsureSegmenter:

@@ -7,30 +7,34 @@ there.
 
 from __future__ import annotations
 
-import math
 from types import TracebackType
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import pybullet
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
+from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.physics.bodies import newest_bodies
 from sim.physics.build import Crowd, build_world
-from sim.physics.quiet import quiet_stdout
+from sim.quiet import quiet_output
 from sim.referee.referee import Referee
 from sim.robot.chassis import chassis_for
 from sim.robot.odometry import Gyro, Odometry
-from sim.robot.skid_steer import GRAVITY_MPS2, Driver, SkidSteer
+from sim.robot.odometry_grade import ODOMETRY_ERRORS, OdometryGrade, odometry_grade
+from sim.robot.skid_steer import GRAVITY_MPS2, Driver, SkidSteer, pose_of
 from sim.scenario.schema import Scenario
+from sim.scenario.validation import check_standing, started_at
 from sim.scenario.variation import Source, generator, randomise
 from sim.sensors.camera import Camera, Renderer
 from sim.sensors.faults import Fault, FaultSchedule
+from sim.sensors.gnss import GnssReceiver
+from sim.sensors.gnss_settings import GnssKind, carried
+from sim.sensors.imu import Accelerometer
 from sim.sensors.stereo_noise import StereoErrors
 from sim.truth.true_objects import class_of_bodies
 
@@ -55,12 +59,19 @@ class Simulator:
         errors: StereoErrors | None = None,
         robot: RobotProfile = HUSKY,
         randomised: bool = False,
+        start: Pose2 | None = None,
+        odometry: OdometryGrade | str = OdometryGrade.TYPICAL,
+        odometry_origin: Pose2 | None = None,
+        gnss: GnssKind | None = None,
     ) -> None:
         """Build the world. `seed` ≥ 0 decides the small displacements of chairs and items, where
         people are, and the sensor errors.
 
         `camera_size` is (columns, rows). `randomised`: the scenario already is what a seed has made
-        of it, and every object stays where the scenario puts it. Raises `BadConfiguration`.
+        of it, and every object stays where the scenario puts it. `start`: true T_map_base at the
+        start instead of the scenario's. `odometry_origin`: T_odom_base at the start; the true pose
+        when left out, so that odometry's frame is the map's. `gnss`: receiver instead of the
+        scenario's. Raises `BadConfiguration`.
         """
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(
@@ -69,9 +80,15 @@ class Simulator:
         if seed < 0:
             raise BadConfiguration(f"seed is {seed}, expected 0 or more")
         self.profile, self._chassis = robot, chassis_for(robot)
+        self.odometry_grade = odometry_grade(odometry)
+        """How good the odometry is."""
         self.scenario = scenario if randomised else randomise(scenario, seed)
-        """The scenario after the seed has varied it."""
-        with quiet_stdout():
+        """The scenario after the seed has varied it, with the start of this run."""
+        self.gnss = carried(scenario.gnss, gnss)
+        """GNSS receiver of the robot; None without one."""
+        if start is not None:
+            self.scenario = started_at(self.scenario, start, robot)
+        with quiet_output():
             self.client: int = pybullet.connect(
                 pybullet.DIRECT, options="--width={} --height={}".format(*camera_size)
             )
@@ -80,7 +97,7 @@ class Simulator:
                 self.camera = self._make_camera(
                     renderer, camera_size, errors or StereoErrors(), seed
                 )
-                self._build(seed)
+                self._build(seed, odometry_origin)
                 for _ in range(2):  # EGL prints messages during its first images
                     self.camera.render_ideal(self.true_pose())
             except BaseException:
@@ -118,15 +135,17 @@ class Simulator:
         self._yaw_rate_radps = self._faults.gyro(
             self._gyro.measure(self._robot.velocity(pose).w_radps), t_s
         )
-        self._odometry.update(*self._robot.rolled_m(), self._yaw_rate_radps)
+        self._odometry.update(*self._robot.rolled_m(), self._yaw_rate_radps, self._robot.gradient)
+        if self._receiver is not None:
+            self._receiver.observe(self.now_ns(), pose)
         self.referee.observe(
             t_s=self._steps * PERIOD_S,
             pose=pose,
             rolling=self._robot.rolling(),
             people=self.moving_poses(),
-            items=[self._item_pose(body) for body in self.item_bodies],
+            items=[pose_of(self.client, body) for body in self.item_bodies],
             period_s=PERIOD_S,
-            odometry=self.odometry(),
+            odometry=self._T_map_odom @ self.odometry(),
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._frames:
             self._frames += 1
@@ -138,7 +157,10 @@ class Simulator:
 
     def capture(self) -> Frame:
         """Return a frame taken now."""
-        rgb, depth_m = self.camera.capture(self.true_pose())
+        pose = self.true_pose()
+        rgb, depth_m = self.camera.capture(pose)
+        roll, pitch, _ = self.ground.attitude(pose)
+        roll_rad, pitch_rad = self._accelerometer.measure(roll, pitch)
         rgb.flags.writeable = depth_m.flags.writeable = False
         return Frame(
             stamp_ns=self.now_ns(),
@@ -148,6 +170,9 @@ class Simulator:
             T_base_camera=self.camera.mount,
             pose=self.odometry(),
             twist=self.velocity(),
+            roll_rad=roll_rad,
+            pitch_rad=pitch_rad,
+            fixes=() if self._receiver is None else self._receiver.fixes,
         )
 
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
@@ -165,7 +190,7 @@ class Simulator:
         self._driver.command(twist, self.now_ns())
 
     def odometry(self) -> Pose2:
-        """Return T_map_base by odometry."""
+        """Return T_odom_base."""
         return self._odometry.pose
 
     def velocity(self) -> Twist:
@@ -190,6 +215,13 @@ class Simulator:
         `BadConfiguration` for an impossible one."""
         self._faults.add(fault)
 
+    def teleport(self, pose: Pose2) -> None:
+        """Put the robot at another true T_map_base, where it stands still; odometry goes on as if
+        nothing had happened. Raises `BadConfiguration` where the robot cannot stand."""
+        check_standing(self.scenario, pose, self.profile, "teleport")
+        self._robot.put(pose)
+        self.referee.note_teleport(self.true_pose())
+
     def new_run(self) -> None:
         """Start a new judgement with the same zones; robot, people and clock go on."""
         zones, self.referee = self.referee.zones, Referee(self.scenario, self.profile)
@@ -198,7 +230,7 @@ class Simulator:
     def close(self) -> None:
         """Release the physics client; the simulator cannot be used afterwards."""
         if self.client >= 0:
-            with quiet_stdout():
+            with quiet_output():
                 self.camera.close()
                 pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
@@ -213,14 +245,6 @@ class Simulator:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    def _item_pose(self, body: int) -> Pose2:
-        (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
-            body, physicsClientId=self.client
-        )
-        return Pose2(
-            x_m=x_m, y_m=y_m, yaw_rad=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        )
 
     def _make_camera(
         self,
@@ -240,7 +264,7 @@ class Simulator:
             ground=Ground(self.scenario.relief),
         )
 
-    def _build(self, seed: int) -> None:
+    def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:
         pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=self.client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self.client)
         build_world(self.client, self.scenario)
@@ -254,14 +278,22 @@ class Simulator:
         self._class_of = class_of_bodies(
             self.scenario, item_bodies=self.item_bodies, first_person=first
         )
-        self._robot = SkidSteer(
-            self.client, self.scenario.start_pose, self._chassis, Ground(self.scenario.relief)
-        )
+        self.ground = Ground(self.scenario.relief)
+        """The ground of the world."""
+        self._robot = SkidSteer(self.client, self.scenario.start_pose, self._chassis, self.ground)
         for _ in range(SETTLING_STEPS):
             self._robot.drive(0.0, 0.0)
             pybullet.stepSimulation(physicsClientId=self.client)
         self._driver = Driver(PERIOD_S, self.profile, self._chassis)
-        self._gyro = Gyro(generator(seed, Source.GYRO), PERIOD_S)
+        errors, slip = ODOMETRY_ERRORS[self.odometry_grade], generator(seed, Source.SLIP)
+        self._gyro = Gyro(errors, generator(seed, Source.GYRO), PERIOD_S, scale_rng=slip)
+        true_start = self.true_pose()
+        origin = true_start if odometry_origin is None else odometry_origin
+        self._T_map_odom = true_start @ origin.inverse()
+        self._accelerometer = Accelerometer(generator(seed, Source.ACCELEROMETER))
+        self._receiver = (
+            None if self.gnss is None else GnssReceiver(self.gnss, generator(seed, Source.GNSS))
+        )
         self._odometry: Odometry = Odometry(
-            self.true_pose(), generator(seed, Source.ENCODER), PERIOD_S
+            origin, errors, generator(seed, Source.ENCODER), PERIOD_S, slip_rng=slip
         )

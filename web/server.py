@@ -17,8 +17,10 @@ from web.api.detections import sightings_router
 from web.api.events import events_router
 from web.api.health import health_router
 from web.api.insight import explain_router, journal_router
+from web.api.localisation import localisation_router
 from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
+from web.api.sites import sites_router
 from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zone_drafts import drawing_router
@@ -77,10 +79,12 @@ def create_app(
         beware_router,
         maps_router,
         poses_router,
+        sites_router,
         events_router,
         journal_router,
         explain_router,
         sightings_router,
+        localisation_router,
     ):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")

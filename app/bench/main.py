@@ -14,6 +14,7 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.bench.console import console_table
+from app.bench.correction import correction_table
 from app.bench.page import NoBrowser, page_table
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
@@ -54,6 +55,8 @@ def run_bench(
         _drive(terminal, scenario, seconds)
     if BenchPart.TICK in parts:
         terminal.print(tick_table(TICKS))
+    if BenchPart.CORRECTION in parts:
+        terminal.print(correction_table())
     if BenchPart.SEGMENT in parts:
         terminal.print(_engines())
     if BenchPart.PLAN in parts:

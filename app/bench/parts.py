@@ -10,6 +10,7 @@ class BenchPart(StrEnum):
 
     DRIVE = "drive"
     TICK = "tick"
+    CORRECTION = "correction"
     SEGMENT = "segment"
     PLAN = "plan"
     CONSOLE = "console"

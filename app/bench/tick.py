@@ -81,7 +81,7 @@ def _measured(ticks: int) -> list[Stage]:
     )
     tick = timer.timed(TICK, navigator.tick)
     order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
-    forest, pose = _Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
+    forest, pose = Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
     cells_ms = []
     for number in range(ticks + WARM_UP):
         if number == WARM_UP:
@@ -102,14 +102,14 @@ def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Lab
     return with_full_confidence(np.full(frame.depth_m.shape, NOTHING, dtype=np.uint8))
 
 
-class _Forest:
+class Forest:
     """Trunks on a plain, and the images that a D455 takes of them."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, trunks: int = TRUNKS) -> None:
         self._rng, self._lens = rng, d455_intrinsics(SIZE)
         half = SIDE_M / 2 - 3
         self._trunks = np.column_stack(
-            [rng.uniform(-half, half, (TRUNKS, 2)), rng.uniform(0.1, 0.4, TRUNKS)]
+            [rng.uniform(-half, half, (trunks, 2)), rng.uniform(0.1, 0.4, trunks)]
         )
         ends = np.array([[-60.0, -60.0], [60.0, 60.0]])
         clear = np.hypot(*(self._trunks[:, None, :2] - ends).transpose(2, 0, 1)).min(axis=1) > 3.0

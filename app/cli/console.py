@@ -9,15 +9,26 @@ from typing import Annotated, Literal
 import typer
 
 from app.cli.options import (
+    GnssOption,
     LevelOption,
     NavigationOption,
+    OdometryOption,
     PriorOption,
-    SavedMapOption,
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
     prepare,
 )
+from sim.robot.odometry_grade import OdometryGrade
+
+OwnMapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        help="Keep the map in this file instead of the folder of the site; loaded if it exists.",
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,13 +48,22 @@ class ConsoleSettings:
     ] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port to listen on.")] = 8000
     data: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the zones, the beware list and the runs.")
+        Path, typer.Option(metavar="DIR", help="Folder of the sites, the users and the runs.")
     ] = Path("data")
+    site: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Site to use, made if it is new; else the one last used in this world.",
+        ),
+    ] = None
     seed: SeedOption = 0
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
     prior: PriorOption = None
-    kept: SavedMapOption = None
+    kept: OwnMapOption = None
     navigation: NavigationOption = None
+    odometry: OdometryOption = OdometryGrade.TYPICAL
+    gnss: GnssOption = None
     login: Annotated[bool, typer.Option("--login", help="Require a login on loopback too.")] = False
     unattended: Annotated[
         Literal["go on", "pause"],
@@ -56,10 +76,9 @@ def console(settings: ConsoleSettings) -> None:
     from web.port import reserve
 
     listener = reserve(settings.host, settings.port)  # before the slow imports
+    _check(settings)
     from app.console.application import ConsoleOptions, run_console
 
-    if settings.kept is not None:
-        prepare(settings.kept.parent)
     options = ConsoleOptions(
         scenario=settings.scenario,
         recording=settings.recording,
@@ -67,12 +86,28 @@ def console(settings: ConsoleSettings) -> None:
         host=settings.host,
         port=settings.port,
         data=settings.data,
+        site=settings.site,
         seed=settings.seed,
         choice=settings.segmentation.choice(live=True),
         prior=settings.prior,
         kept=settings.kept,
         navigation=settings.navigation,
+        odometry=settings.odometry,
+        gnss=settings.gnss,
         login=settings.login,
         unattended=settings.unattended,
     )
     run_console(options, listener=listener)
+
+
+def _check(settings: ConsoleSettings) -> None:
+    """Refuse wrong files before anything slow is loaded."""
+    from navcore.config.navigator import load_config
+    from sim.scenario.load import load_scenario
+
+    if settings.recording is None:
+        load_scenario(settings.scenario)
+    if settings.navigation is not None:
+        load_config(settings.navigation)
+    if settings.kept is not None:
+        prepare(settings.kept.parent)

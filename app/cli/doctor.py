@@ -6,9 +6,13 @@ import importlib.metadata
 import platform
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import typer
+
+if TYPE_CHECKING:
+    from navcore.perception.esanet.inference.selection import EngineBenchmark
 
 PACKAGES = (
     "numpy",
@@ -65,8 +69,10 @@ def _renderer() -> tuple[bool, str]:
 
 def _segmentation() -> Iterator[tuple[bool, str]]:
     """Yield the installed engines, the time of the network on each, and the one that drives."""
+    from app.runtime.engine_memory import EngineMemory
     from app.runtime.segmentation import compose, measure_segmenter
     from app.runtime.segmenter_choice import SegmenterChoice
+    from navcore.config.inference import InferenceConfig
     from navcore.perception.esanet.inference.onnx_engines import is_installed
 
     for package in FASTER:
@@ -78,11 +84,17 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
                 f"{package} is missing; not needed, but the network runs faster with it: "
                 "pip install 'bewarenav[fast]'",
             )
-    what, trials = measure_segmenter(trial_s=TRIAL_S)
-    yield True, f"measured {what}"
+    # All are measured once, and the choice is remembered for every later start.
+    thorough = InferenceConfig(trial_s=TRIAL_S, fast_enough_ms=0.0)
+    perception = compose(
+        SegmenterChoice(live=True), memory=EngineMemory.of_user(), inference=thorough
+    )
+    trials: Sequence[EngineBenchmark] = perception.trials
+    if not trials:
+        what, trials = measure_segmenter(trial_s=TRIAL_S)
+        yield True, f"measured {what}"
     for trial in trials:
         yield trial.failure is None, f"  {trial.text()}"
-    perception = compose(SegmenterChoice(live=True))
     yield perception.warning is None, f"segmentation: {perception.title}"
 
 

@@ -15,7 +15,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    GnssOption,
     NavigationOption,
+    OdometryOption,
     PriorOption,
     RandomOption,
     SavedMapOption,
@@ -28,6 +30,7 @@ from app.cli.options import (
     prepare,
 )
 from app.episode.ablations import Ablation
+from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
     from app.episode.episode import Episode
@@ -60,15 +63,19 @@ class DriveSettings:
     random: RandomOption = False
     zones: ZonesOption = None
     ablation: AblationOption = Ablation.NONE
+    odometry: OdometryOption = OdometryGrade.TYPICAL
+    gnss: GnssOption = None
 
 
 def drive(settings: DriveSettings) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without
     any violation."""
     from app.episode.keyframes import Keyframes
-    from app.episode.task import Task, episode_of
+    from app.episode.task import Task, check_goals, episode_of
     from app.evaluation.plots import plot_episode
+    from app.runtime.engine_memory import EngineMemory
     from app.runtime.map_persistence import load_map, save_map
+    from app.runtime.progress_lines import announced
     from app.runtime.segmentation import compose
     from navcore.config.navigator import load_config
     from navcore.config.perception import DEFAULT_PERCEPTION
@@ -85,19 +92,27 @@ def drive(settings: DriveSettings) -> None:
         random=settings.random,
         zones=settings.zones,
         ablation=settings.ablation,
+        odometry=settings.odometry,
+        gnss=settings.gnss,
         max_time_s=settings.max_time,
     )
+    check_goals(task.world)
+    check_goals(task.world)
     beware = beware_list(settings.beware)
     config = None if settings.navigation is None else load_config(settings.navigation)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because trying the engines takes seconds and the checks above take none.
-    perception = compose(settings.segmentation.choice(), config=tuning)
+    with announced("Loading the network (first time: trying its engines, about a minute)"):
+        perception = compose(
+            settings.segmentation.choice(), config=tuning, memory=EngineMemory.of_user()
+        )
     episode = episode_of(
         task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
     )
     try:
         keyframes, world = Keyframes(episode), episode.controller.navigator.map
         load_map(world, beware, prior=settings.prior, kept=settings.kept)
+        episode.controller.navigator.adopt_map()
         result = _run(episode)
         if settings.report is not None:
             settings.report.write_text(json.dumps(result, indent=1), encoding="utf-8")

@@ -14,7 +14,9 @@ from rich.console import Console as Terminal
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    GnssOption,
     NavigationOption,
+    OdometryOption,
     RandomOption,
     SegmenterOptions,
     ZonesOption,
@@ -22,11 +24,12 @@ from app.cli.options import (
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
+from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
     from navcore.config.navigator import NavigatorConfig
 
-DETECTION_SUITE, CROSSINGS_SUITE = "finding", "crossings"
+DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.95, 1.0
 """Share of objects found in time, and rate of false detections, at which `finding` succeeds."""
 
@@ -39,9 +42,13 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings and finding."
+            "crossings, finding and localisation."
         ),
     ]
+    scenario: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE.toml", help="World of localisation, office by default."),
+    ] = None
     worlds: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")
     ] = None
@@ -76,6 +83,8 @@ class EvaluateSettings:
     random: RandomOption = False
     zones: ZonesOption = None
     ablation: AblationOption = Ablation.NONE
+    odometry: OdometryOption = OdometryGrade.TYPICAL
+    gnss: GnssOption = None
     figures: Annotated[
         int,
         typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
@@ -88,7 +97,7 @@ def evaluate(settings: EvaluateSettings) -> None:
     from navcore.config.navigator import load_config
     from navcore.robot.profile import load_profile
 
-    _check_options(settings, (*SUITES, CROSSINGS_SUITE, DETECTION_SUITE))
+    _check_options(settings, (*SUITES, CROSSINGS_SUITE, DETECTION_SUITE, LOCALISATION_SUITE))
     config = (
         None
         if settings.navigation is None
@@ -100,21 +109,32 @@ def evaluate(settings: EvaluateSettings) -> None:
         succeeded = _crossings(settings, config)
     elif settings.suite == DETECTION_SUITE:
         succeeded = _detection(settings)
+    elif settings.suite == LOCALISATION_SUITE:
+        succeeded = _localisation(settings, config)
     else:
         succeeded = _scenario(settings, config)
     sys.exit(0 if succeeded else 1)
 
 
 def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
-    own_task = settings.random or settings.zones is not None
+    own_task = settings.random or settings.zones is not None or settings.gnss is not None
     if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
         raise BadConfiguration(
-            "--random, --zones and --ablation are for scenarios, "
+            "--random, --zones, --gnss and --ablation are for scenarios, "
             f"{settings.suite!r} is a suite of its own"
         )
-    if settings.suite == DETECTION_SUITE and settings.navigation is not None:
+    if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
+        raise BadConfiguration(
+            "--scenario names the world of the suite 'localisation'; other worlds are the argument"
+        )
+    drives = settings.suite != DETECTION_SUITE
+    if not drives and settings.navigation is not None:
         raise BadConfiguration(
             "--navigation sets how a robot drives, and in the suite 'finding' nothing does"
+        )
+    if not drives and settings.odometry is not OdometryGrade.TYPICAL:
+        raise BadConfiguration(
+            "--odometry is for robots that drive, and in the suite 'finding' nothing does"
         )
 
 
@@ -130,6 +150,7 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         workers=settings.workers,
         out=settings.out or Path("runs") / f"{settings.suite}-{settings.robot}",
         config=config,
+        odometry=settings.odometry,
     )
     return _is_perfect(verdict)
 
@@ -143,16 +164,18 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         out=settings.out or Path("runs") / settings.suite,
         beware=beware_list(settings.beware),
         config=config,
+        odometry=settings.odometry,
     )
     return bool(verdict["drove_into_somebody"] == 0)
 
 
 def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.detection import run_detection
+    from app.runtime.engine_memory import EngineMemory
     from app.runtime.segmentation import compose
 
     found = run_detection(
-        compose(settings.segmentation.choice()).segmenter,
+        compose(settings.segmentation.choice(), memory=EngineMemory.of_user()).segmenter,
         beware_list(settings.beware),
         seed=settings.seed,
         walks=settings.episodes or 40,
@@ -164,9 +187,27 @@ def _detection(settings: EvaluateSettings) -> bool:
     )
 
 
+def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.evaluation.localisation_suite import evaluate_localisation
+    from sim.scenario.load import load_scenario
+
+    world = settings.scenario or "office"
+    summary = evaluate_localisation(
+        load_scenario(world),
+        grade=settings.odometry,
+        episodes=settings.episodes or 10,
+        seed=settings.seed,
+        out=settings.out or Path("runs") / f"localisation-{Path(world).stem}-{settings.odometry}",
+        beware=beware_list(settings.beware),
+        config=config,
+    )
+    return bool(summary["relocalisation"]["wrong"] == 0)
+
+
 def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
+    from app.runtime.engine_memory import EngineMemory
     from app.runtime.segmentation import compose
     from sim.scenario.load import load_scenario
 
@@ -175,12 +216,16 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         random=settings.random,
         zones=settings.zones,
         ablation=settings.ablation,
+        odometry=settings.odometry,
+        gnss=settings.gnss,
         max_time_s=settings.max_time,
     )
     parts = [
         Path(settings.suite).stem,
         "random" if settings.random else "",
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),
+        "" if settings.odometry is OdometryGrade.TYPICAL else str(settings.odometry),
+        "" if settings.gnss is None else f"gnss-{settings.gnss}",
     ]
     needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
     summary = evaluate_scenario(
@@ -190,7 +235,9 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         workers=settings.workers,
         out=settings.out or Path("runs") / "-".join(filter(None, parts)),
         beware=beware_list(settings.beware),
-        perception=compose(settings.segmentation.choice()) if needs_segmenter else None,
+        perception=compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
+        if needs_segmenter
+        else None,
         draw_first=settings.figures,
         config=config,
     )

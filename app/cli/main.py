@@ -21,6 +21,7 @@ from app.cli.options import ScenarioOption, takes_options
 from app.cli.plan import plan
 from app.cli.replay import replay
 from app.cli.segment import segment
+from app.cli.sites import site_cli
 from app.cli.train import train
 from app.cli.users import users_cli
 from app.cli.weights import weights_cli
@@ -35,6 +36,7 @@ cli = typer.Typer(
 cli.add_typer(dataset_cli, name="dataset")
 cli.add_typer(weights_cli, name="weights")
 cli.add_typer(users_cli, name="users")
+cli.add_typer(site_cli, name="site")
 cli.command()(takes_options(train))
 cli.command()(takes_options(segment))
 cli.command()(takes_options(plan))

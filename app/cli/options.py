@@ -23,6 +23,8 @@ from app.episode.ablations import Ablation
 from app.runtime.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
+from sim.robot.odometry_grade import OdometryGrade
+from sim.sensors.gnss_settings import GnssKind
 
 Settings = TypeVar("Settings")
 
@@ -52,6 +54,16 @@ LevelOption = Annotated[
     typer.Option(
         "--level",
         help="The recording's world frame has z up and the floor at z = 0: do not search for it.",
+    ),
+]
+OdometryOption = Annotated[
+    OdometryGrade,
+    typer.Option("--odometry", help="How good the simulated robot's odometry is."),
+]
+GnssOption = Annotated[
+    GnssKind | None,
+    typer.Option(
+        "--gnss", help="GNSS receiver of the simulated robot; that of the world when left out."
     ),
 ]
 SavedMapOption = Annotated[

@@ -59,6 +59,7 @@ def replay(settings: ReplaySettings) -> None:
     from app.replay.reference import load_reference
     from app.replay.run import as_report, compare
     from app.replay.run import replay as run
+    from app.runtime.engine_memory import EngineMemory
     from app.runtime.map_persistence import save_map
     from app.runtime.segmentation import compose
     from navcore.config.navigator import config_for
@@ -75,7 +76,7 @@ def replay(settings: ReplaySettings) -> None:
     config = config_for(profile)
     known = None if settings.reference is None else load_reference(settings.reference)
     recording = open_recording(settings.folder, every=settings.every)
-    perception = compose(settings.segmentation.choice())
+    perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
     T_map_world = np.eye(4) if settings.level else find_floor(recording)
     with Progress(console=Terminal(stderr=True)) as bar:
         task = bar.add_task("frames", total=len(recording))

@@ -8,7 +8,7 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,24 +18,32 @@ import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
+from app.console.site_map import beware_of, map_of
+from app.console.sites import MISSION_PERIOD_S, mission_of
+from app.runtime.background import Background, ThreadBackground
+from app.runtime.engine_memory import EngineMemory
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
-from app.runtime.map_persistence import load_map, save_map
+from app.runtime.map_keeper import MapKeeper
+from app.runtime.map_persistence import load_map, names_in
 from app.runtime.operator_state import OperatorState
+from app.runtime.progress_lines import announced
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.runtime.stage_timer import StageTimer
 from app.storage import Store
+from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.grid.grid import GridSpec
-from navcore.mission.beware_list import default_beware_list
-from navcore.mission.mission import Mission
+from navcore.mapping.point_map import PointMap
 from navcore.navigator import Navigator, Stages
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.robot.husky import husky_urdf
+from sim.robot.odometry_grade import OdometryGrade
+from sim.sensors.gnss_settings import GnssKind
 from web.auth.access import Access
 from web.auth.presence import Unattended
 from web.auth.roles import Role
@@ -80,12 +88,19 @@ class ConsoleOptions:
     """TCP port; 0 for a free one."""
     seed: int = 0
     """Seed of the simulator."""
+    odometry: OdometryGrade = OdometryGrade.TYPICAL
+    """How good the simulated robot's odometry is."""
+    gnss: GnssKind | None = None
+    """GNSS receiver of the simulated robot; None for that of the world."""
     choice: SegmenterChoice = field(default_factory=SegmenterChoice)
     """Options of the segmenter."""
     prior: Path | None = None
     """Nav2 map whose obstacles count until they are seen free; None without one."""
+    site: str | None = None
+    """Site to use, made if it is new; None for the one last used in this world."""
     kept: Path | None = None
-    """Map file that is loaded at the start, if it exists, and written at the end; None without."""
+    """Map file that is loaded at the start, if it exists, and kept instead of that of the site;
+    None for that of the site."""
     navigation: Path | None = None
     """Configuration file of the navigation, see `load_config`; None for the defaults."""
     login: bool = False
@@ -109,25 +124,31 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        perception = compose(options.choice, config=config.perception)
-        warm_up(perception.segmenter)
-        back_end = _back_end(options, config)
+        with announced("Loading the network (first time: trying its engines, about a minute)"):
+            perception = compose(
+                options.choice, config=config.perception, memory=EngineMemory.of_user()
+            )
+        with announced("Warming up (first time: compiling, some minutes)"):
+            warm_up(perception.segmenter)
+        with announced("Starting the robot"):
+            back_end = _back_end(options, config)
         robot = back_end.robot
         stack.callback(robot.close)
         began_ns = robot.now_ns()
         faults = FaultInjector(lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
         faults.take_time(time.sleep)
         stages = faults.wrap(Stages()) if back_end.faults else Stages()
-        controller = _controller_of(store, back_end.spec, perception, config, stages)
-        load_map(
-            controller.navigator.map,
-            controller.intent.beware,
-            prior=options.prior,
-            kept=options.kept,
+        site = _site_of(store, options.site, back_end.name)
+        background = ThreadBackground()
+        background.start()
+        stack.callback(background.stop)
+        controller = _controller_of(site, back_end.spec, perception, config, stages, background)
+        point_map, names = controller.navigator.map, controller.intent.beware.names
+        keeper = _load_map(point_map, site, options, names)
+        controller.navigator.adopt_map()
+        stack.callback(  # when the loop has stopped
+            lambda: keeper.finish(point_map, controller.intent.beware.names)
         )
-        stack.callback(
-            lambda: save_map(controller.navigator.map, controller.intent.beware, options.kept)
-        )  # when the loop has stopped
         recorder = Recorder(
             controller=controller, store=store, referee=back_end.referee, scenario=back_end.name
         )
@@ -142,10 +163,21 @@ def console(
             perception=perception,
             labelling=options.data / "labelling",
             config=config,
+            keeper=keeper,
+            has_own_map=options.kept is None,
+            world_tags=back_end.tags,
         )
-        expiry = PeriodicThread(operations.zones.expire, period_s=EXPIRY_S, name="expiry of zones")
-        expiry.start()
-        stack.callback(expiry.stop)
+        stack.callback(operations.close)
+        stack.callback(operations.sites.keep_mission)
+        for work, period_s, name in (
+            (lambda: operations.zones.expire(), EXPIRY_S, "expiry of zones"),
+            (operations.sites.keep_mission, MISSION_PERIOD_S, "mission to disk"),
+        ):
+            thread = PeriodicThread(work, period_s=period_s, name=name)
+            thread.start()
+            stack.callback(thread.stop)
+        keeper.start()
+        stack.callback(keeper.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
         loop = ControlLoop(
@@ -189,13 +221,46 @@ def _first_admin(store: Store) -> str | None:
 def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
     if options.recording is not None:
         return recorded(options.recording, config=config, level=options.level)
-    return simulated(options.scenario, seed=options.seed, profile=HUSKY)
+    return simulated(
+        options.scenario,
+        seed=options.seed,
+        profile=HUSKY,
+        odometry=options.odometry,
+        gnss=options.gnss,
+    )
+
+
+def _site_of(store: Store, name: str | None, world: str) -> SiteStore:
+    """Return the site to use, which is made if it is new."""
+    name = name or store.sites.last_of(world)
+    if name.lower() not in {row.name.lower() for row in store.sites.all()}:
+        store.sites.make(name)
+    return store.use(name, world=world)
+
+
+def _load_map(
+    point_map: PointMap, site: SiteStore, options: ConsoleOptions, names: Mapping[int, str]
+) -> MapKeeper:
+    """Load the map of the site, or of the file that was given, and return what keeps it."""
+    if options.kept is not None:
+        load_map(point_map, beware_of(site), prior=options.prior, kept=options.kept)
+        return MapKeeper(options.kept, {**names_in(options.kept), **names})
+    stored = map_of(site, point_map.state())
+    point_map.restore(stored.state)
+    load_map(point_map, beware_of(site), prior=options.prior, kept=None)
+    return MapKeeper(site.map_file, {**stored.class_names, **names})
 
 
 def _controller_of(
-    store: Store, spec: GridSpec, perception: Perception, config: NavigatorConfig, stages: Stages
+    site: SiteStore,
+    spec: GridSpec,
+    perception: Perception,
+    config: NavigatorConfig,
+    stages: Stages,
+    background: Background,
 ) -> RobotController:
-    """Return a controller with the zones and the beware list of the last session; it stands."""
+    """Return a controller with the zones, the beware list and the goals of the last session at a
+    site; it stands."""
     timer = StageTimer()
     navigator = Navigator(
         spec=spec,
@@ -204,10 +269,10 @@ def _controller_of(
         config=config,
         stages=timer.wrap(stages),
     )
-    intent = OperatorState(
-        mission=Mission(), beware=store.beware() or default_beware_list(), zones=store.zones()
+    intent = OperatorState(mission=mission_of(site), beware=beware_of(site), zones=site.zones())
+    return RobotController(
+        navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background
     )
-    return RobotController(navigator=navigator, profile=HUSKY, intent=intent, timer=timer)
 
 
 def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:

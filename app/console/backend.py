@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,14 @@ from app.runtime.run_report import Referee
 from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec
+from navcore.localisation.fixes import TagMap
 from navcore.robot.profile import RobotProfile
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import map_grid
+from sim.scenario.tags import given_tags
 from sim.sensors.faults import Fault
+from sim.sensors.gnss_settings import GnssKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,14 +40,28 @@ class BackEnd:
     """External judge of the runs; None without one."""
     faults: tuple[Fault, ...] = ()
     """Scheduled faults of the world."""
+    tags: TagMap = field(default_factory=TagMap)
+    """Tags of the world, for sites that name none."""
 
 
-def simulated(scenario: str, *, seed: int, profile: RobotProfile) -> BackEnd:
+def simulated(
+    scenario: str,
+    *,
+    seed: int,
+    profile: RobotProfile,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    gnss: GnssKind | None = None,
+) -> BackEnd:
     """Start the simulated robot in a process of its own; raises `SimulatorFailed`."""
     world = load_scenario(scenario)
-    robot = SimulatorProcess(scenario, seed=seed, profile=profile)
+    robot = SimulatorProcess(scenario, seed=seed, profile=profile, odometry=odometry, gnss=gnss)
     return BackEnd(
-        robot=robot, spec=map_grid(world), name=world.name, referee=robot, faults=world.faults
+        robot=robot,
+        spec=map_grid(world),
+        name=world.name,
+        referee=robot,
+        faults=world.faults,
+        tags=given_tags(world.tags),
     )
 
 

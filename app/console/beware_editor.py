@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Protocol
 
 from app.runtime.operator_state import StateHolder
@@ -33,6 +34,14 @@ class BewareEditor:
         self._holder, self._store, self._segmenter = holder, store, segmenter
         self._earlier = deque(reversed(store.beware_versions()[1:]), maxlen=MAX_UNDO)
         self._editing = threading.Lock()
+        self._is_retired = False
+
+    @contextmanager
+    def retired(self) -> Iterator[None]:
+        """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
+        with self._editing:
+            yield
+            self._is_retired = True
 
     @property
     def list(self) -> BewareList:
@@ -89,6 +98,8 @@ class BewareEditor:
         return beware
 
     def _apply(self, beware: BewareList) -> BewareList:
+        if self._is_retired:
+            raise Refused("the site has been changed meanwhile; load the beware list again")
         self._store.save_beware(beware)
         self._holder.change(lambda state: dataclasses.replace(state, beware=beware))
         return beware

@@ -29,15 +29,21 @@ class Goals:
     """Satisfies the console's port `GoalList`. Safe from any thread: each edit is one step."""
 
     def __init__(
-        self, holder: StateHolder, *, view: MapView, spec: GridSpec, saved: SavedMissions
+        self,
+        holder: StateHolder,
+        *,
+        view: MapView,
+        spec: Callable[[], GridSpec],
+        saved: SavedMissions,
     ) -> None:
+        """`spec` returns the present grid of the map, which grows to the goals."""
         self._holder, self._view, self._spec, self._saved = holder, view, spec, saved
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """Queue a goal; refused where the known map does not let the robot stand."""
         self._check_free(x_m, y_m)
         return self._change(
-            lambda mission: mission.add(x_m, y_m, self._spec, yaw_rad=yaw_rad, name=name)
+            lambda mission: mission.add(x_m, y_m, self._spec(), yaw_rad=yaw_rad, name=name)
         ).queue[-1]
 
     def change(self, goal_id: int, changes: GoalChanges) -> Goal:
@@ -50,7 +56,7 @@ class Goals:
             # Checked before the mission is locked: the command thread must not wait for it.
             goal = changed(self._holder.intent.mission)
             self._check_free(goal.x_m, goal.y_m)
-        return self._change(lambda mission: mission.change(changed(mission), self._spec)).queued(
+        return self._change(lambda mission: mission.change(changed(mission), self._spec())).queued(
             goal_id
         )
 
@@ -70,14 +76,14 @@ class Goals:
         """Return the saved missions by name."""
         return self._saved.all()
 
-    def save(self, name: str) -> None:
+    def save(self, name: str, *, replace: bool = True) -> None:
         """Save the waiting goals under a name."""
-        self._saved.save(name, self._holder.intent.mission)
+        self._saved.save(name, self._holder.intent.mission, replace=replace)
 
     def load(self, name: str) -> None:
         """Replace the waiting goals by those of a saved mission."""
         saved = self._saved.named(name)
-        self._change(lambda mission: mission.refill(saved.goals, self._spec, loop=saved.loop))
+        self._change(lambda mission: mission.refill(saved.goals, self._spec(), loop=saved.loop))
 
     def forget(self, name: str) -> None:
         """Delete a saved mission."""
@@ -93,4 +99,10 @@ class Goals:
             raise BadGeometry("the goal is not finite; give metres of the map frame")
         picture = self._view.picture
         if picture is not None:
-            check_goal_free(picture.grid, picture.blocked, (x_m, y_m), robot=picture.pose)
+            check_goal_free(
+                picture.grid,
+                picture.blocked,
+                (x_m, y_m),
+                robot=picture.pose,
+                seen=picture.seen,
+            )

@@ -4,27 +4,35 @@ store, snapshots come from the newest tick."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Any
 
+from app.console.anchored_items import AnchoredItems
+from app.console.back_off import BackOff
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
-from app.console.path_preview import compare, pose_at, position_on
+from app.console.path_preview import compare, grid_with, measured, pose_at
+from app.console.place_editor import PlaceEditor
 from app.console.saved_missions import SavedMissions
+from app.console.sites import LiveSites
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.operator_state import OperatorState
+from app.runtime.map_keeper import MapKeeper
+from app.runtime.operator_state import MOVING, OperatorState
 from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import MOVING, RobotController
+from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception
 from app.storage import Store
+from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
+from navcore.localisation.fixes import TagMap
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
@@ -62,7 +70,11 @@ class LiveOperations:
         perception: Perception,
         labelling: FilePath,
         config: NavigatorConfig,
+        keeper: MapKeeper | None = None,
+        has_own_map: bool = True,
+        world_tags: TagMap | None = None,
     ) -> None:
+        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -71,10 +83,31 @@ class LiveOperations:
         )
         self._urdf, self._perception = robot_urdf, perception
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
-        spec = controller.navigator.map.spec
-        self.goals = Goals(controller, view=recorder, spec=spec, saved=SavedMissions(store))
-        self.zones = ZoneEditor(controller, store=store, spec=spec, watcher=recorder)
-        self.beware = BewareEditor(controller, store=store, segmenter=perception.segmenter)
+        self.keeper = keeper or MapKeeper(store.site.map_file, {})
+        """Keeps the map on disk."""
+        self._edits_before = 0
+        self._edit(store.site)
+        self.sites = LiveSites(
+            store,
+            controller=controller,
+            view=recorder,
+            keeper=self.keeper,
+            user=self,
+            config=config.map,
+            world=recorder.scenario,
+            has_own_map=has_own_map,
+            world_tags=world_tags,
+        )
+        self.place = PlaceEditor(controller)
+        self._anchored = AnchoredItems(
+            lambda: self.zones, lambda: controller.intent.mission, controller.change_mission
+        )
+        self._back_off = BackOff(
+            controller,
+            drive=self.drive,
+            pose=lambda: recorder.pose,
+            change_mission=controller.change_mission,
+        )
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
@@ -83,6 +116,32 @@ class LiveOperations:
             clock=robot,
             store=store.events,
         )
+
+    def _edit(self, site: SiteStore) -> None:
+        """Edit the contents of a site."""
+        controller = self._controller
+        self.goals = Goals(
+            controller,
+            view=self._recorder,
+            spec=lambda: controller.navigator.map.spec,
+            saved=SavedMissions(site),
+        )
+        self.zones = ZoneEditor(controller, store=site, watcher=self._recorder)
+        self.beware = BewareEditor(controller, store=site, segmenter=self._perception.segmenter)
+
+    @contextmanager
+    def leaving_site(self) -> Iterator[None]:
+        """Hold every edit of the present site; after the block they are refused."""
+        with self.zones.retired(), self.beware.retired():
+            yield
+
+    def enter_site(self, site: SiteStore) -> None:
+        """Edit the contents of another site from now on."""
+        self._edits_before += self.zones.changes + 1
+        self._edit(site)
+        self._recorder.watch_zones(self.zones.stored)
+        self.insight.forget_place()
+        self._anchored.forget()
 
     @property
     def profile(self) -> RobotProfile:
@@ -104,6 +163,12 @@ class LiveOperations:
         """Called by the think thread after each tick."""
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
+        self.insight.note_place(
+            self._anchored.note_tick(decision.correction, self._controller.navigator.map.pose_ids)
+        )
+        request = self._controller.tick_state.request
+        names = {} if request is None else request.beware.names
+        self.keeper.note_tick(self._controller.navigator.map, names, decision.frame.stamp_ns)
 
     # Snapshots
 
@@ -120,6 +185,7 @@ class LiveOperations:
         return State(
             stamp_s=now_ns / 1e9,
             scenario=self._recorder.scenario,
+            site=self.sites.chosen,
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,
@@ -128,6 +194,7 @@ class LiveOperations:
             stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
             reasons=reasons,
             pose=self._recorder.pose,
+            place=self.place.status(),
             twist=decision.frame.twist if decision else STANDSTILL,
             command=verdict.twist,
             queue=intent.mission.queue,
@@ -136,6 +203,7 @@ class LiveOperations:
             if intent.mission.phase is not Phase.IDLE
             else None,
             travelled_m=self._recorder.travelled_m,
+            unseen_m=picture.unseen_m if picture else None,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
             tick_ms=self._controller.timer.tick_ms,
@@ -143,7 +211,7 @@ class LiveOperations:
             if tick_state.frame_ns is not None
             else None,
             in_zone=_in_zone(decision),
-            zones_version=self.zones.changes,
+            zones_version=self._edits_before + self.zones.changes,
             beware_version=intent.beware.version,
             beware_enabled=len(intent.beware.enabled),
             segmenter=self._perception.title,
@@ -151,6 +219,7 @@ class LiveOperations:
             loop=intent.mission.loop,
             picture_serial=picture.serial if picture else None,
             grid_version=picture.grid_version if picture else None,
+            grid_spec=picture.grid_spec if picture else None,
         )
 
     def picture(self) -> TickSnapshot | None:
@@ -171,7 +240,11 @@ class LiveOperations:
                 raise Refused(
                     f"the emergency stop by {intent.stopped_by} is latched; reset it first"
                 )
-            return dataclasses.replace(intent, mission=TRANSITIONS[action](intent.mission))
+            if action in ("start", "resume") and not self._controller.place.is_known:
+                raise Refused("the robot does not know where it is; show its place on the map")
+            return dataclasses.replace(
+                intent, mission=TRANSITIONS[action](intent.mission), searching=False
+            )
 
         self._controller.change(edit)
 
@@ -188,9 +261,17 @@ class LiveOperations:
                     f"the emergency stop by {intent.stopped_by} is latched; reset it first"
                 )
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
-            return dataclasses.replace(intent, by_hand=command, mission=mission)
+            return dataclasses.replace(intent, by_hand=command, mission=mission, searching=False)
 
         self._controller.change(edit)
+
+    def back_off(self) -> None:
+        """Drive half a metre straight back; a driving mission goes on afterwards."""
+        self._back_off.start()
+
+    def close(self) -> None:
+        """End the threads of this object."""
+        self._back_off.stop()
 
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission in one step."""
@@ -199,7 +280,11 @@ class LiveOperations:
             driving = intent.mission.phase in MOVING
             mission = intent.mission.pause() if driving else intent.mission
             return dataclasses.replace(
-                intent, stopped_by=intent.stopped_by or source, mission=mission, by_hand=None
+                intent,
+                stopped_by=intent.stopped_by or source,
+                mission=mission,
+                by_hand=None,
+                searching=False,
             )
 
         self._controller.change(edit)
@@ -240,15 +325,12 @@ class LiveOperations:
         target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
         if target is None:
             raise Refused("there is no goal to preview a path to; give one")
-        if decision is None:
+        tick = self._recorder.picture
+        if decision is None or tick is None:
             raise Refused("there is no map yet; the camera has not delivered an image")
-        grid, spec = decision.occupancy.grid, navigator.map.spec
-        goal = position_on(grid, target, "goal")
-        pose = (
-            decision.frame.pose
-            if draft.start is None
-            else pose_at(position_on(grid, draft.start, "start"))
-        )
+        goal, ends = target, [target] if draft.start is None else [draft.start, target]
+        grid = grid_with(decision.occupancy.grid, ends)
+        pose = decision.frame.pose if draft.start is None else pose_at(draft.start)
         zone = (
             None
             if draft.zone is None
@@ -257,16 +339,7 @@ class LiveOperations:
 
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
             route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
-            if isinstance(route.outcome, NoPath):
-                return PathPreview(
-                    outcome=route.outcome, points=route.points, length_m=None, time_s=None
-                )
-            yaw_rad = pose.yaw_rad if draft.start is None else None
-            time_s = navigator.travel_time_s(route, zones, start_yaw_rad=yaw_rad)
-            length_m = route.outcome.length * spec.resolution_m
-            return PathPreview(
-                outcome=route.outcome, points=route.points, length_m=length_m, time_s=time_s
-            )
+            return measured(route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec)
 
         return compare(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
 
@@ -311,10 +384,11 @@ def _summary(
     if mission.phase is Phase.DRIVING and decision is not None:
         goal = mission.queue[0]
         what = decision.motion.outcome if moving else "about to move"
-        return f"Driving to goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}): {what}."
+        return f"Driving to {goal.title}: {what}."
     if mission.queue:
         goals = "goals wait" if len(mission.queue) > 1 else "goal waits"
-        return f"Standing; {len(mission.queue)} {goals} for start."
+        before = ", from the last session" if mission.restored else ""
+        return f"Standing; {len(mission.queue)} {goals} for start{before}."
     if mission.cancelled:
         return "Standing; the mission was cancelled."
     return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadGeometry
+from navcore.geometry.arrays import Points
+from navcore.geometry.polyline import length_m
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import OccupancyGrid
+from navcore.grid.cell_mask import CellMask
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.grid.growth import is_possible, padded, reaching
+from navcore.mission.mission import Goal, checked
 from navcore.mission.zone import Zone, zone_masks
 from navcore.planning.path import NoPath, Path
+from navcore.planning.route import Route
+from navcore.planning.unseen_parts import unseen_m, unseen_parts
 from web.interface.drafts import PathPreview, Preview
 
 MAX_SINGLE_ZONES = 8
@@ -21,6 +28,30 @@ Position = tuple[float, float]
 """(x, y) in metres of the map frame."""
 Planner = Callable[[OccupancyGrid, tuple[Zone, ...]], PathPreview]
 """Plans from start to goal on a grid; the speed limits of the zones determine the travel time."""
+
+
+def measured(
+    route: Route,
+    zones: tuple[Zone, ...],
+    travel_time_s: Callable[[Points, tuple[Zone, ...]], float],
+    seen: CellMask,
+    spec: GridSpec,
+) -> PathPreview:
+    """Return the preview of a route.
+
+    Metres and seconds are both those of the smoothed path that the robot would follow, so that a
+    path which is longer takes longer, unless a speed limit has changed. Cells would turn by 45° at
+    each bend, and paths of the same length would seem to differ by seconds.
+    """
+    if isinstance(route.outcome, NoPath):
+        return PathPreview(outcome=route.outcome, points=route.points, length_m=None, time_s=None)
+    return PathPreview(
+        outcome=route.outcome,
+        points=route.points,
+        length_m=length_m(route.track),
+        time_s=travel_time_s(route.track, zones),
+        unseen_m=unseen_m(route.points, unseen_parts(route.points, seen, spec)),
+    )
 
 
 def with_zones(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
@@ -81,14 +112,14 @@ def _is_near(zone: Zone, points: npt.NDArray[np.float64]) -> bool:
     return bool(((points >= low) & (points <= high)).all(axis=1).any())
 
 
-def position_on(grid: OccupancyGrid, position: Position, what: str) -> Position:
-    """Return a position on the map; raises `BadGeometry` for one outside."""
-    if not grid.spec.contains(*position):
-        raise BadGeometry(
-            f"the {what} ({position[0]:g}, {position[1]:g}) is outside the map, "
-            f"{grid.spec.extent()}"
-        )
-    return position
+def grid_with(grid: OccupancyGrid, positions: Sequence[Position]) -> OccupancyGrid:
+    """Return the grid, grown to contain some positions; raises `BadGeometry` for positions to which
+    it cannot grow."""
+    for number, (x_m, y_m) in enumerate(positions, start=1):
+        checked(Goal(id=number, x_m=x_m, y_m=y_m), grid.spec)
+    if not is_possible(reaching(grid.spec, positions)):
+        raise BadGeometry("start and goal are too far apart for a map that contains both")
+    return padded(grid, positions)
 
 
 def pose_at(position: Position) -> Pose2:

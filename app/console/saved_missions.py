@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from app.storage.records import goal_of, goal_record
-from navcore.errors import NotKnown, Refused
+from navcore.errors import AlreadyThere, NotKnown, Refused
 from navcore.mission.mission import Mission
 from web.interface.drafts import SavedMission
 
@@ -44,11 +44,18 @@ class SavedMissions:
         except KeyError:
             raise NotKnown(f"no mission is called {name!r}") from None
 
-    def save(self, name: str, mission: Mission) -> None:
-        """Save the waiting goals of a mission."""
+    def save(self, name: str, mission: Mission, *, replace: bool) -> None:
+        """Save the waiting goals of a mission; raises `AlreadyThere`."""
         if not mission.queue:
             raise Refused("there is no goal to save; add one first")
         saved = self._store.documents(MISSIONS)
+        if name in saved and not replace:
+            goals = len(saved[name]["goals"])
+            raise AlreadyThere(
+                f"a mission is called “{name}” already, with {goals} "
+                f"{'goal' if goals == 1 else 'goals'}; replace it, or give another name",
+                (name,),
+            )
         if name not in saved and len(saved) >= MAX_MISSIONS:
             raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
         self._store.save_document(

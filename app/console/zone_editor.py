@@ -7,22 +7,26 @@ import logging
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Protocol
 
 from app.console.saved_missions import DocumentStore
 from app.runtime.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
-from navcore.errors import BadGeometry, NotKnown, Outdated, Refused, StorageFailed
-from navcore.grid.grid import GridSpec
+from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
 from web.interface.drafts import ZoneDraft, ZoneHistory
+from web.interface.operations import Existing
 
 MAX_ZONES = 500
 MAX_SETS = 50
 MAX_UNDO = 100
+MAX_NAMED = 5
+"""Largest number of zones that a refused import names."""
 MAX_LIFETIME_S = 366 * 24 * 3600.0
 """Longest time until the expiry of a zone, seconds."""
 SETS = "zone set"
@@ -64,13 +68,12 @@ class ZoneEditor:
         holder: StateHolder,
         *,
         store: ZoneStore,
-        spec: GridSpec,
         watcher: ZoneWatcher | None = None,
         calendar_s: Callable[[], float] = time.time,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
     ) -> None:
         """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it."""
-        self._holder, self._store, self._spec, self._watcher = holder, store, spec, watcher
+        self._holder, self._store, self._watcher = holder, store, watcher
         self._calendar_s, self._new_id = calendar_s, new_id
         self._lock = threading.RLock()
         saved = (zone for zones in self.sets().values() for zone in zones)
@@ -78,6 +81,14 @@ class ZoneEditor:
         self._done: list[_Edit] = []
         self._undone: list[_Edit] = []
         self._changes = 0
+        self._is_retired = False
+
+    @contextmanager
+    def retired(self) -> Iterator[None]:
+        """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
+        with self._lock:
+            yield
+            self._is_retired = True
 
     @property
     def stored(self) -> tuple[Zone, ...]:
@@ -99,7 +110,7 @@ class ZoneEditor:
 
     def checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
         """Return the zone of a draft; raises `BadGeometry` with what is wrong."""
-        polygon = check_polygon(draft.polygon, self._spec)
+        polygon = check_polygon(draft.polygon)
         zone = dataclasses.replace(
             Zone.of(draft, zone_id=zone_id, version=version),
             polygon=polygon,
@@ -113,20 +124,46 @@ class ZoneEditor:
         """Store a zone and put it in force."""
         return self._add([draft], f"new zone {draft.name!r}")[0]
 
-    def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
+    def add_all(self, drafts: Sequence[ZoneDraft], existing: Existing = "keep") -> tuple[Zone, ...]:
         """Store many zones as one step; an expired zone is stored switched off."""
         now_s = self._calendar_s()
-        drafts = [_expired_off(now_s, draft) for draft in drafts]
-        return self._add(
-            drafts, f"import of {len(drafts)} {'zone' if len(drafts) == 1 else 'zones'}"
+        with self._lock:
+            drafts = [_expired_off(now_s, draft) for draft in drafts]
+            for draft in drafts:  # a wrong zone is refused before the operator is asked
+                self.checked(draft, zone_id="", version=1)
+            there = [self._same_outline(draft) for draft in drafts]
+            known = tuple(zone.name for zone in there if zone is not None)
+            if known and existing == "ask":
+                raise AlreadyThere(_how_many_there(len(drafts), known), known)
+            if existing == "skip":
+                drafts = [draft for draft, zone in zip(drafts, there, strict=True) if zone is None]
+            text = f"import of {len(drafts)} {'zone' if len(drafts) == 1 else 'zones'}"
+            ids = [zone.id if zone else None for zone in there] if existing == "replace" else []
+            return self._add(drafts, text, ids) if drafts else ()
+
+    def _same_outline(self, draft: ZoneDraft) -> Zone | None:
+        """Return the stored zone with the outline of a draft; None without one."""
+        ring = [(round(x, 3), round(y, 3)) for x, y in draft.polygon]
+        ring = ring[:-1] if len(ring) > 1 and ring[0] == ring[-1] else ring
+        return next(
+            (
+                zone
+                for zone in self.stored
+                if [(round(x, 3), round(y, 3)) for x, y in zone.polygon] == ring
+            ),
+            None,
         )
 
-    def _add(self, drafts: Sequence[ZoneDraft], text: str) -> tuple[Zone, ...]:
+    def _add(
+        self, drafts: Sequence[ZoneDraft], text: str, ids: Sequence[str | None] = ()
+    ) -> tuple[Zone, ...]:
+        """Store zones under the ids that are given, else under new ones."""
         with self._lock:
             zones = tuple(
-                self.checked(draft, zone_id=self._new_id(), version=1) for draft in drafts
+                self.checked(draft, zone_id=zone_id or self._new_id(), version=1)
+                for draft, zone_id in zip_longest(drafts, ids)
             )
-            if len(self.stored) + len(zones) > MAX_ZONES:
+            if len({zone.id for zone in (*self.stored, *zones)}) > MAX_ZONES:
                 raise Refused(
                     f"at most {MAX_ZONES} zones are kept, there are {len(self.stored)}; "
                     "delete some first"
@@ -143,6 +180,12 @@ class ZoneEditor:
             zone = self.checked(draft, zone_id=zone_id, version=old.version + 1)
             self._step(f"change of {zone.name!r}", {zone_id: zone})
         return zone
+
+    def move(self, zones: Iterable[Zone]) -> None:
+        """Replace zones by their id, because the map was corrected: no step that can be undone."""
+        with self._lock:
+            known = {zone.id for zone in self.stored}
+            self._apply({zone.id: zone for zone in zones if zone.id in known})
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -275,6 +318,8 @@ class ZoneEditor:
         No version number is used twice, so that an edit of an outdated version is recognised even
         when the zone was deleted and restored in between.
         """
+        if self._is_retired:
+            raise Refused("the site has been changed meanwhile; load the zones again")
         present = {zone.id: zone for zone in self.stored}
         saved = {
             zone_id: dataclasses.replace(
@@ -299,6 +344,14 @@ def _expired_off(now_s: float, draft: ZoneDraft) -> ZoneDraft:
     if draft.expires_at_s is None or draft.expires_in_s is not None or draft.expires_at_s > now_s:
         return draft
     return dataclasses.replace(draft, enabled=False, expires_at_s=None)
+
+
+def _how_many_there(count: int, known: Sequence[str]) -> str:
+    """Return how many zones of a file are there already, and which."""
+    names = ", ".join(f"“{name}”" for name in known[:MAX_NAMED])
+    more = f" and {len(known) - MAX_NAMED} more" if len(known) > MAX_NAMED else ""
+    zones, are = "zone" if count == 1 else "zones", "is" if len(known) == 1 else "are"
+    return f"{count} {zones}: {len(known)} {are} here already ({names}{more})"
 
 
 def _last(edits: list[_Edit], verb: str) -> _Edit:

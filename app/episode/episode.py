@@ -24,6 +24,7 @@ from app.runtime.stage_timer import StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
@@ -33,8 +34,11 @@ from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import GateDecision
 from navcore.warmup import warm_up
 from sim.referee.detections import DetectionScore
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import Scenario, map_grid
+from sim.scenario.tags import given_tags
 from sim.sensors.camera import FIELD_OF_VIEW_DEG
+from sim.sensors.gnss_settings import GnssKind
 from sim.simulator import Simulator
 
 STUCK_SAMPLES, STUCK_M, STUCK_RAD = 60, 0.05, 0.05
@@ -94,6 +98,14 @@ class EpisodeSettings:
     """Keep-out polygons (x, y) drawn by the operator, in metres of the map frame."""
     ablation: Ablation = Ablation.NONE
     """Part of the navigation that is left out."""
+    odometry: OdometryGrade = OdometryGrade.TYPICAL
+    """How good the odometry of the robot is."""
+    start: Pose2 | None = None
+    """True pose of the robot at the start; None for that of the world."""
+    gnss: GnssKind | None = None
+    """GNSS receiver of the robot; None for that of the world."""
+    odometry_origin: Pose2 | None = None
+    """Pose by odometry at the start; None for the true one."""
     stages: Stages = field(default_factory=Stages)
     """Stages of a tick, where some are to be replaced."""
 
@@ -105,7 +117,7 @@ class Episode:
         self.seed, self.zones, self.ablation = seed, settings.zones, settings.ablation
         self._max_time_s = settings.max_time_s
         zones, ablation, robot = settings.zones, settings.ablation, settings.robot
-        self.spec = spec = map_grid(scenario)
+        spec = map_grid(scenario)
         mission = Mission()
         for x_m, y_m in settings.goals or scenario.goals:
             mission = mission.add(x_m, y_m, spec)
@@ -120,6 +132,10 @@ class Episode:
             camera_size=settings.camera_size,
             robot=robot,
             randomised=settings.randomised,
+            start=settings.start,
+            odometry=settings.odometry,
+            odometry_origin=settings.odometry_origin,
+            gnss=settings.gnss,
         )
         self.scenario, profile = self.simulator.scenario, self.simulator.profile
         self.simulator.referee.set_zones([np.array(zone) for zone in zones])
@@ -148,6 +164,7 @@ class Episode:
             config=config,
             stages=self.timer.wrap(stages),
         )
+        navigator.localisation.tags = given_tags(self.scenario.tags)
         drawn = () if ablation is Ablation.NO_ZONES else zones
         told = tuple(
             Zone(id=f"zone {i}", name=f"zone {i}", polygon=polygon)
@@ -171,6 +188,9 @@ class Episode:
         """True distance to each goal when it was reported reached, metres, by goal id."""
         self.odometry_errors_m: dict[int, float] = {}
         """Distance by odometry to each goal when it was reported reached, metres, by goal id."""
+        self.estimate_errors_m: dict[int, float] = {}
+        """Distance by the robot's estimate to each goal when it was reported reached, metres, by
+        goal id."""
         self.samples: list[Sample] = []
         """Samples of the episode, one per second."""
         self.driven: list[tuple[float, float]] = []
@@ -234,12 +254,18 @@ class Episode:
             sensor=self.sensor,
             goal_errors_m=self.goal_errors_m,
             goal_errors_by_odometry_m=self.odometry_errors_m,
+            goal_errors_by_estimate_m=self.estimate_errors_m,
             detections=self.detections,
             samples=tuple(self.samples),
             timer=self.timer,
             beware=self.controller.intent.beware,
             map=self.controller.navigator.map,
         )
+
+    @property
+    def spec(self) -> GridSpec:
+        """Present grid of the map."""
+        return self.controller.navigator.map.spec
 
     @property
     def is_stuck(self) -> bool:
@@ -277,7 +303,9 @@ class Episode:
         meanwhile are skipped."""
         if frame is not None:
             self.detections.observe(
-                frame, self.simulator.true_pose().matrix() @ frame.T_base_camera
+                frame,
+                self.simulator.true_pose().matrix() @ frame.T_base_camera,
+                self.simulator.moving_poses()[: len(self.scenario.people)],
             )
         if self._pending_frame is None:
             self._pending_frame, self._tick_ends_s = (
@@ -306,6 +334,7 @@ class Episode:
             truly, believed = self.simulator.true_pose(), self.simulator.odometry()
             self.goal_errors_m[goal.id] = truly.distance_to(goal.x_m, goal.y_m)
             self.odometry_errors_m[goal.id] = believed.distance_to(goal.x_m, goal.y_m)
+            self.estimate_errors_m[goal.id] = self.pose().distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:
         newest = self.simulator.newest_frame()
@@ -329,7 +358,7 @@ class Episode:
         )
 
     def _progress(self) -> Progress:
-        goal, pose = self.controller.intent.mission.goal, self.simulator.odometry()
+        goal, pose = self.controller.intent.mission.goal, self.pose()
         return Progress(
             goal=goal,
             goals_done=len(self.controller.intent.mission.reached),
@@ -338,6 +367,10 @@ class Episode:
             sim_time_s=self.now_s,
             share=self._share(pose),
         )
+
+    def pose(self) -> Pose2:
+        """Return T_map_base as the robot estimates it."""
+        return self.controller.place.T_map_odom @ self.simulator.odometry()
 
     def _share(self, pose: Pose2) -> float:
         positions = [

@@ -52,23 +52,22 @@ def _over_zones(report: Report) -> list[str]:
 
 
 def _why_not_there(report: Report) -> str:
-    """Return why a goal was not reached: odometry drift, the last stop or the longest one."""
+    """Return why a goal was not reached: a drifted position, the last stop or the longest one."""
     if report["ended"] == "all goals":
-        # The robot localises by odometry only, which drifts on long paths.
-        by_odometry = report["goal_errors_by_odometry_m"]
+        by_estimate = report["goal_errors_by_estimate_m"]
         missed = [
             goal for goal, error_m in report["goal_errors_m"].items() if error_m > GOAL_RADIUS_M
         ]
-        if missed and all(by_odometry[goal] <= GOAL_RADIUS_M for goal in missed):
-            return "goal missed: odometry had drifted"
+        if missed and all(by_estimate[goal] <= GOAL_RADIUS_M for goal in missed):
+            return "goal missed: the estimated position had drifted"
         return "goal missed: it stopped beside it"
     stops: Sequence[Mapping[str, Any]] = report["stops"]
     if not stops:
         return "goal not reached: out of time"
-    last = stops[-1]
+    last = max(stops, key=lambda stop: stop["until_s"])
     if (
         last["duration_s"] >= STOPS_FROM_S
-        and last["t_s"] + last["duration_s"] >= report["sim_time_s"] - STOPS_FROM_S
+        and last["until_s"] >= report["sim_time_s"] - STOPS_FROM_S
     ):
         return f"goal not reached: {last['reason']}"
     held_s: Counter[str] = Counter()

@@ -73,6 +73,9 @@ class EpisodeRecord:
     """True distance to each goal when the robot reported it reached, by goal id."""
     goal_errors_by_odometry_m: dict[int, float]
     """Distance by odometry to each goal when the robot reported it reached, metres, by goal id."""
+    goal_errors_by_estimate_m: dict[int, float]
+    """Distance by the robot's estimate to each goal when it reported it reached, metres, by goal
+    id."""
     detections: DetectionScore
     """Which items came into view."""
     samples: tuple[Sample, ...]
@@ -107,6 +110,8 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "robot": record.simulator.profile.name,
         "segmenter": record.segmenter,
         "ablation": record.ablation,
+        "odometry": str(record.simulator.odometry_grade),
+        "gnss": "none" if record.simulator.gnss is None else record.simulator.gnss.kind,
         "start": list(record.scenario.start),
         "goals": [list(point) for point in record.goal_points],
         "zones": [[list(corner) for corner in zone] for zone in record.zones],
@@ -122,6 +127,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "ideal_m": _rounded(ideal_m),
         "goal_errors_m": _by_goal(errors_m),
         "goal_errors_by_odometry_m": _by_goal(record.goal_errors_by_odometry_m),
+        "goal_errors_by_estimate_m": _by_goal(record.goal_errors_by_estimate_m),
         "items": _items(record),
         "explored_share": _explored_share(record),
         "replans": len(timer.ms["replan"]),

@@ -10,12 +10,13 @@ from app.episode.ablations import Ablation
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, BadGeometry
 from navcore.mission.beware_list import BewareList
-from navcore.mission.mission import Mission
 from navcore.robot.profile import RobotProfile
-from sim.scenario.schema import Scenario, map_grid
+from sim.robot.odometry_grade import OdometryGrade
+from sim.scenario.schema import Scenario
 from sim.scenario.variation import randomise
+from sim.sensors.gnss_settings import GnssKind
 from sim.truth.random_missions import EXTRA_CLEARANCE_M, draw_mission, draw_zones
 
 ZONES = 2
@@ -36,6 +37,10 @@ class Task:
     """Number of operator's zones that each seed draws; None for 2 with a random start, else 0."""
     ablation: Ablation = Ablation.NONE
     """Part of the navigation that is left out."""
+    odometry: OdometryGrade = OdometryGrade.TYPICAL
+    """How good the odometry of the robot is."""
+    gnss: GnssKind | None = None
+    """GNSS receiver of the robot; None for that of the scenario."""
     max_time_s: float = 600.0
     """Longest simulated duration, seconds."""
 
@@ -55,9 +60,25 @@ class Task:
             )
 
     @property
+    def world(self) -> Scenario:
+        """Scenario with the goals that were asked for, before a seed varies it."""
+        return dataclasses.replace(self.scenario, goals=self.goals or self.scenario.goals)
+
+    @property
     def zone_count(self) -> int:
         """Number of zones that each seed draws."""
         return self.zones if self.zones is not None else ZONES * self.random
+
+
+def check_goals(world: Scenario) -> None:
+    """Refuse a goal outside the world, with `BadGeometry`, before anything slow is built."""
+    half_x_m, half_y_m = (side / 2 for side in world.size_m)
+    for x_m, y_m in world.goals:
+        if not (abs(x_m) <= half_x_m and abs(y_m) <= half_y_m):
+            raise BadGeometry(
+                f"goal ({x_m:g}, {y_m:g}) lies outside the world, x ±{half_x_m:g} m, "
+                f"y ±{half_y_m:g} m"
+            )
 
 
 def episode_of(
@@ -80,10 +101,7 @@ def episode_of(
         world, config = _placed(world, seed, robot, config, margins_m)
     if task.goals:
         world = dataclasses.replace(world, goals=task.goals)
-    mission = Mission()
-    for x_m, y_m in world.goals:
-        # Refuses a goal outside the map before anything is built.
-        mission = mission.add(x_m, y_m, map_grid(world))
+    check_goals(world)
     inflation_m = robot.width_m / 2 + config.safety_margin_m
     return Episode(
         world,
@@ -98,6 +116,8 @@ def episode_of(
                 world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
             ),
             ablation=task.ablation,
+            odometry=task.odometry,
+            gnss=task.gnss,
         ),
         seed=seed,
     )

@@ -15,6 +15,7 @@ from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import RobotProfile, load_profile
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.barn import SCALES, BarnWorld, load_worlds
 from sim.simulator import Simulator
 
@@ -83,6 +84,7 @@ def evaluate_barn(
     workers: int,
     out: Path,
     config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
 ) -> dict[str, Any]:
     """Drive the first `count` worlds of a file, one run each; print a table, write `summary.json`.
 
@@ -98,11 +100,19 @@ def evaluate_barn(
         _listed(suite, worlds, profile)[:count],
         _fitted(suite, config or config_for(profile)),
     )
-    drive = partial(drive_world, worlds=worlds, suite=suite, robot=robot, seed=seed, config=config)
+    drive = partial(
+        drive_world,
+        worlds=worlds,
+        suite=suite,
+        robot=robot,
+        seed=seed,
+        config=config,
+        odometry=odometry,
+    )
     campaign = Campaign(
         key="world",
-        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config, seed),
-        holds="other worlds, another robot, seed or configuration",
+        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config, seed, odometry),
+        holds="other worlds, another robot, seed, odometry or configuration",
         drive=drive,
         drive_alone=drive,
     )
@@ -136,6 +146,7 @@ def drive_world(
     robot: str,
     seed: int,
     config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
 ) -> dict[str, Any]:
     """Drive the world of a number once; return its report with the challenge's verdict."""
     profile = load_profile(robot)
@@ -148,6 +159,7 @@ def drive_world(
             config=config or _fitted(suite, config_for(profile)),
             max_time_s=2 * world.limit_s,
             robot=profile,
+            odometry=odometry,
         ),
         seed=seed,
     )

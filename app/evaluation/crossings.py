@@ -24,6 +24,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import HUSKY
 from sim.physics.pedestrians import BODY_DIAMETER_M
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import MapExtent, Person, Scenario
 
 HALL_M = 30.0
@@ -162,14 +163,17 @@ def evaluate_crossings(
     beware: BewareList,
     max_time_s: float = PATIENCE_S,
     config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     config = config or NavigatorConfig()
-    drive = partial(drive_crossing, beware=beware, max_time_s=max_time_s, config=config)
+    drive = partial(
+        drive_crossing, beware=beware, max_time_s=max_time_s, config=config, odometry=odometry
+    )
     campaign = Campaign(
         key="seed",
-        rules=("crossings", draw_crossing(0), beware.classes, max_time_s, config),
-        holds="another campaign, beware list or time limit",
+        rules=("crossings", draw_crossing(0), beware.classes, max_time_s, config, odometry),
+        holds="another campaign, beware list, odometry or time limit",
         drive=drive,
         drive_alone=drive,
     )
@@ -180,13 +184,18 @@ def evaluate_crossings(
 
 
 def drive_crossing(
-    seed: int, *, beware: BewareList, max_time_s: float, config: NavigatorConfig | None = None
+    seed: int,
+    *,
+    beware: BewareList,
+    max_time_s: float,
+    config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
 ) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
     episode = Episode(
         crossing.scenario(),
-        EpisodeSettings(beware=beware, max_time_s=max_time_s, config=config),
+        EpisodeSettings(beware=beware, max_time_s=max_time_s, config=config, odometry=odometry),
         seed=seed,
     )
     try:

@@ -33,7 +33,7 @@ from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
-from navcore.mission.zone import rasterise
+from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter
 from navcore.robot.frame import Frame
 from sim.dataset.camera_effects import apply_camera_effects

@@ -70,8 +70,8 @@ def evaluate_scenario(
     campaign = Campaign(
         key="seed",
         rules=(task, beware.classes, profile, config, segmenter),
-        holds="another world, task, ablation, robot, configuration, beware list, segmenter "
-        "or time limit",
+        holds="another world, task, ablation, odometry, robot, configuration, beware list, "
+        "segmenter or time limit",
         drive=partial(_drive, common=common, perception=perception),
         drive_alone=partial(_drive_alone, common=common, choice=choice),
     )

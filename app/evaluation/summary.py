@@ -63,7 +63,9 @@ TOTALS = (
     "zone_intrusions",
     "goals_reached",
 )
-SAME = ("scenario", "robot", "segmenter", "ablation")
+ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
+"""Counts of the objects of a class in a report."""
+SAME = ("scenario", "robot", "segmenter", "ablation", "odometry", "gnss")
 """Keys whose value all episodes of a campaign share."""
 
 
@@ -143,7 +145,7 @@ def tables_of(summary: Report) -> list[Table]:
             title="things to beware of",
         )
         for name, counts in summary["items"].items():
-            found.add_row(name, *(str(counts[key]) for key in ("there", "seen", "missed", "false")))
+            found.add_row(name, *(str(counts[key]) for key in ITEM_COUNTS))
         tables.append(found)
     if summary["failures"]:
         causes = Table("cause, the gravest of each episode", "episodes", "seeds", title="failures")
@@ -187,7 +189,7 @@ def _items(reports: Sequence[Report]) -> dict[str, dict[str, int]]:
     total: dict[str, dict[str, int]] = {}
     for report in reports:
         for name, counts in report["items"].items():
-            sums = total.setdefault(name, dict.fromkeys(counts, 0))
+            sums = total.setdefault(name, dict.fromkeys(ITEM_COUNTS, 0))
             for key, number in counts.items():
                 sums[key] += number
     return dict(sorted(total.items()))
@@ -200,6 +202,9 @@ def _read(folder: Path) -> dict[str, Any]:
         raise BadConfiguration(
             f"{folder} holds no summary.json of an evaluation: {error}"
         ) from None
+    if isinstance(summary, dict):
+        # All that earlier versions had.
+        summary = {"odometry": "ideal", "gnss": "none", **summary}
     missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(
         summary if isinstance(summary, dict) else ()
     )

@@ -15,7 +15,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.perception.instances import Cells, Detection, detect_instances
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
-from web.images.encode import camera_jpg
+from web.images.camera import camera_jpg
 from web.interface.insight import Sighting
 
 MAX_SIGHTINGS = 500

@@ -8,9 +8,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from app.insight.event_log import EventLog
-from app.runtime.operator_state import OperatorState
-from app.runtime.robot_controller import MOVING
+from app.runtime.operator_state import MOVING, OperatorState
 from navcore.grid.grid import Cell, OccupancyGrid
+from navcore.grid.growth import growth_into
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
@@ -92,7 +92,7 @@ class EventDetector:
         known = {goal.id for goal in before.reached}
         for goal in after.reached:
             if goal.id not in known:
-                text = f"Goal {goal.id} at ({goal.x_m:.1f}, {goal.y_m:.1f}) is reached."
+                text = f"The goal {goal.title} is reached."
                 self._event_log.note(now_s, "goal", text, (goal.x_m, goal.y_m))
         if after.phase is not before.phase:
             cancelled = after.cancelled and not before.cancelled
@@ -193,8 +193,7 @@ def _why_replanned(
     length_m = route.outcome.length * after.occupancy.spec.resolution_m
     if old is None or (changed_goal and isinstance(old.outcome, Path)):
         return (
-            f"Planned a path of {length_m:.1f} m to "
-            f"({route.points[-1, 0]:.1f}, {route.points[-1, 1]:.1f}).",
+            f"Planned a path of {length_m:.1f} m to {_title_of(route, intent.mission)}.",
             here,
         )
     if isinstance(old.outcome, NoPath):
@@ -202,7 +201,8 @@ def _why_replanned(
     deviation_m, at = _largest_deviation(route.points, old.points)
     if deviation_m < MIN_DEVIATION_M:
         return None
-    blocked = _first_blocked(old.outcome.cells, after)
+    assert before is not None
+    blocked = _first_blocked(_cells_now(old.outcome.cells, before, after), after)
     if blocked is None:
         return f"A shorter path has opened: {length_m:.1f} m from here.", at
     what = _closed_by(after.occupancy.grid, blocked, intent)
@@ -210,6 +210,14 @@ def _why_replanned(
         f"{what} closes the path at this position; the new one is {length_m:.1f} m long.",
         after.occupancy.spec.centre(*blocked),
     )
+
+
+def _title_of(route: Route, mission: Mission) -> str:
+    """Return the title of the goal that a path ends at, else the position of its end."""
+    x_m, y_m = (float(value) for value in route.points[-1])
+    goal = mission.goal
+    at_goal = goal is not None and (goal.x_m, goal.y_m) == (x_m, y_m)
+    return goal.title if goal is not None and at_goal else f"({x_m:.1f}, {y_m:.1f})"
 
 
 def _largest_deviation(
@@ -221,8 +229,19 @@ def _largest_deviation(
     return float(deviations_m[at]), (float(path[at, 0]), float(path[at, 1]))
 
 
+def _cells_now(
+    cells: npt.NDArray[np.int64], before: TickResult, after: TickResult
+) -> npt.NDArray[np.int64]:
+    """Return (N, 2) cells of an earlier tick on the grid of a later one, which may have grown; none
+    where it was replaced by another."""
+    growth = growth_into(before.occupancy.spec, after.occupancy.spec)
+    return cells[:0] if growth is None else cells + growth.shift
+
+
 def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell | None:
     """Return the first blocked cell of a path ahead of the robot; None when all are free."""
+    if len(cells) == 0:
+        return None
     here = decision.occupancy.spec.cell(decision.frame.pose.x_m, decision.frame.pose.y_m)
     ahead = cells[int(np.argmin(((cells - here) ** 2).sum(axis=1))) :]
     closed = np.flatnonzero(decision.occupancy.blocked[ahead[:, 0], ahead[:, 1]])

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,19 +13,18 @@ from navcore.costmap.costmap import Costmap
 from navcore.errors import NotKnown
 from navcore.geometry.polyline import metres_along
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import Cell
+from navcore.grid.grid import BoolGrid, Cell
 from navcore.grid.nearest import nearest_of
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
+from navcore.planning.rule_costs import RuleCosts, rule_costs
 from navcore.robot.profile import RobotProfile
 from web.interface.insight import Alternative, ExplainedRule, Explanation
 from web.interface.wire import Position
 
-MAX_COSTED = 12
-"""Largest number of rules whose cost is computed."""
 BUDGET = 2_000_000
 """Search budget of one path; see `navcore.planning.planner.plan`."""
 
@@ -52,16 +51,21 @@ class ExplanationQuery:
     """Safety margin around the robot, metres."""
     start_relief_m: float
     """Largest distance of the start from the robot whose own cell is blocked, metres."""
+    unseen: BoolGrid | None = None
+    """(rows, cols) cells that were not seen yet, where they cost more; None where they do not."""
+    unknown_price: float = 1.0
+    """Price of unseen floor."""
 
     def rules(self) -> Rules:
         """Return everything that blocks cells."""
-        return rules_of(
+        rules = rules_of(
             self.occupancy.grid,
             self.beware,
             self.zones,
             vehicle_width_m=self.profile.width_m,
             safety_margin_m=self.safety_margin_m,
         )
+        return replace(rules, unseen=self.unseen, unknown_price=self.unknown_price)
 
     @property
     def target(self) -> Cell:
@@ -110,14 +114,17 @@ def explain(query: ExplanationQuery) -> Explanation:
             along[part.key] = along.get(part.key, 0.0) + float(
                 steps[part.last] - steps[max(part.first - 1, 0)]
             )
+    costs = rule_costs(rules, path, start, query.target, budget=BUDGET)
     return Explanation(
         goal=query.goal,
         reason=None,
         length_m=path.length * spec.resolution_m,
         path=spec.centres(path.cells),
         stretches=parts,
-        rules=_costed(query, rules, path, along),
-        all_cost_m=_all_cost_m(query, rules, path),
+        rules=_explained(rules, costs, along, spec.resolution_m),
+        all_cost_m=_metres(costs.together, spec.resolution_m),
+        main=costs.main,
+        main_cost_m=costs.main_cost * spec.resolution_m,
         lift=None,
     )
 
@@ -141,52 +148,24 @@ def alternative(query: ExplanationQuery, keys: Collection[str]) -> Alternative:
     )
 
 
-def _costed(
-    query: ExplanationQuery, rules: Rules, path: Path, along: dict[str, float]
+def _explained(
+    rules: Rules, costs: RuleCosts, along: Mapping[str, float], metre: float
 ) -> tuple[ExplainedRule, ...]:
-    """Compute the cost of each rule by itself, for the first `MAX_COSTED` rules.
-
-    Rules along the path come first, then those nearest to the straight line, for a rule that the
-    path avoids widely may cost the most.
-    """
-    start, metre = query.start(rules), query.occupancy.spec.resolution_m
-    whole = (
-        [ExplainedRule(key="wall", name="obstacles", along_m=along["wall"])]
-        if "wall" in along
-        else []
-    )
-    steps = np.linspace(start, query.target, 200).round().astype(np.int64)
-    ranked = sorted(
-        rules.removable,
-        key=lambda rule: (-along.get(rule.key, 0.0), float(rule.at(steps).min()), rule.key),
-    )
-    for rank, rule in enumerate(ranked):
-        other = (
-            path_without(rules, [rule.key], start, query.target, budget=BUDGET)
-            if rank < MAX_COSTED
-            else None
+    """Return the rules with their costs in metres, the costliest first, then those along the
+    path."""
+    found = [
+        ExplainedRule(
+            key=rule.key,
+            name=rule.name,
+            along_m=along.get(rule.key, 0.0),
+            saves_m=_metres(costs.each[rule.key], metre),
         )
-        saves = max((path.length - other.length) * metre, 0.0) if isinstance(other, Path) else None
-        whole.append(
-            ExplainedRule(
-                key=rule.key, name=rule.name, along_m=along.get(rule.key, 0.0), saves_m=saves
-            )
-        )
-    return tuple(sorted(whole, key=lambda rule: -(rule.saves_m or 0.0)))
+        for rule in rules.removable
+    ]
+    if "wall" in along:
+        found.append(ExplainedRule(key="wall", name="obstacles", along_m=along["wall"]))
+    return tuple(sorted(found, key=lambda rule: (-(rule.saves_m or 0.0), -rule.along_m)))
 
 
-def _all_cost_m(query: ExplanationQuery, rules: Rules, path: Path) -> float | None:
-    """Compute the cost of all rules together, in metres; more than the sum of each where they block
-    the detours of one another."""
-    free = path_without(
-        rules,
-        [rule.key for rule in rules.removable],
-        query.start(rules),
-        query.target,
-        budget=BUDGET,
-    )
-    return (
-        (path.length - free.length) * query.occupancy.spec.resolution_m
-        if isinstance(free, Path)
-        else None
-    )
+def _metres(cells: float | None, metre: float) -> float | None:
+    return None if cells is None else cells * metre

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +20,7 @@ from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog, EventStore
 from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.insight.labelling import LabellingFolder, region_in
+from app.insight.place_events import PlaceEvents
 from app.runtime.loop import PeriodicThread
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
@@ -31,7 +32,7 @@ from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.safety.gate import GateDecision, StopReason
-from web.images.encode import camera_jpg
+from web.images.camera import camera_jpg
 from web.interface.insight import (
     Alternative,
     Candidates,
@@ -89,6 +90,7 @@ class LiveInsight:
             self.event_log.write, period_s=WRITE_PERIOD_S, name="event log to disk"
         )
         self._event_detector = EventDetector(self.event_log, controller.intent)
+        self._place_events = PlaceEvents()
         self._explaining = threading.Lock()
         self._explained: tuple[object, Explanation] | None = None
         self._decision: TickResult | None = None
@@ -115,6 +117,12 @@ class LiveInsight:
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self._decision = decision
+        self.note_place(self._place_events.after(decision))
+
+    def note_place(self, texts: Iterable[str]) -> None:
+        """Log sentences on the robot's place and on what moved with the map."""
+        for text in texts:
+            self.event_log.note(self._now_s(), "place", text, self._here())
 
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
@@ -122,6 +130,10 @@ class LiveInsight:
         if causes != self._causes:
             self._causes = causes
             self._verdicts.append((self._now_s(), verdict.reasons))
+
+    def forget_place(self) -> None:
+        """Forget what was detected: the robot is at another site now."""
+        self.detections = DetectionGallery()
 
     # Requests of the console
 
@@ -272,7 +284,11 @@ class LiveInsight:
             and np.array_equal(route.points[-1], goal)
         ):
             path = route.outcome
+        price = self._config.planning.unknown_price
+        explored = self._controller.navigator.map.explored
         return ExplanationQuery(
+            unseen=explored.unseen_on(decision.occupancy.spec) if price > 1 else None,
+            unknown_price=price,
             occupancy=decision.occupancy,
             beware=intent.beware,
             zones=(*intent.zones, *decision.closed),

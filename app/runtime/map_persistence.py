@@ -10,6 +10,8 @@ import numpy as np
 
 from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map
+from navcore.grid.grid import GridSpec
+from navcore.grid.growth import cells_of, growth_into, growth_to
 from navcore.mapping import map_file
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.prior_map import prior_layer
@@ -17,29 +19,48 @@ from navcore.mission.beware_list import BewareList
 
 
 def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: Path | None) -> None:
-    """Load the prior map and the saved map into an empty map; raises `BadConfiguration` naming a
-    file that does not fit."""
+    """Load the prior map and the saved map into an empty map, whose grid grows to contain them.
+
+    Raises `BadConfiguration` naming a file that does not fit. `Navigator.adopt_map` has to follow.
+    """
     if kept is not None and kept.exists():
         stored = map_file.load(kept)
         map_file.check_classes(stored, beware)
+        check_grid(stored.state.spec, cloud.spec, kept.name)
         cloud.restore(stored.state)
     if prior is not None:
         # The saved map has priority where it was measured: an obstacle of the prior map that was
         # seen to be gone stays gone.
-        occupied = prior_layer(nav2_map.load(prior), cloud.spec).copy()
+        source = nav2_map.load(prior)
+        occupied = prior_layer(source, cloud.spec).copy()
+        growth = growth_to(cloud.spec, cells_of(cloud.spec, source.spec))
+        if growth is not None:
+            cloud.grow(growth)
+            occupied = prior_layer(source, cloud.spec).copy()
         measured = cloud.explored.was_measured(np.flatnonzero(occupied))
         occupied[occupied] = ~measured
         held = cloud.layers.prior
         cloud.load_prior(occupied if held is None else occupied | held.bools)
 
 
+def check_grid(spec: GridSpec, first: GridSpec, where: str) -> None:
+    """Raise `BadConfiguration` for a stored map whose grid has not grown from the first grid of
+    this world."""
+    if growth_into(first, spec) is None:
+        raise BadConfiguration(
+            f"{where}: the stored map covers {spec.extent()} in cells of {spec.resolution_m:g} m, "
+            f"the map of this world begins with {first.extent()} in cells of "
+            f"{first.resolution_m:g} m"
+        )
+
+
 def save_map(cloud: PointMap, beware: BewareList, kept: Path | None) -> None:
     """Write the map to its file, atomically."""
     if kept is not None:
-        map_file.save(kept, cloud.state(), {**_names_in(kept), **beware.names})
+        map_file.save(kept, cloud.state(), {**names_in(kept), **beware.names})
 
 
-def _names_in(kept: Path) -> Mapping[int, str]:
+def names_in(kept: Path) -> Mapping[int, str]:
     """Return the class names of the saved map, which keeps those of removed classes."""
     try:
         return map_file.load(kept).class_names if kept.exists() else {}

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from navcore.mission.beware_list import BewareList
-from navcore.mission.mission import Mission
+from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.robot.driver import Command
+
+MOVING = (Phase.DRIVING, Phase.LEAVING)
+"""Phases of a mission in which the robot may move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +29,8 @@ class OperatorState:
     """Source of the latched emergency stop; None when it is not latched."""
     by_hand: Command | None = None
     """Newest command of teleoperation; None when there is none."""
+    searching: bool = False
+    """Whether the robot turns round to find its place in the map."""
 
 
 class StateHolder(Protocol):

@@ -13,6 +13,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import Path
 from navcore.planning.route import Route, read_only
+from navcore.planning.unseen_parts import unseen_parts
 from navcore.safety.gate import GateDecision
 from web.interface.snapshots import Cloud, TickSnapshot
 
@@ -118,6 +119,7 @@ class Recorder:
             self._floor_version += 1
         empty: Points = np.empty((0, 2))
         world = self._controller.navigator.map
+        path, seen = route.points if route else empty, world.explored.floor
         return TickSnapshot(
             serial=frame.stamp_ns,
             pose=frame.pose,
@@ -127,9 +129,10 @@ class Recorder:
             labels=decision.labels.class_ids,
             confidence=decision.labels.confidence,
             occupancy=occupancy,
-            seen_mask=world.explored.seen,
+            seen_mask=seen,
             grid_version=self._floor_version,
-            path=route.points if route else empty,
+            path=path,
+            unseen=unseen_parts(path, seen, world.explored.spec),
             waypoints=route.waypoints if route else empty,
             driven=self._driven_points,
             people=decision.people,

@@ -10,22 +10,25 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
-from app.runtime.operator_state import OperatorState
+from app.runtime.background import Background, InlineBackground
+from app.runtime.operator_state import MOVING, OperatorState
 from app.runtime.stage_timer import TICK, StageTimer
+from app.runtime.stop_reasons import planner_stops
+from app.runtime.tick_state import TickState
 from navcore.behaviours.assisted_teleop import stays_out
+from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
-from navcore.costmap.cell_description import describe_cell
 from navcore.costmap.local_costmap import beware_cells
-from navcore.errors import BadConfiguration, BadFrame
-from navcore.geometry.arrays import Points
-from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.errors import BadConfiguration, BadFrame, Refused
+from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
+from navcore.localisation.cell_margins import CellMargins
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
-from navcore.planning.path import NoPath, Path, Reason
+from navcore.planning.path import Path
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -39,13 +42,11 @@ from navcore.safety.gate import (
     ranked,
     wheels_blocked,
 )
-from navcore.safety.keep_out_monitor import NO_CELLS, KeepOuts
+from navcore.safety.keep_out_monitor import KeepOuts
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
 
 COMMAND_PERIOD_S = 0.05
 """Time between two commands, seconds."""
-MOVING = (Phase.DRIVING, Phase.LEAVING)
-"""Phases of a mission in which the robot may move."""
 STANDSTILL_MPS = 0.03
 """Speed below which the robot may have arrived, m/s."""
 CLOCK_SLACK_NS = 100_000_000
@@ -56,45 +57,6 @@ KEEP_OUT_REACH_M = 2.5
 the robot stops within 0.5 m."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
-CONTROLLER_STOPS = {
-    ControllerState.IN_ZONE: StopReason(
-        cause=Cause.IN_ZONE,
-        text="The robot stands in a beware area: have it leave, or change the area.",
-    ),
-    ControllerState.BLOCKED: StopReason(
-        cause=Cause.BOXED_IN, text="Every motion would come too close to an obstacle."
-    ),
-    ControllerState.GIVEN_UP: StopReason(
-        cause=Cause.BOXED_IN,
-        text="The robot gives up: waiting, backing off and turning round opened no path. "
-        "Clear its path, or choose another goal.",
-    ),
-    ControllerState.WAIT_FOR_PEOPLE: StopReason(
-        cause=Cause.YIELDING,
-        text="A person is in the robot's path; it waits until they have passed.",
-    ),
-}
-"""Reasons for which the local planner holds the robot."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TickState:
-    """Outcome of the newest tick."""
-
-    decision: TickResult | None = None
-    """Result of the newest accepted frame; None before the first."""
-    frame_ns: int | None = None
-    """Capture time of the newest frame, accepted or not, in nanoseconds; None before the first."""
-    command: Command | None = None
-    """Command of the newest tick; None when it asks for nothing."""
-    request: NavigationRequest | None = None
-    """Request that the command was decided for."""
-    beware_cells: Points = field(default_factory=lambda: NO_CELLS)
-    """(N, 2) centres of the known beware cells near the robot, map frame."""
-    bad_frame: str | None = None
-    """Reason for which the newest frame was refused; None when it was not."""
-    failure: str | None = None
-    """Error of the newest tick; None when it succeeded."""
 
 
 class RobotController:
@@ -107,8 +69,11 @@ class RobotController:
         profile: RobotProfile,
         intent: OperatorState,
         timer: StageTimer | None = None,
+        background: Background | None = None,
     ) -> None:
-        """`timer`: the timer of the navigator's stages, which times the ticks too."""
+        """`timer`: the timer of the navigator's stages, which times the ticks too. `background`
+        runs what the tick does not wait for; by default at once, for simulated time."""
+        self._background = background or InlineBackground()
         self.navigator = navigator
         self.timer = timer or StageTimer()
         """Durations of the ticks and their stages."""
@@ -123,8 +88,17 @@ class RobotController:
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
+        self._cell_margins = CellMargins(
+            sigmas=DEFAULT_SAFETY.keep_out.sigmas,
+            resolution_m=navigator.map.spec.resolution_m,
+            range_m=KEEP_OUT_REACH_M,
+        )
         self._corrected: dict[int, Pose2] = {}
+        self._placed: tuple[Pose2, Matrix] | None = None
+        self._search, self._search_begins = SearchTurn(), False
+        self._was_located = False
         self._pose_accepted = False
+        self._enter: Callable[[], None] | None = None
 
     @property
     def intent(self) -> OperatorState:
@@ -172,22 +146,71 @@ class RobotController:
         with self._lock:
             self._corrected |= poses
 
+    def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
+        """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
+        with self._lock:
+            self._placed = (T_map_base, covariance)
+
+    def enter_site(
+        self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]
+    ) -> None:
+        """Replace the operator's state now, and the map before the next tick, where `replace_map`
+        runs in the think thread. Raises `Refused`, and changes nothing, unless the robot stands."""
+        with self._lock:
+            self.require_standing()
+            self._intent = edit(self._intent)
+            self._enter, self._corrected = replace_map, {}
+
+    def require_standing(self, then: str = "change the site") -> None:
+        """Raise `Refused` while the robot moves or a mission drives; `then` names what was
+        asked."""
+        newest = self._watched.newest
+        if self._intent.mission.phase in MOVING:
+            raise Refused(
+                f"the mission is {self._intent.mission.phase}; pause or cancel it, then {then}"
+            )
+        moves = newest is not None and abs(newest.twist.v_mps) > STANDSTILL_MPS
+        if moves or self._sent != STANDSTILL:
+            raise Refused(f"the robot moves; let it stand, then {then}")
+
+    def search_place(self) -> None:
+        """Forget the place, and turn round to find it in the whole map. Raises `Refused`, and
+        changes nothing, unless the robot stands and no stop is latched."""
+        with self._lock:
+            self.require_standing("look for its place")
+            if self._intent.stopped_by is not None:
+                raise Refused("the emergency stop is latched; reset it first")
+            self._intent = dataclasses.replace(self._intent, searching=True)
+            self._search = SearchTurn()
+            self._search_begins = True
+
     def think(self, frame: Frame, *, clock: Callable[[], int]) -> TickResult | None:
         """Run one tick; None when the frame was refused or shows nothing new.
 
         `clock` gives the time in ns and dates the command when the tick has ended.
         """
-        intent = self._intent
-        goal = intent.mission.goal
-        request = request_of(intent)
         with self._lock:
+            intent = self._intent
             corrected, self._corrected = self._corrected, {}
+            placed, self._placed = self._placed, None
+            search_begins, self._search_begins = self._search_begins, False
             pose_accepted, self._pose_accepted = self._pose_accepted, False
+            enter, self._enter = self._enter, None
             senses = self._mapped = self._mapped.after(frame, self.profile)
+        goal, request = intent.mission.goal, request_of(intent)
+        if enter is not None:
+            enter()
+            self.navigator.reset_pose()
         if corrected:  # here and not in `correct_poses`: only this thread changes the map
             self.navigator.map.correct(corrected)
         if pose_accepted:
             self.navigator.reset_pose()
+        if (outcome := self._background.poll()) is not None:
+            self.navigator.take(outcome)
+        if search_begins:
+            self.navigator.localisation.search(frame.stamp_ns)
+        if placed is not None:
+            self.navigator.place_robot(*placed, frame)
         if senses.fault is not None or senses.repeats:
             # An implausible frame must not enter the map; the gate says why the robot stands, or
             # the command just expires.
@@ -203,22 +226,37 @@ class RobotController:
                 self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
             )
             return None
+        cells = beware_cells(decision.occupancy.around(decision.frame.pose, KEEP_OUT_REACH_M))
         command = (
-            Command(twist=decision.motion.twist, stamp_ns=clock())
-            if goal or request.leave
+            Command(twist=self._corrected_twist(decision), stamp_ns=clock())
+            if (goal or request.leave) and decision.place.is_known
             else None
         )
+        if intent.searching:
+            command = self._turn_round(frame, decision.place, clock)
         self._tick_state = TickState(
             decision=decision,
             frame_ns=frame.stamp_ns,
             command=command,
             request=request,
-            beware_cells=beware_cells(decision.occupancy.around(frame.pose, KEEP_OUT_REACH_M)),
+            beware_cells=cells,
+            cell_growth_m=self._cell_margins.follow(cells, decision.frame, decision.place),
+            zone_covariances=self.navigator.zone_margins.covariances(request.zones, decision.place),
         )
+        if self._background.is_idle and (task := self.navigator.next_task()) is not None:
+            self._background.submit(task)
+        state, was_known = decision.place.state, self._was_located
+        self._was_located = decision.place.is_known
+        if state is LocalisationState.LOST or (was_known and not self._was_located):
+            # The robot never goes on by itself: where it is then is for the operator to see.
+            self.change_mission(
+                lambda mission: mission.pause() if mission.phase in MOVING else mission
+            )
         # Without a path the robot arrives at a viewpoint before the blockage, not at the goal.
         on_path = decision.route is not None and isinstance(decision.route.outcome, Path)
         if (
             on_path
+            and decision.place.is_known
             and decision.motion.outcome is ControllerState.ARRIVED
             and abs(frame.twist.v_mps) < STANDSTILL_MPS
         ):
@@ -231,6 +269,21 @@ class RobotController:
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
         return decision
+
+    def _corrected_twist(self, decision: TickResult) -> Twist:
+        """Return the twist of a tick; a standstill while a large correction waits for it."""
+        return STANDSTILL if self.navigator.waits_for_standstill else decision.motion.twist
+
+    def _turn_round(
+        self, frame: Frame, place: LocalisationEstimate, clock: Callable[[], int]
+    ) -> Command | None:
+        """Return the command of a robot that looks for its place, until it has found it or turned
+        round."""
+        self._search = self._search.after(frame.pose)
+        if place.is_known or self._search.is_over:
+            self.change(lambda intent: dataclasses.replace(intent, searching=False))
+            return None
+        return Command(twist=self._search.twist, stamp_ns=clock())
 
     def note_failure(self, frame: Frame | None, error: Exception) -> None:
         """Note that a tick failed, or that no frame could be read; the robot then stands with this
@@ -306,7 +359,8 @@ class RobotController:
         intent, tick_state, hand = self._intent, self._tick_state, self._limited(self.hand(now_ns))
         # A command decided before the newest change of the operator's state is void; the next tick
         # decides for the new one.
-        driving = intent.mission.phase in MOVING and tick_state.request == request_of(intent)
+        asked = intent.mission.phase in MOVING or intent.searching
+        driving = asked and tick_state.request == request_of(intent)
         command = hand or (tick_state.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
             now_ns = command.stamp_ns
@@ -324,7 +378,7 @@ class RobotController:
         found = (
             self._teleop_stops(hand)
             if hand is not None
-            else _planner_stops(intent, tick_state, self._watched)
+            else planner_stops(intent, tick_state, malformed=bool(self._watched.malformed))
         )
         twist = STANDSTILL if hand is not None and found else verdict.twist
         return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
@@ -332,13 +386,21 @@ class RobotController:
     def _keep_outs(self) -> KeepOuts:
         """Return what the gate keeps the robot out of in a mission: the operator's present zones,
         and the beware cells of the newest tick."""
-        newest = self._watched.newest
+        newest, place, tick_state = self._watched.newest, self.place, self._tick_state
         return KeepOuts(
-            pose=None if newest is None else newest.pose,
+            pose=newest.placed(place.T_map_odom).pose if newest and place.is_known else None,
             zones=self._intent.zones,
-            cells=self._tick_state.beware_cells,
+            cells=tick_state.beware_cells,
+            cell_growth_m=tick_state.cell_growth_m,
             leaving=self._intent.mission.phase is Phase.LEAVING,
+            covariance=place.covariance[:2, :2],
+            covariances=tick_state.zone_covariances,
         )
+
+    @property
+    def place(self) -> LocalisationEstimate:
+        """Where the robot is in the map, by the newest tick."""
+        return self.navigator.place
 
     def hand(self, now_ns: int) -> Command | None:
         """Return the command of teleoperation while it is fresh and no mission drives."""
@@ -355,7 +417,12 @@ class RobotController:
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
         return dataclasses.replace(
             hand,
-            twist=self.navigator.limit(asked, self._intent.zones, newest.pose, newest.twist).twist,
+            twist=self.navigator.limit(
+                asked,
+                self._intent.zones,
+                newest.placed(self.place.T_map_odom).pose,
+                newest.twist,
+            ).twist,
         )
 
     def _teleop_stops(self, hand: Command) -> list[StopReason]:
@@ -370,7 +437,12 @@ class RobotController:
         if newest is None:
             return []
         if stays_out(
-            hand.twist, newest.pose, self.profile, zones=self._intent.zones, spec=spec, seen=seen
+            hand.twist,
+            newest.placed(self.place.T_map_odom).pose,
+            self.profile,
+            zones=self._intent.zones,
+            spec=spec,
+            seen=seen,
         ):
             return []
         return [
@@ -379,43 +451,6 @@ class RobotController:
                 text="There is a beware area in this direction; drive in another one.",
             )
         ]
-
-
-def _planner_stops(
-    intent: OperatorState, tick_state: TickState, sensors: SensorMonitor
-) -> list[StopReason]:
-    """Return why the planners, rather than the gate, hold the robot."""
-    mission, decision = intent.mission, tick_state.decision
-    found = []
-    # A malformed frame is a reason of the gate already.
-    if tick_state.bad_frame is not None and not sensors.malformed:
-        text = f"The camera image is refused: {tick_state.bad_frame}."
-        found.append(StopReason(cause=Cause.BAD_FRAME, text=text))
-    if tick_state.failure is not None:
-        text = f"The navigation failed: {tick_state.failure}."
-        found.append(StopReason(cause=Cause.PLANNER_FAILED, text=text))
-    if mission.phase is Phase.PAUSED:
-        text = "The mission is paused; resume it to drive on."
-        found.append(StopReason(cause=Cause.PAUSED, text=text))
-    if mission.phase not in MOVING or decision is None:
-        return found
-    outcome = None if decision.route is None else decision.route.outcome
-    if isinstance(outcome, NoPath) and decision.motion.twist == STANDSTILL:
-        text = f"There is no path to the goal: {_why_no_path(intent, decision, outcome)}."
-        found.append(StopReason(cause=Cause.NO_PATH, text=text))
-    if decision.motion.outcome in CONTROLLER_STOPS:
-        found.append(CONTROLLER_STOPS[decision.motion.outcome])
-    return found
-
-
-def _why_no_path(intent: OperatorState, decision: TickResult, outcome: NoPath) -> str:
-    """Return why there is no path, with what blocks the goal."""
-    goal, grid = intent.mission.goal, decision.occupancy.grid
-    if outcome.reason is not Reason.GOAL_BLOCKED or goal is None:
-        return str(outcome.reason)
-    return (
-        f"{outcome.reason}, the goal is {describe_cell(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
-    )
 
 
 def request_of(intent: OperatorState) -> NavigationRequest:

@@ -52,7 +52,9 @@ class RunReporter:
     def watch_zones(self, zones: tuple[Zone, ...]) -> None:
         """Tell the referee the zones in force."""
         if self._referee is not None:
-            self._referee.watch_zones([list(zone.polygon) for zone in zones if zone.closed])
+            self._referee.watch_zones(
+                [list(zone.polygon) for zone in zones if zone.closed and not zone.forbids_outside]
+            )
 
     def note_tick(
         self,

@@ -8,12 +8,15 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from app.runtime.engine_memory import ChosenEngine, EngineMemory, key_of
 from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.config.inference import InferenceConfig
 from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.esanet.inference.engine import THREADS
+from navcore.perception.esanet.inference.engine import THREADS, Inference
 from navcore.perception.esanet.inference.network_file import (
     SHIPPED,
     NetworkFile,
@@ -24,6 +27,8 @@ from navcore.perception.esanet.inference.selection import (
     EngineBenchmark,
     benchmark_engines,
     open_inference,
+    probe_images,
+    run_times_ms,
 )
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
 from navcore.perception.esanet.segmenter import NetworkSegmenter
@@ -36,6 +41,11 @@ CAMERA = Size(height=240, width=424)
 """Image size of the simulated D455; weights without a working size of their own use the nearest."""
 RANDOM_CLASSES = 12
 """Number of classes of the network with random weights."""
+SLOWER = 2.0
+"""Ratio of its time per image to the one it was chosen with above which an engine that is
+remembered is measured again."""
+CHECK = InferenceConfig(trial_s=0.0)
+"""Few images, to see whether an engine that is remembered has become too slow."""
 SLOW_MS = 100.0
 """Time per image, in milliseconds, above which a robot in real time uses smaller images."""
 
@@ -77,8 +87,14 @@ def compose(
     *,
     shipped: Path = SHIPPED,
     config: PerceptionConfig = DEFAULT_PERCEPTION,
+    memory: EngineMemory | None = None,
+    inference: InferenceConfig | None = None,
 ) -> Perception:
     """Compose the chosen segmenter.
+
+    With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
+    long as it is not too slow; a measured one is remembered. `inference` asks to measure in any
+    case, in its way.
 
     Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
     the shipped weights this gives a warning, and the colour rules are used.
@@ -91,7 +107,9 @@ def compose(
             )
         return colour_perception(config=config)
     try:
-        perception = _network(choice, choice.weights or shipped, config)
+        perception = _network(
+            choice, choice.weights or shipped, config, memory=memory, inference=inference
+        )
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
@@ -122,11 +140,66 @@ def measure_segmenter(
     return what, [trial for _, trial in benchmark_engines(file, threads=threads, config=config)]
 
 
-def _network(choice: SegmenterChoice, path: Path, config: PerceptionConfig) -> Perception:
+def _network(
+    choice: SegmenterChoice,
+    path: Path,
+    config: PerceptionConfig,
+    *,
+    memory: EngineMemory | None,
+    inference: InferenceConfig | None,
+) -> Perception:
     file = open_network(path, camera=CAMERA)
+    key = key_of(file.sha256, live=choice.live, threads=choice.threads)
+    known = None
+    if memory is not None and choice.engine == "auto" and inference is None:
+        known = _remembered(memory.recall(key), choice, file)
+    if known is not None:
+        chosen, file, engine = known
+        return _perception(chosen, file, engine, (), config)
+    chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig())
+    taken = next((trial for trial in trials if trial.name == engine.name), None)
+    if memory is not None and taken is not None:
+        memory.remember(
+            key, ChosenEngine(name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller)
+        )
+    return _perception(chosen, file, engine, trials, config)
+
+
+def _remembered(
+    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile
+) -> tuple[SegmenterChoice, NetworkFile, Inference] | None:
+    """Open a remembered engine; None without one, and for one that no longer runs or has become
+    too slow."""
+    if known is None:
+        return None
+    smaller = choice.smaller or known.smaller
+    file = (file.smaller() or file) if smaller else file
+    try:
+        engine, _ = open_inference(file, known.name, threads=choice.threads)
+        images = probe_images(file.size, file.depth)
+        engine.logits(*images[0])  # the first image of an engine takes longest
+        now_ms = float(np.median(run_times_ms(engine, images, CHECK)))
+    except BadConfiguration as error:
+        log.warning("segmentation: %s does not run any more: %s", known.name, error)
+        return None
+    if now_ms > SLOWER * known.p99_ms:
+        log.warning(
+            "segmentation: %s takes %.0f ms, %.0f ms when it was chosen: measuring again",
+            known.name,
+            now_ms,
+            known.p99_ms,
+        )
+        return None
+    return dataclasses.replace(choice, smaller=smaller), file, engine
+
+
+def _measured(
+    choice: SegmenterChoice, file: NetworkFile, inference: InferenceConfig
+) -> tuple[SegmenterChoice, NetworkFile, Inference, tuple[EngineBenchmark, ...]]:
+    """Open the engine that was asked for, or the best one by measurement."""
     if choice.smaller:
         file = file.smaller() or file
-    engine, trials = open_inference(file, choice.engine, threads=choice.threads)
+    engine, trials = open_inference(file, choice.engine, threads=choice.threads, config=inference)
     for trial in trials:
         log.info("segmentation, tried %s", trial.text())
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
@@ -137,7 +210,19 @@ def _network(choice: SegmenterChoice, path: Path, config: PerceptionConfig) -> P
             _by(smaller.size),
         )
         file, choice = smaller, dataclasses.replace(choice, smaller=True)
-        engine, trials = open_inference(file, choice.engine, threads=choice.threads)
+        engine, trials = open_inference(
+            file, choice.engine, threads=choice.threads, config=inference
+        )
+    return choice, file, engine, trials
+
+
+def _perception(
+    choice: SegmenterChoice,
+    file: NetworkFile,
+    engine: Inference,
+    trials: tuple[EngineBenchmark, ...],
+    config: PerceptionConfig,
+) -> Perception:
     network = NetworkSegmenter(
         engine,
         class_names=file.class_names,

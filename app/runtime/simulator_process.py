@@ -24,9 +24,12 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
+from sim.sensors.gnss_settings import GnssKind
 from sim.simulator import Simulator
 
 COMMAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
@@ -46,7 +49,15 @@ class SimulatorProcess:
     """A `Robot` whose wheels and camera are simulated in another process. Stamps are those of the
     machine's monotonic clock."""
 
-    def __init__(self, scenario: str, *, seed: int, profile: RobotProfile) -> None:
+    def __init__(
+        self,
+        scenario: str,
+        *,
+        seed: int,
+        profile: RobotProfile,
+        odometry: OdometryGrade = OdometryGrade.TYPICAL,
+        gnss: GnssKind | None = None,
+    ) -> None:
         self.profile = profile
         self._frame: Frame | None = None
         self._report: dict[str, Any] = {}
@@ -56,7 +67,10 @@ class SimulatorProcess:
         context = multiprocessing.get_context("spawn")
         self._link, far_end = context.Pipe()
         self._process = context.Process(
-            target=_serve, args=(far_end, scenario, seed), daemon=True, name="simulator"
+            target=_serve,
+            args=(far_end, scenario, seed, str(odometry), gnss),
+            daemon=True,
+            name="simulator",
         )
         self._process.start()
         far_end.close()
@@ -133,12 +147,15 @@ class SimulatorProcess:
                 self._news.notify_all()
 
 
-def _serve(link: Connection, scenario: str, seed: int) -> None:
+def _serve(
+    link: Connection, scenario: str, seed: int, odometry: str, gnss: GnssKind | None
+) -> None:
     """Run the simulator in real time: send each frame, execute the messages."""
     # Ctrl-C is for the console, which sends zero and then closes the link.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     outbox = LatestMessageQueue(link, "frames")
-    with Simulator(load_scenario(scenario), seed=seed) as simulator:
+    world = load_scenario(scenario)
+    with Simulator(world, seed=seed, odometry=odometry, gnss=gnss) as simulator:
         frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
         while _obey(link, simulator):
             behind_s = time.monotonic() - start_s - (simulator.now_ns() - start_ns) / 1e9
@@ -189,6 +206,8 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "mount": frame.T_base_camera.ravel().tolist(),
         "pose": asdict(frame.pose),
         "twist": asdict(frame.twist),
+        "tilt": [frame.roll_rad, frame.pitch_rad],
+        "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
         # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
@@ -199,6 +218,26 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     text = json.dumps(header).encode()
     text += b" " * (-(4 + len(text)) % 8)  # aligns the depth, as compiled code requires
     return len(text).to_bytes(4, "little") + text + frame.depth_m.tobytes() + frame.rgb.tobytes()
+
+
+def _encoded_fix(fix: PositionFix, lead_ns: int) -> dict[str, Any]:
+    """Return a fix as JSON, its stamp on the machine's clock."""
+    return {
+        **asdict(fix),
+        "stamp_ns": fix.stamp_ns + lead_ns,
+        "covariance": fix.covariance.tolist(),
+        "source": str(fix.source),
+    }
+
+
+def _decoded_fix(fields: dict[str, Any]) -> PositionFix:
+    return PositionFix(
+        **{
+            **fields,
+            "covariance": np.array(fields["covariance"]),
+            "source": FixSource(fields["source"]),
+        }
+    )
 
 
 def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
@@ -214,4 +253,7 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
         T_base_camera=np.array(header["mount"]).reshape(4, 4),
         pose=Pose2(**header["pose"]),
         twist=Twist(**header["twist"]),
+        roll_rad=header["tilt"][0],
+        pitch_rad=header["tilt"][1],
+        fixes=tuple(_decoded_fix(fix) for fix in header["fixes"]),
     ), header["referee"]

@@ -1,22 +1,23 @@
-"""The console's store. A write that fails raises `StorageFailed` and changes nothing."""
+"""The console's store. A write that fails raises `StorageFailed` and changes nothing.
+
+What belongs to a site is in `SiteStore`, which `Store.site` and `Store.sites` give.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from app.storage.audit import AuditTable
 from app.storage.database import Database
 from app.storage.events import EventTable
-from app.storage.records import zone_of, zone_record
+from app.storage.schema import FIRST_SITE
+from app.storage.site_store import SiteStore
+from app.storage.sites import SiteTable
 from app.storage.users import UserTable
 from navcore.errors import NotKnown, StorageFailed
-from navcore.mission.beware_list import BewareClass, BewareList, as_table
-from navcore.mission.zone import Zone
-from navcore.toml_config import from_table
 
 MAX_RUNS = 1000
 
@@ -34,6 +35,13 @@ class Store:
         try:
             self._lock(folder)
             self._database = Database(folder)
+            self.sites = SiteTable(self._database, folder)
+            """Sites of the data folder."""
+            if not self.sites.all():
+                self.sites.make(FIRST_SITE)
+            newest = max(self.sites.all(), key=lambda row: row.chosen_unix_s)
+            self.site = self.sites.open(newest.name)
+            """Site in use."""
         except StorageFailed:
             self._lock_file.close()
             raise
@@ -44,6 +52,11 @@ class Store:
         """Audit log: who did what, and when."""
         self.events = EventTable(self._database)
         """Event log: what the navigation decided, when and why."""
+
+    def use(self, name: str, *, world: str | None = None) -> SiteStore:
+        """Use a site from now on, in `world`; raises `NotKnown`."""
+        self.site = self.sites.choose(name, world)
+        return self.site
 
     def close(self) -> None:
         """Close the files and unlock the folder."""
@@ -58,66 +71,6 @@ class Store:
             raise StorageFailed(
                 f"another console uses the data folder {folder}; end it, or give another --data"
             ) from None
-
-    def zones(self) -> tuple[Zone, ...]:
-        """Return all zones, in the order in which they were first stored."""
-        rows = self._database.rows("SELECT zone FROM zones ORDER BY position")
-        return tuple(zone_of(json.loads(zone)) for (zone,) in rows)
-
-    def save_zone(self, zone: Zone) -> None:
-        """Store a zone, replacing the one with its id."""
-        self.change_zones([zone], [])
-
-    def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
-        """Delete some zones and store others by their id: all or nothing."""
-        with self._database.writing() as connection:
-            connection.executemany(
-                "DELETE FROM zones WHERE id = ?", [(zone_id,) for zone_id in deleted]
-            )
-            connection.executemany(
-                "INSERT INTO zones (id, zone) VALUES (?, ?) "
-                "ON CONFLICT (id) DO UPDATE SET zone = excluded.zone",
-                [(zone.id, json.dumps(zone_record(zone))) for zone in saved],
-            )
-
-    def documents(self, kind: str) -> dict[str, Any]:
-        """Return the JSON documents of a kind by name, sorted by name."""
-        rows = self._database.rows(
-            "SELECT name, document FROM documents WHERE kind = ? ORDER BY name", (kind,)
-        )
-        return {name: json.loads(document) for name, document in rows}
-
-    def save_document(self, kind: str, name: str, value: Any) -> None:
-        """Store a JSON document under a name; None deletes it."""
-        if value is None:
-            self._database.write("DELETE FROM documents WHERE kind = ? AND name = ?", (kind, name))
-        else:
-            self._database.write(
-                "INSERT OR REPLACE INTO documents VALUES (?, ?, ?)",
-                (kind, name, json.dumps(value)),
-            )
-
-    def beware(self) -> BewareList | None:
-        """Return the list saved last; None on a new installation."""
-        rows = self._database.rows("SELECT list FROM beware_lists ORDER BY position DESC LIMIT 1")
-        return _beware_list(rows[0][0]) if rows else None
-
-    def beware_versions(self) -> tuple[BewareList, ...]:
-        """Return every list that was ever saved, newest first."""
-        return tuple(
-            _beware_list(row[0])
-            for row in self._database.rows("SELECT list FROM beware_lists ORDER BY position DESC")
-        )
-
-    def save_beware(self, beware: BewareList) -> None:
-        """Store the list in force; earlier lists are kept."""
-        classes = [as_table(entry) for entry in beware.classes]
-        document = json.dumps(
-            {"version": beware.version, "classes": classes, "retired": beware.retired}
-        )
-        self._database.write(
-            "INSERT INTO beware_lists (version, list) VALUES (?, ?)", (beware.version, document)
-        )
 
     def runs(self) -> tuple[dict[str, Any], ...]:
         """Return the reports of past missions, newest first."""
@@ -139,13 +92,3 @@ class Store:
         self._database.write(
             "INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report))
         )
-
-
-def _beware_list(document: str) -> BewareList:
-    saved = json.loads(document)
-    classes = tuple(
-        from_table(BewareClass, table, f"stored beware list[{i}]")
-        for i, table in enumerate(saved["classes"])
-    )
-    retired = tuple((name, class_id) for name, class_id in saved["retired"])
-    return BewareList(classes=classes, version=saved["version"], retired=retired)

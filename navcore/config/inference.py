@@ -17,12 +17,13 @@ class InferenceConfig:
     """Smallest share of such pixels in eight bits, whose cost in mean IoU was measured when the
     ranges were (`weights quantise`)."""
     fast_enough_ms: float = ranged(0.0, 1000.0, default=50.0)
-    """Median time per image in milliseconds up to which the first accurate engine is taken and no
-    other is tried; of a fifteenth of a second it leaves a quarter to everything else."""
+    """99th percentile of the time per image in milliseconds up to which the first accurate engine
+    is taken and no other is tried; of a fifteenth of a second it leaves a quarter to everything
+    else."""
     clear_advantage: float = ranged(0.0, 1.0, default=0.9)
-    """Ratio of times above which the more exact of two engines is taken, so that noise does not
-    choose."""
-    trial_s: float = ranged(0.0, 60.0, default=0.3)
+    """Ratio of the 99th percentiles of the times above which the more exact of two engines is
+    taken, so that noise does not choose."""
+    trial_s: float = ranged(0.0, 60.0, default=1.0)
     """Duration of the measurement of each engine in seconds."""
     min_runs: int = ranged(1, 1000, default=5)
     """Smallest number of images that measure an engine."""

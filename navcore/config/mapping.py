@@ -65,9 +65,9 @@ class MappingConfig:
     take."""
 
     pose_spacing_m: float = ranged(0.01, 5.0, default=0.25)
-    """Distance in metres from the last pose after which a new pose ID begins."""
+    """Distance in metres below which a pose can be a known one; beyond it a new pose ID begins."""
     pose_spacing_deg: float = ranged(1.0, 180.0, default=10.0)
-    """Turn in degrees from the last pose after which a new pose ID begins."""
+    """Turn in degrees below which a pose can be a known one; beyond it a new pose ID begins."""
     clearing_m: float = ranged(0.02, 1.0, default=0.10)
     """Distance in metres that the camera must see behind a point, at no distance, to remove it."""
     clearing_per_m2: float = ranged(0.0, 0.2, default=0.012)

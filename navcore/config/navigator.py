@@ -7,10 +7,12 @@ from pathlib import Path
 
 from navcore.config.behaviours import BehavioursConfig, RecoveryConfig
 from navcore.config.control import ControlConfig, LocalPlannerConfig
+from navcore.config.localisation import LocalisationConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.perception import ObservationConfig, PerceptionConfig
 from navcore.config.planning import MAX_VERTEX_ANGLE_DEG, PlanningConfig
+from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, ranged, read_toml
 
@@ -55,6 +57,10 @@ class NavigatorConfig:
     """Tuning of the planning stage."""
     control: ControlConfig = field(default_factory=ControlConfig)
     """Tuning of the control stage."""
+    localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
+    """Where the robot is in the map."""
+    zone_margins: ZoneMarginConfig = field(default_factory=ZoneMarginConfig)
+    """How zones grow with the uncertainty of the robot's position."""
 
 
 def load_config(path: Path, robot: RobotProfile = HUSKY) -> NavigatorConfig:

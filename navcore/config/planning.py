@@ -61,6 +61,10 @@ class ConstraintRemovalConfig:
 class PlanningConfig:
     """Tuning of the planning stage."""
 
+    unknown_price: float = ranged(1.0, 20.0, default=1.0)
+    """Cost of a metre of path over floor that was not seen yet, in metres of seen floor. 1 is the
+    paper's rule, unknown is free, and plans by jump-point search; above 1 an exact weighted A*
+    plans, which takes longer on large maps."""
     elastic_band: ElasticBandConfig = field(default_factory=ElasticBandConfig)
     """Smoothing of the path."""
     viewpoint: GapViewpointConfig = field(default_factory=GapViewpointConfig)

@@ -116,6 +116,12 @@ class KeepOutMonitorConfig:
     """Largest distance in metres that a point of the body moves between two checks."""
     shares: tuple[float, ...] = ranged(0.0, 1.0, default=(1.0, 0.75, 0.5, 0.3, 0.15))
     """Shares of the commanded velocity that are tried, the largest first."""
+    sigmas: float = ranged(0.0, 6.0, default=2.0)
+    """Standard deviations of the robot's position relative to a zone by which the zone grows."""
+    largest_growth_m: float = ranged(0.0, 2.0, default=0.30)
+    """Growth in metres beyond which the position is too uncertain to drive near the zone."""
+    uncertain_clearance_m: float = ranged(0.0, 5.0, default=0.5)
+    """Distance in metres from the grown zone that is kept then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

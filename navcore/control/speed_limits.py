@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -15,7 +14,7 @@ from shapely.geometry import Polygon
 from navcore.config.control import CONTROL_CONFIG, LocalPlannerConfig, SpeedLimitConfig
 from navcore.control.motion import Motion
 from navcore.geometry.arrays import Points
-from navcore.geometry.transform import Pose2, Twist, wrap_angle
+from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.robot.profile import RobotProfile
 
@@ -59,14 +58,11 @@ def travel_time_s(
     points: Points,
     zones: Sequence[Zone],
     profile: RobotProfile,
-    local: LocalPlannerConfig,
-    *,
-    start_yaw_rad: float | None = None,
 ) -> float:
     """Estimate the travel time in seconds along (N, 2) points in metres.
 
-    It counts full speed, each limit within its zone, and turns in place where the path begins or
-    bends sharply; waiting for people cannot be foreseen.
+    It counts full speed, and each limit within its zone, so that of two paths under the same limits
+    the longer one takes longer. Turns in place and waiting for people are not counted.
     """
     if len(points) < 2:
         return 0.0
@@ -79,17 +75,7 @@ def travel_time_s(
                 middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m
             )
             speeds[touched] = np.minimum(speeds[touched], _limit_mps(zone))
-    driving_s = float((np.hypot(*steps.T) / speeds).sum())
-    return driving_s + _turning_rad(steps, local, start_yaw_rad) / local.turn_rate_radps
-
-
-def _turning_rad(steps: Points, local: LocalPlannerConfig, start_yaw_rad: float | None) -> float:
-    moving = steps[np.hypot(*steps.T) > 0]
-    headings = np.arctan2(moving[:, 1], moving[:, 0]).tolist()
-    if start_yaw_rad is not None:
-        headings.insert(0, start_yaw_rad)
-    turns = (abs(wrap_angle(after - before)) for before, after in pairwise(headings))
-    return sum(turn for turn in turns if turn > math.radians(local.turn_from_deg))
+    return float((np.hypot(*steps.T) / speeds).sum())
 
 
 def _is_limit(zone: Zone) -> bool:

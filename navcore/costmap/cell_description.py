@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from navcore.errors import BlockedGoal
@@ -20,20 +21,29 @@ def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
 
 
 def check_goal_free(
-    grid: OccupancyGrid, blocked: BoolGrid, goal: tuple[float, float], *, robot: Pose2
+    grid: OccupancyGrid,
+    blocked: BoolGrid,
+    goal: tuple[float, float],
+    *,
+    robot: Pose2,
+    seen: BoolGrid | None = None,
 ) -> None:
     """Raise `BlockedGoal` for a goal (x, y) in a blocked cell, with the reason and the nearest free
     position.
 
-    `blocked` is (rows, cols). The position offered is the nearest one that the robot can reach or,
-    if the robot is blocked itself, the nearest free one.
+    `blocked` and `seen` are (rows, cols). The position offered is the nearest one that the robot
+    can reach over floor that was seen, else over any floor, and the nearest free one if the robot
+    is blocked itself: an unseen cell behind a wall is often near and counts as free.
     """
     spec = grid.spec
     if not spec.contains(*goal) or not blocked[spec.cell(*goal)]:
         return
     cell = spec.cell(*goal)
-    found = nearest_reachable(blocked, spec.cell(robot.x_m, robot.y_m), cell) or nearest_of(
-        np.argwhere(~blocked), cell
+    start = spec.cell(robot.x_m, robot.y_m)
+    found = (
+        (nearest_reachable(blocked | ~_closed(seen), start, cell) if seen is not None else None)
+        or nearest_reachable(blocked, start, cell)
+        or nearest_of(np.argwhere(~blocked), cell)
     )
     nearest = None if found is None else spec.centre(*found)
     instead = (
@@ -46,3 +56,9 @@ def check_goal_free(
         f"goal ({goal[0]:.2f}, {goal[1]:.2f}) lies {where}; the robot cannot stand there{instead}",
         nearest,
     )
+
+
+def _closed(seen: BoolGrid) -> BoolGrid:
+    """Return the seen cells and the single cells between them, which no row of pixels fell on."""
+    closed = cv2.morphologyEx(seen.view(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return closed.view(np.bool_)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from navcore.costmap.beyond import closed_from_beyond
 from navcore.costmap.costmap import Costmap, are_set
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import inflation_radius
+from navcore.grid.growth import Growth
 from navcore.grid.inflation import InflatedGrid
 from navcore.mapping.layers import Changes
 from navcore.mapping.point_map import PointMap
@@ -38,12 +40,25 @@ class LiveCostmap:
         self._zone_masks: (
             tuple[tuple[Zone, ...], CellMask, tuple[tuple[float, CellMask], ...]] | None
         ) = None
+        self._beyond: BitPlane | None = None
         self._now: Costmap | None = None
 
     @property
     def space(self) -> FreeSpace:
         """Cells that the robot's centre may be in; live, for the path planner."""
         return self._inflated.space
+
+    def grow(self, growth: Growth) -> None:
+        """Continue on the larger grid to which the map has grown; `space` is a new object, and
+        `follow` has to be called before it is used."""
+        self._inflated.grow(growth)
+        self._order = self._zone_masks = None
+
+    def restart(self) -> None:
+        """Begin again on the grid of a map that was replaced; `space` is a new object, and `follow`
+        has to be called before it is used."""
+        self._inflated = InflatedGrid(self._map.spec.rows, self._map.spec.cols)
+        self._order = self._zone_masks = None
 
     def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Costmap:
         """Return the costmap of the present map for a beware list and zones; the same object as
@@ -65,6 +80,7 @@ class LiveCostmap:
             plain, wide = zone_masks(zones, self._map.spec)
             packed = tuple((margin_m, CellMask.of(mask)) for margin_m, mask in wide)
             self._zone_masks = (zones, CellMask.of(plain), packed)
+            self._beyond = closed_from_beyond(zones, self._map.spec, self._radius)
         _, self._zones, self._wide = self._zone_masks
         margins = {NOTHING: 0.0, **{entry.class_id: entry.margin_m for entry in beware.enabled}}
         self._radius_of = {
@@ -84,6 +100,8 @@ class LiveCostmap:
         self._groups = {self._radius(0.0): [self._zones.plane]}
         for margin_m, mask in self._wide:
             self._groups.setdefault(self._radius(margin_m), []).append(mask.plane)
+        if self._beyond is not None:
+            self._groups.setdefault(0, []).append(self._beyond)
         for class_id, radius in self._radius_of.items():
             plane = self._map.layers.plane(class_id)
             self._groups.setdefault(radius, [])

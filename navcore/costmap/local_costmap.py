@@ -13,7 +13,7 @@ import numpy.typing as npt
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone, forbidden_cells
 from navcore.robot.profile import RobotProfile
 
 
@@ -85,7 +85,7 @@ def split_areas(
     for zone in zones:
         if not zone.closed or not _overlaps_grid(zone, spec):
             continue
-        area = inflate_by(rasterise(zone.polygon, spec), zone.margin_m, cell_m)
+        area = inflate_by(forbidden_cells(zone, spec), zone.margin_m, cell_m)
         if (area & body).any():
             entered.append(area)
         else:
@@ -105,7 +105,9 @@ def _footprint_cells(spec: GridSpec, profile: RobotProfile, pose: Pose2) -> Bool
 
 
 def _overlaps_grid(zone: Zone, spec: GridSpec) -> bool:
-    """Return whether a zone's bounding box with its margin overlaps the grid."""
+    """Return whether a zone may forbid a cell of the grid, by its bounding box with its margin."""
+    if zone.forbids_outside:
+        return True
     low, high = (
         np.min(zone.polygon, axis=0) - zone.margin_m,
         np.max(zone.polygon, axis=0) + zone.margin_m,

@@ -83,6 +83,10 @@ class Pose2:
         return math.hypot(x_m - self.x_m, y_m - self.y_m)
 
 
+IDENTITY = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+"""The pose of a frame in itself."""
+
+
 def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -> Matrix:
     """Return (4, 4) T_base_camera of a forward-facing optical frame, pitched down by
     `pitch_down_rad`."""
@@ -90,6 +94,22 @@ def camera_mount(*, x_m: float, y_m: float, z_m: float, pitch_down_rad: float) -
     # Columns: the optical x (right), y (down) and z (forward) axes, seen from the base.
     return np.array(
         [[0.0, -sin, cos, x_m], [-1.0, 0.0, 0.0, y_m], [0.0, -cos, -sin, z_m], [0.0, 0.0, 0.0, 1.0]]
+    )
+
+
+def tilt_matrix(roll_rad: float, pitch_rad: float) -> Matrix:
+    """Return (4, 4) T_level_base of a body that is rolled about its x and then pitched about the
+    level y axis (REP 103)."""
+    (sin_r, cos_r), (sin_p, cos_p) = (
+        (math.sin(angle), math.cos(angle)) for angle in (roll_rad, pitch_rad)
+    )
+    return np.array(
+        [
+            [cos_p, sin_p * sin_r, sin_p * cos_r, 0.0],
+            [0.0, cos_r, -sin_r, 0.0],
+            [-sin_p, cos_p * sin_r, cos_p * cos_r, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
     )
 
 

@@ -25,8 +25,8 @@ BitPlanes = npt.NDArray[np.uint64]
 PAD = 64
 """Blocked cells on every side of a plane."""
 ZERO, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
-LONGEST_SIDE, MOST_CELLS = 2**16 - 192, 2**26
-"""Limits of a grid: cells are numbered by 16 bits a side, and path lengths
+LONGEST_SIDE, MOST_CELLS = 65_000, 2**26
+"""Limits of a grid: cells are numbered by 16 bits a side, padding included, and path lengths
 (`search.open_list.UNIT`) are bounded for paths of 2^25 cells."""
 
 

@@ -46,6 +46,7 @@ from navcore.grid.bitplane import (
     unpack,
 )
 from navcore.grid.grid import BoolGrid, Cell
+from navcore.grid.growth import Growth
 
 FREE, AHEAD, BACK, DEAD_END_AHEAD, DEAD_END_BACK, SQUARE = range(6)
 FREED_LOG = 4096
@@ -100,6 +101,13 @@ class FreeSpace:
         complement(space.across[FREE], space.rows, space.cols)
         space.rebuild()
         return space
+
+    def adopt(self, space: FreeSpace, growth: Growth) -> None:
+        """Take over the path's sentinel and the log of changes from the space of a smaller grid:
+        the added cells belong to no path, and count as no change."""
+        self.sentinel[:] = growth.plane(space.sentinel)
+        self.freed[:] = space.freed + (growth.rows << 32 | growth.cols)
+        self.notes[:] = space.notes
 
     def rebuild(self) -> None:
         """Recompute everything from the free cells of the rows; the log then says that any cell may

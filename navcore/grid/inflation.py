@@ -25,6 +25,7 @@ from navcore.grid.bitplane import (
 )
 from navcore.grid.free_space import FREE, REBUILD_SHARE, FreeSpace, refresh, write_word
 from navcore.grid.grid import BoolGrid
+from navcore.grid.growth import Growth
 
 CHUNK_WORDS = 1024
 """Number of words that are inflated together, so that they stay in the first-level cache."""
@@ -68,6 +69,16 @@ class InflatedGrid:
             self._fresh[layer] = planes.get(radius, 0)
         self._apply_fresh()
         self._keep_only(planes)
+
+    def grow(self, growth: Growth) -> None:
+        """Continue on a larger grid with the same occupied cells; `space` is a new object."""
+        old, self.space = self.space, FreeSpace(growth.new.rows, growth.new.cols)
+        grown = np.zeros((len(self._radii), *self.space.across.shape[1:]), dtype=np.uint64)
+        for layer, plane in enumerate(self._raw):
+            grown[layer] = growth.plane(plane)
+        self._raw, self._fresh = grown, np.zeros_like(grown)
+        self._rebuild()
+        self.space.adopt(old, growth)
 
     @property
     def reach(self) -> int:

@@ -70,6 +70,7 @@ def update_confidence(
     """
     return _update(
         points.records,
+        points.changed,
         points.first,
         cols,
         box,
@@ -99,6 +100,7 @@ def _updated_log_odds(confidence: float, claim: float, steps: _LogOdds) -> float
 @compiled
 def _update(
     records: Records,
+    changed: npt.NDArray[np.bool_],
     first: Cells,
     cols: int,
     box: Box,
@@ -139,6 +141,7 @@ def _update(
                             claim = max(claim, float(confidence[r, c]))
                 odds = _updated_log_odds(float(records[index].confidence), claim, steps)
                 records[index].confidence = 1 / (1 + math.exp(-odds))
+                changed[index] = True
                 cells.append(np.int64(row * cols + col))
                 if odds <= steps.least:
                     forget.append(np.int64(index))

@@ -13,11 +13,13 @@ import numpy.typing as npt
 
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
-from navcore.geometry.arrays import Indices
+from navcore.geometry.arrays import Bools, Indices
 from navcore.grid.bitplane import BitPlane, BitPlanes, empty_plane, unpack
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mapping.point_table import PointTable, refresh_planes
+from navcore.grid.growth import Growth
+from navcore.mapping.point_queries import refresh_planes
+from navcore.mapping.point_table import PointTable
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareList
 
@@ -45,6 +47,18 @@ class Changes:
     """(N,) cells, row · cols + col."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LayerRules:
+    """What decides which cells the points of a map occupy."""
+
+    class_ids: npt.NDArray[np.uint8]
+    """(K,) class of each layer."""
+    least: npt.NDArray[np.float32]
+    """(64,) smallest confidence of a point that counts, by class id."""
+    loaded_prior: CellMask | None
+    """Occupied cells of the prior map as it was loaded; None without one."""
+
+
 class MapLayers:
     """One layer for every class ever detected; `NOTHING` for geometric obstacles."""
 
@@ -56,7 +70,7 @@ class MapLayers:
         self._least = np.zeros(64, dtype=np.float32)
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
-        self._has_prior = False
+        self._loaded_prior: CellMask | None = None
         self._prior_mask: CellMask | None = None
 
     def add_classes(self, class_ids: npt.NDArray[np.uint8]) -> None:
@@ -87,15 +101,41 @@ class MapLayers:
             self._changes.append(Changes(class_ids=class_ids, cells=changed))
         return len(changed) > 0
 
-    def rebuild(self, points: PointTable, prior: BoolGrid) -> None:
-        """Recompute all layers from the points and the (rows, cols) cells of a prior map."""
-        self._prior, self._prior_mask = prior.reshape(-1).copy(), None
-        self._has_prior = bool(prior.any())
+    def grow(self, growth: Growth) -> None:
+        """Continue on a larger grid; all cells then count as changed."""
+        self._spec = growth.new
+        self._planes = np.stack([growth.plane(plane) for plane in self._planes])
+        loaded, prior = self._loaded_prior, np.zeros(growth.new.rows * growth.new.cols, np.bool_)
+        if loaded is not None:
+            prior[growth.flat(np.flatnonzero(self._prior))] = True
+        self._set_prior(prior, None if loaded is None else growth.mask(loaded))
+        self._changes = None
+
+    def rebuild(self, points: PointTable, prior: BoolGrid, spec: GridSpec) -> None:
+        """Recompute all layers from the points and the (rows, cols) cells of a prior map on a
+        grid."""
+        self._spec = spec
+        self._set_prior(prior.reshape(-1).copy(), CellMask.of(prior) if prior.any() else None)
         self.add_classes(points.live["class_id"])
-        self._planes[:] = 0
-        self.refresh(
-            points, np.union1d(points.live["cell"].astype(np.int64), np.flatnonzero(self._prior))
+        self._planes = layer_planes(self.rules(), points, self._prior, self._spec)
+        self._changes = None
+
+    def rules(self) -> LayerRules:
+        """Return what decides which cells the points occupy."""
+        return LayerRules(
+            class_ids=self._class_ids, least=self._least, loaded_prior=self._loaded_prior
         )
+
+    def replace(
+        self, rules: LayerRules, planes: BitPlanes, prior: Bools, points: PointTable
+    ) -> None:
+        """Set the layers and the (rows · cols,) cells of the prior map to those that
+        `layer_planes` computed with the rules before some changes of these points; all cells count
+        as changed, and `refresh` has to follow for the changes."""
+        self._prior, self._prior_mask = prior, None
+        added = np.zeros((len(self._class_ids) - len(planes), *planes.shape[1:]), dtype=np.uint64)
+        self._planes = np.concatenate([planes, added]) if len(added) else planes
+        self._refresh_classes(points, np.flatnonzero(rules.least != self._least))
         self._changes = None
 
     def use(self, beware: BewareList, points: PointTable) -> None:
@@ -105,14 +145,8 @@ class MapLayers:
             # A threshold above what the map can reach would disable the class silently.
             least[entry.class_id] = min(entry.min_confidence, self._certain)
         stale = np.flatnonzero(least != self._least)
-        if len(stale):
-            self._least = least
-            self.refresh(
-                points,
-                np.unique(points.live["cell"][np.isin(points.live["class_id"], stale)]).astype(
-                    np.int64
-                ),
-            )
+        self._least = least
+        self._refresh_classes(points, stale)
 
     def take_changes(self) -> Changes | None:
         """Return the changes since the last call; None at the first, when all cells count as
@@ -143,9 +177,9 @@ class MapLayers:
     @property
     def prior(self) -> CellMask | None:
         """Occupied cells of the prior map that were not seen free; None without a prior map."""
-        if self._has_prior and self._prior_mask is None:
+        if self._loaded_prior is not None and self._prior_mask is None:
             self._prior_mask = CellMask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
-        return self._prior_mask if self._has_prior else None
+        return self._prior_mask
 
     def load_prior(self, occupied: BoolGrid, points: PointTable) -> bool:
         """Occupy the (rows, cols) cells of a prior map until they are disproved; return whether any
@@ -156,20 +190,46 @@ class MapLayers:
                 f"got {occupied.shape}"
             )
         before = np.flatnonzero(self._prior)
-        self._prior, self._prior_mask, self._has_prior = occupied.reshape(-1).copy(), None, True
+        self._set_prior(occupied.reshape(-1).copy(), CellMask.of(occupied))
         return self.refresh(points, np.union1d(before, np.flatnonzero(self._prior)))
 
-    def clear_prior(self, seen: Indices, heights: npt.NDArray[np.uint64]) -> Indices:
-        """Remove and return the cells of the prior map whose floor was measured; `refresh` has to
-        follow.
+    @property
+    def floor_bins(self) -> np.uint64:
+        """Height bins in which a measurement disproves the prior map; 0 without a prior map."""
+        return np.uint64(0) if self._loaded_prior is None else self._floor_bins
 
-        `seen`: (N,) measured cells, row · cols + col. `heights`: (N,) one bit for each height bin
-        in which a surface was measured.
-        """
-        if not self._has_prior:
-            return np.empty(0, dtype=np.int64)
-        cells: Indices = seen[(heights & self._floor_bins != 0) & self._prior[seen]]
+    def clear_prior(self, floor: Indices) -> Indices:
+        """Remove and return the cells of the prior map among (N,) cells, row · cols + col, whose
+        floor was measured; `refresh` has to follow."""
+        cells: Indices = floor[self._prior[floor]]
         self._prior[cells] = False
         if len(cells):
             self._prior_mask = None
         return cells
+
+    def _set_prior(self, prior: Bools, loaded: CellMask | None) -> None:
+        self._prior, self._prior_mask, self._loaded_prior = prior, None, loaded
+
+    def _refresh_classes(self, points: PointTable, class_ids: Indices) -> None:
+        """Recompute the cells that hold points of some classes."""
+        if len(class_ids):
+            cells = points.live["cell"][np.isin(points.live["class_id"], class_ids)]
+            self.refresh(points, np.unique(cells[cells >= 0]).astype(np.int64))
+
+
+def layer_planes(rules: LayerRules, points: PointTable, prior: Bools, spec: GridSpec) -> BitPlanes:
+    """Return the plane of each class for points and the (rows · cols,) cells of a prior map."""
+    planes = np.stack([empty_plane(spec.rows, spec.cols)] * len(rules.class_ids))
+    cells = points.live["cell"]
+    occupied = np.union1d(cells[cells >= 0].astype(np.int64), np.flatnonzero(prior))
+    refresh_planes(
+        points.records,
+        points.first,
+        occupied,
+        spec.cols,
+        prior,
+        rules.least,
+        rules.class_ids,
+        planes,
+    )
+    return planes

@@ -22,26 +22,32 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole
 from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
+from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
-from navcore.mapping.map_state import MapState, check_state
+from navcore.mapping import stored_scans, stored_submaps
+from navcore.mapping.map_state import MapState, check_points, check_state
+from navcore.mapping.placing import base_points, map_points, pose_rows
 from navcore.mapping.point_table import MapPoints
+from navcore.mapping.stored_scans import NO_SCANS, scan_parts, scans_of
+from navcore.mapping.stored_submaps import Parts, submap_parts, submaps_of
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.toml_config import from_table, ranged
 
 log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
-VERSION = 1
+VERSION = 2
+"""Version that is written; version 1, which had neither positions by pose nor submaps nor scans, is
+read, too."""
 MAX_BYTES = 1 << 29
 """Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
 """Largest total of the unpacked parts, in bytes."""
-_COLUMNS = ("points_map", "rgb", "class_ids", "confidence", "range_m", "pose_ids")
+_COLUMNS = ("rgb", "class_ids", "confidence", "range_m", "pose_ids")
 _MASKS = {"seen": "measured", "looked": "visible", "trodden": "driven", "prior": "prior"}
 """Part → field of `MapState` for each set of cells."""
-_KINDS: Mapping[str, tuple[type[np.generic], int]] = {
+_COMMON: Mapping[str, tuple[type[np.generic], int]] = {
     "head": (np.uint8, 1),
-    "points_map": (np.float32, 2),
     "rgb": (np.uint8, 2),
     "class_ids": (np.uint8, 1),
     "confidence": (np.float32, 1),
@@ -51,8 +57,15 @@ _KINDS: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
-"""Part → type and number of axes. Sets of cells are packed eight cells of a row to a byte, the
-first in the highest bit."""
+_KINDS: Mapping[int, Mapping[str, tuple[type[np.generic], int]]] = {
+    1: {**_COMMON, "points_map": (np.float32, 2)},
+    2: {**_COMMON, "points_base": (np.float32, 2), **stored_submaps.KINDS, **stored_scans.KINDS},
+}
+"""Version → part → type and number of axes.
+
+`points_base` are (N, 3) positions in the base frame at each point's pose, with the height of the
+map frame. Sets of cells are packed eight cells of a row to a byte, the first in the highest bit.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,11 +110,13 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
         class_ids=tuple(class_names),
         class_names=tuple(class_names.values()),
     )
-    parts: dict[str, npt.NDArray[Any]] = {name: getattr(state.points, name) for name in _COLUMNS}
+    parts: Parts = {name: getattr(state.points, name) for name in _COLUMNS}
     parts |= {
         name: np.packbits(getattr(state, field).bools, axis=1) for name, field in _MASKS.items()
     }
     parts |= {"poses": state.poses, "volume": state.volume}
+    parts["points_base"] = np.column_stack([state.points_base, state.points.points_map[:, 2]])
+    parts |= submap_parts(state.submaps) | scan_parts(state.scans)
     parts["head"] = np.frombuffer(json.dumps(asdict(head)).encode(), dtype=np.uint8)
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **parts)
@@ -111,22 +126,31 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
 def load(path: Path) -> StoredMap:
     """The map of a file; raises `BadConfiguration` for one that is torn, damaged, too large or no
     map."""
-    parts = _read(read_whole(path, at_most=MAX_BYTES), path.name)
-    head = _head(parts["head"], path.name)
-    spec = GridSpec(**asdict(head.spec))
+    version, parts = _read(read_whole(path, at_most=MAX_BYTES), path.name)
+    head = _head(parts["head"], version, path.name)
+    spec, where = GridSpec(**asdict(head.spec)), path.name
+    check_points(parts, spec, where)
+    rows = pose_rows(Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in parts["poses"].tolist())
+    if version == 1:
+        points_map = parts["points_map"]
+        points_base = base_points(points_map, parts["pose_ids"], rows)
+    else:
+        points_base = parts["points_base"][:, :2].copy()
+        points_map = map_points(parts["points_base"], parts["pose_ids"], rows)
     state = MapState(
         spec=spec,
-        points=MapPoints(**{name: parts[name] for name in _COLUMNS}),
+        points=MapPoints(points_map=points_map, **{name: parts[name] for name in _COLUMNS}),
+        points_base=points_base,
         poses=parts["poses"],
         volume=parts["volume"],
-        **{
-            field: _mask(parts[name], spec, f"{path.name}: {name}")
-            for name, field in _MASKS.items()
-        },
+        submaps={} if version == 1 else submaps_of(parts, len(parts["poses"]), MAX_UNPACKED, where),
+        scans=NO_SCANS if version == 1 else scans_of(parts, len(parts["poses"]), where),
+        **{field: _mask(parts[name], spec, f"{where}: {name}") for name, field in _MASKS.items()},
     )
-    check_state(state, path.name)
+    check_state(state, where)
     return StoredMap(
-        state=state, class_names=dict(zip(head.class_ids, head.class_names, strict=True))
+        state=state,
+        class_names=dict(zip(head.class_ids, head.class_names, strict=True)),
     )
 
 
@@ -153,23 +177,28 @@ def check_classes(stored: StoredMap, beware: BewareList) -> None:
             )
 
 
-def _read(data: bytes, where: str) -> dict[str, npt.NDArray[Any]]:
+def _read(data: bytes, where: str) -> tuple[int, Parts]:
+    """Return the version of a file, by the parts that it has, and its parts."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             entries = packed.infolist()
-            if sorted(entry.filename for entry in entries) != sorted(
-                f"{name}.npy" for name in _KINDS
-            ):
+            names = sorted(entry.filename for entry in entries)
+            version = next(
+                (v for v, parts in _KINDS.items() if names == sorted(f"{p}.npy" for p in parts)), 0
+            )
+            if not version:
                 raise BadConfiguration(
-                    f"{where}: no map of this program; expected the parts {', '.join(_KINDS)}"
+                    f"{where}: no map of this program; expected the parts "
+                    f"{', '.join(_KINDS[VERSION])}"
                 )
+            kinds = _KINDS[version]
             if (size := sum(entry.file_size for entry in entries)) > MAX_UNPACKED:
                 raise BadConfiguration(
                     f"{where}: {size} bytes unpacked, at most {MAX_UNPACKED} are read"
                 )
-            return {
-                name: _array(packed.read(f"{name}.npy"), *_KINDS[name], f"{where}: {name}")
-                for name in _KINDS
+            return version, {
+                name: _array(packed.read(f"{name}.npy"), *kinds[name], f"{where}: {name}")
+                for name in kinds
             }
     except (
         zipfile.BadZipFile,
@@ -203,17 +232,17 @@ def _mask(packed: npt.NDArray[np.uint8], spec: GridSpec, where: str) -> CellMask
     return CellMask.of(np.unpackbits(packed, axis=1, count=spec.cols).view(np.bool_))
 
 
-def _head(part: npt.NDArray[Any], where: str) -> _Head:
+def _head(part: npt.NDArray[Any], version: int, where: str) -> _Head:
     try:
         table = json.loads(part.tobytes())
     except (ValueError, RecursionError):
         raise BadConfiguration(f"{where}: head: damaged, not readable as JSON") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise BadConfiguration(f"{where}: no map of this program")
-    if table.get("version") != VERSION:
+    if table.get("version") != version:
         raise BadConfiguration(
             f"{where}: made in version {table.get('version')!r:.20} of the format, this program "
-            f"reads {VERSION}"
+            f"reads {' and '.join(map(str, _KINDS))}, and the parts are those of {version}"
         )
     head = from_table(_Head, table, f"{where}: head")
     if head.spec.rows * head.spec.cols > MAX_PIXELS:

@@ -8,7 +8,7 @@ import numpy as np
 
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import FloatImage
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
@@ -34,16 +34,29 @@ class Mapper:
         self._placed = False
 
     def update(
-        self, frame: Frame, labels: Labels, beware: BewareList, ground_m: FloatImage | None = None
+        self,
+        frame: Frame,
+        labels: Labels,
+        beware: BewareList,
+        ground_m: FloatImage | None = None,
+        T_map_odom: Pose2 = IDENTITY,
     ) -> None:
-        """Insert the frame's points under its pose ID, and remove what people left on the map."""
+        """Insert the frame's points under its pose ID, and remove what people left on the map.
+
+        The frame is placed in the map; the tracker of people is in odometry's frame.
+        """
         self._mark_driven(frame.pose)
         rules = self._config.points
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
         self.map.insert(seen, frame, labels)
         people = beware.people_ids
-        self.map.forget(self._tracker.trail(self.map.spec), [NOTHING, *people])
-        self.map.clear_ghosts(seen.box, self._tracker.is_free_floor, people, frame)
+        self.map.forget(self._tracker.trail(self.map.spec, T_map_odom), [NOTHING, *people])
+        self.map.clear_ghosts(
+            seen.box,
+            lambda positions: self._tracker.is_free_floor(T_map_odom.from_parent(positions)),
+            people,
+            frame,
+        )
         self.map.explored.integrate_rays(frame, rules)
 
     def reset_pose(self) -> None:
@@ -58,4 +71,4 @@ class Mapper:
             circle = np.column_stack([np.cos(angles), np.sin(angles)])
             outline = self._config.start_clear_m * circle
             self._placed = True
-        self.map.explored.mark_driven(pose.to_parent(outline))
+        self.map.explored.mark_driven(pose.to_parent(outline), pose)

@@ -22,25 +22,30 @@ import numpy.typing as npt
 
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
-from navcore.geometry.arrays import Bools, Indices, Points
-from navcore.geometry.transform import Pose2, invert, wrap_angle
+from navcore.geometry.arrays import Bools, Floats, Indices, Points
+from navcore.geometry.transform import Pose2, invert
 from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, Box, GridSpec, inflate
+from navcore.grid.growth import Growth
 from navcore.mapping.clearing import find_outdated
 from navcore.mapping.confidence import initial_confidence, update_confidence
+from navcore.mapping.correction import (
+    MapSnapshot,
+    PreparedCorrection,
+    catch_up,
+    prepare,
+    replace_points,
+)
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
-from navcore.mapping.point_table import (
-    POINT,
-    MapPoints,
-    PointTable,
-    Records,
-    levels_of,
-    points_in,
-    redundant_points,
-)
+from navcore.mapping.patch import DRIVEN, FLOOR, MEASURED, VISIBLE
+from navcore.mapping.placing import base_points, place, pose_rows
+from navcore.mapping.point_queries import points_in, redundant_points
+from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, levels_of
+from navcore.mapping.pose_ids import PoseIds, check_movable
+from navcore.mapping.stored_scans import NO_SCANS, StoredScans
 from navcore.mapping.visibility import VisibilityMap
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
@@ -61,11 +66,15 @@ class PointMap:
         self._points = PointTable(spec.rows * spec.cols)
         self.layers = MapLayers(spec, rules)
         """Occupied cells by class."""
-        self.explored = VisibilityMap(spec, rules.raycast)
+        self.pose_ids = PoseIds(rules.pose_spacing_m, rules.pose_spacing_deg)
+        """Poses from which the points were measured."""
+        self.explored = VisibilityMap(spec, rules.raycast, self.pose_ids)
         """Known space."""
-        self._poses: list[Pose2] = []
         self._has_uncertain = False  # whether any point may have a confidence below 1
         self._over_budget = False
+        self._snapshot = 0  # number of the newest snapshot
+        self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
+        """Returns the scans that are stored with the map, as what makes them has set it."""
         self.version = 0
         """Number that grows whenever a cell of any layer becomes occupied or free, or the
         confidence of a beware point may have changed."""
@@ -78,9 +87,12 @@ class PointMap:
         """
         if labels is not None:
             self._update_confidence(frame, labels, observation.box)
-        pose_id = self._pose_id_of(frame.pose)
+        pose_id = self.pose_ids.id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
-        new = self._records(observation, pose_id)
+        rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
+        points_base = base_points(observation.points_map, at, rows)
+        new = self._records(observation, points_base, at, rows)
+        new["pose_id"] = pose_id
         if labels is not None and (new["confidence"] < 1).any():
             new["confidence"] = initial_confidence(
                 new["confidence"],
@@ -89,17 +101,25 @@ class PointMap:
             )
         self._has_uncertain = self._has_uncertain or bool((new["confidence"] < 1).any())
         self.layers.add_classes(new["class_id"])
-        touched = np.concatenate([self._points.live["cell"][outdated], new["cell"]]).astype(
-            np.int64
-        )
+        cells = new["cell"][new["cell"] >= 0]
+        touched = np.concatenate([self._points.live["cell"][outdated], cells]).astype(np.int64)
         beware_changed = bool(
             (self._points.live["class_id"][outdated] != NOTHING).any()
             or (new["class_id"] != NOTHING).any()
         )
         self._points.remove(outdated)
         self._points.add(new, one_per_cell=self._over_budget)
-        self.explored.mark_measured(observation.cells_seen, observation.heights_seen)
-        disproved = self.layers.clear_prior(observation.cells_seen, observation.heights_seen)
+        floor_bins = self.layers.floor_bins
+        marked = self.explored.mark_measured(
+            observation.cells_seen,
+            observation.heights_seen,
+            observation.box,
+            pose_id,
+            floor_bins,
+        )
+        disproved = np.empty(0, dtype=np.int64)
+        if floor_bins:
+            disproved = self.layers.clear_prior(marked.cells(FLOOR, self.spec.cols))
         changed = self.layers.refresh(self._points, np.concatenate([touched, disproved]))
         self.version += changed or beware_changed
         self._keep_to_budget()
@@ -150,82 +170,126 @@ class PointMap:
         )
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
-        """Move past poses (pose ID → corrected T_map_base) with their points, for example after a
-        loop closure.
+        """Move past poses (pose ID → corrected T_map_base) with all that was seen from them, for
+        example after a loop closure.
 
-        Raises `BadConfiguration` for an unknown pose ID, and then nothing has moved. Points that
-        leave the grid are forgotten. Of two points in one voxel the more confident one stays.
+        Afterwards the map is the one of each pose's own points and explored cells at the present
+        poses: nothing is merged or lost, and points beside the grid come back with their pose.
+        Raises `BadConfiguration` for an unknown or frozen pose ID, and then nothing has moved.
+        This takes long on a large map; `snapshot`, `prepare` and `apply` are its parts.
         """
-        unknown = [pose_id for pose_id in poses if not 0 <= pose_id < len(self._poses)]
-        if unknown:
-            raise BadConfiguration(
-                f"pose ID {unknown[0]} is not on the map, which has {len(self._poses)}"
-            )
-        moving = np.flatnonzero(
-            np.isin(self._points.live["pose_id"], np.array(list(poses), dtype=np.int32))
+        self.apply(prepare(self.snapshot(), poses))
+
+    def snapshot(self) -> MapSnapshot:
+        """Return what `correction.prepare` needs, as a value; an earlier snapshot becomes
+        invalid."""
+        self._snapshot += 1
+        self._points.changed[:] = False
+        count = self._points.count
+        records = self._points.copied_records()
+        return MapSnapshot(
+            number=self._snapshot,
+            spec=self.spec,
+            records=records,
+            count=count,
+            poses=self.pose_ids.poses,
+            frozen=self.pose_ids.frozen,
+            spacing=(self.pose_ids.spacing_m, self.pose_ids.spacing_deg),
+            rules=self.layers.rules(),
+            base=self.explored.base,
+            submaps=self.explored.submaps.snapshot(),
         )
-        taken = self._points.live[moving].copy()
-        self._points.remove(moving)
-        before = taken["cell"].astype(np.int64)
-        for pose_id, pose in poses.items():
-            own = taken["pose_id"] == pose_id
-            T_new_old = pose.matrix() @ invert(self._poses[pose_id].matrix())
-            xy = (
-                np.column_stack([taken["x"][own], taken["y"][own]]).astype(np.float64)
-                @ T_new_old[:2, :2].T
-                + T_new_old[:2, 3]
-            )
-            taken["x"][own], taken["y"][own] = xy[:, 0], xy[:, 1]
-            self._poses[pose_id] = pose
-        kept = self._on_grid(taken)
-        self._points.add(kept, one_per_cell=self._over_budget)
-        self.version += (
-            self.layers.refresh(
-                self._points, np.concatenate([before, kept["cell"].astype(np.int64)])
-            )
-            or len(moving) > 0
-        )
+
+    def grow(self, growth: Growth) -> None:
+        """Continue on a larger grid; every point, cell and pose stays in its place, and points that
+        were beside the grid come back."""
+        self.spec = growth.new
+        beside = self._points.grow(growth)
+        self.layers.grow(growth)
+        self.explored.grow(growth)
+        rows = pose_rows(self.pose_ids.poses)
+        self.layers.refresh(self._points, replace_points(self._points, beside, rows, self.spec))
+        self._snapshot += 1
+        self.version += 1
+
+    def apply(self, prepared: PreparedCorrection, later: Mapping[int, Pose2] | None = None) -> bool:
+        """Take over a correction with what frames have changed since its snapshot; False if the map
+        was corrected, restored, grown or given a prior map meanwhile, and then nothing has
+        happened.
+
+        `later`: poses of IDs that are newer than the snapshot. Raises `BadConfiguration` for one
+        that is not, or is unknown, and then nothing has moved.
+        """
+        if prepared.number != self._snapshot:
+            return False
+        later, known = {} if later is None else later, prepared.known
+        check_movable(prepared.poses, known, self.pose_ids.frozen)
+        check_movable(later, len(self.pose_ids), known)
+        self.pose_ids.adopt(prepared.pose_ids, later)
+        self._snapshot += 1
+        touched = sorted(self.explored.submaps.touched)
+        newer = (self.pose_ids[pose_id] for pose_id in range(known, len(self.pose_ids)))
+        rows = np.vstack([prepared.rows, pose_rows(newer)])
+        cells = catch_up(prepared.points, self._points, rows, self.spec)
+        prepared.points.reuse(self._points)
+        self._points = prepared.points
+        self.explored.replace(prepared.explored, touched)
+        self.layers.replace(prepared.rules, prepared.planes, prepared.prior, self._points)
+        if self.layers.floor_bins:
+            floor = [self.explored.floor_of(pose_id) for pose_id in touched]
+            disproved = self.layers.clear_prior(np.concatenate([cells[:0], *floor]))
+            cells = np.concatenate([cells, disproved])
+        self.layers.refresh(self._points, cells)
+        self.version += 1
+        return True
 
     def load_prior(self, occupied: BoolGrid) -> None:
         """Occupy the (rows, cols) cells of a prior map until the camera sees their floor free."""
         self.version += self.layers.load_prior(occupied, self._points)
+        self.explored.forget_floor()
+        self._snapshot += 1
 
     def state(self) -> MapState:
         """Return the complete state of the map."""
-        rows, cols, explored = self.spec.rows, self.spec.cols, self.explored
+        rows, cols, base = self.spec.rows, self.spec.cols, self.explored.base
+        live = self._points.live
         return MapState(
             spec=self.spec,
             points=self._points.copied(),
-            poses=np.array(
-                [[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64
-            ).reshape(-1, 3),
-            measured=CellMask.copied(explored.measured, rows, cols),
-            visible=CellMask.copied(explored.visible, rows, cols),
-            driven=CellMask.copied(explored.driven, rows, cols),
+            points_base=np.column_stack([live["base_x"], live["base_y"]]),
+            poses=self.pose_ids.array(),
+            measured=CellMask.copied(base.planes[MEASURED], rows, cols),
+            visible=CellMask.copied(base.planes[VISIBLE], rows, cols),
+            driven=CellMask.copied(base.planes[DRIVEN], rows, cols),
+            volume=base.volume.copy(),
+            submaps=self.explored.submaps.values(),
+            scans=self.scans(),
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
-            volume=explored.volume.copy(),
         )
 
     def restore(self, state: MapState) -> None:
-        """Replace the contents by a stored state; raises `BadConfiguration` for a state of another
-        grid."""
-        if state.spec != self.spec:
+        """Replace the contents by a stored state, whose poses are constants from then on, and the
+        grid by that of the state; raises `BadConfiguration` for cells of another size."""
+        if state.spec.resolution_m != self.spec.resolution_m:
             raise BadConfiguration(
                 f"the stored map covers {state.spec.extent()} in cells of "
                 f"{state.spec.resolution_m:g} m, "
                 f"this one {self.spec.extent()} in cells of {self.spec.resolution_m:g} m"
             )
-        records = self._records(state.points, state.points.pose_ids)
+        self.spec = state.spec
+        self.pose_ids.restore(state.poses)
+        held, rows = state.points, pose_rows(self.pose_ids.poses)
+        records = self._records(held, state.points_base, held.pose_ids, rows)
+        records["pose_id"] = held.pose_ids
         self._points = PointTable(self.spec.rows * self.spec.cols)
-        self._points.add(records)
+        self._points.load(records, len(records))
         self._has_uncertain = bool((records["confidence"] < 1).any())
-        self._poses = [Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in state.poses.tolist()]
-        explored = self.explored
-        explored.measured, explored.visible, explored.driven = (
-            mask.plane.copy() for mask in (state.measured, state.visible, state.driven)
+        self.explored.restore(
+            self.spec, (state.measured, state.visible, state.driven), state.volume, state.submaps
         )
-        explored.volume = state.volume.copy()
-        self.layers.rebuild(self._points, state.prior.bools)
+        self.layers.rebuild(self._points, state.prior.bools, self.spec)
+        self.scans = lambda: state.scans
+        self._snapshot += 1
         self.version += 1
 
     def use(self, beware: BewareList) -> None:
@@ -240,23 +304,13 @@ class PointMap:
     @property
     def poses(self) -> tuple[Pose2, ...]:
         """T_map_base of every pose ID, in order."""
-        return tuple(self._poses)
+        return self.pose_ids.poses
 
     @property
     def memory_mb(self) -> float:
         """Memory of the points in megabytes; `MappingConfig.budget_mb` bounds it unless every cell
         is down to one point of each class."""
         return self._points.bytes_used / 1e6
-
-    def _pose_id_of(self, pose: Pose2) -> int:
-        near = bool(self._poses) and (
-            self._poses[-1].distance_to(pose.x_m, pose.y_m) < self._rules.pose_spacing_m
-            and abs(wrap_angle(pose.yaw_rad - self._poses[-1].yaw_rad))
-            < math.radians(self._rules.pose_spacing_deg)
-        )
-        if not near:
-            self._poses.append(pose)
-        return len(self._poses) - 1
 
     def _update_confidence(self, frame: Frame, labels: Labels, box: Box) -> None:
         """Update the confidence of the uncertain points in view, and forget the disproved ones."""
@@ -292,37 +346,22 @@ class PointMap:
         )
 
     def _records(
-        self, seen: Observation | MapPoints, pose_ids: int | npt.NDArray[np.int32]
+        self,
+        seen: Observation | MapPoints,
+        points_base: npt.NDArray[np.float32],
+        poses: npt.NDArray[np.int32],
+        rows: Floats,
     ) -> Records:
+        """Return points as records without their pose ID, placed by (N, 2) positions in the base
+        frame at `poses`, (N,) indices of `pose_rows`."""
         new = np.zeros(len(seen.class_ids), dtype=POINT)
-        new["x"], new["y"], new["z"] = seen.points_map.T
+        new["base_x"], new["base_y"] = points_base.T
+        new["z"] = seen.points_map[:, 2]
         new["r"], new["g"], new["b"] = seen.rgb.T
         new["class_id"], new["confidence"] = seen.class_ids, seen.confidence
-        new["range_m"], new["pose_id"] = seen.range_m, pose_ids
-        new["level"] = levels_of(new["z"])
-        # A point inside the border may be outside by a rounding error in single precision.
-        rows, cols = self._rows_cols(new)
-        new["cell"] = np.clip(rows, 0, self.spec.rows - 1) * self.spec.cols + np.clip(
-            cols, 0, self.spec.cols - 1
-        )
+        new["range_m"], new["level"] = seen.range_m, levels_of(new["z"])
+        place(new, poses, rows, self.spec)
         return new
-
-    def _on_grid(self, records: Records) -> Records:
-        """Return the records on the grid, with their cells."""
-        rows, cols = self._rows_cols(records)
-        inside = (rows >= 0) & (rows < self.spec.rows) & (cols >= 0) & (cols < self.spec.cols)
-        records["cell"][inside] = (rows * self.spec.cols + cols)[inside]
-        return records[inside]
-
-    def _rows_cols(self, records: Records) -> tuple[Indices, Indices]:
-        spec = self.spec
-        rows = np.floor(
-            (records["y"].astype(np.float64) - spec.origin_y_m) / spec.resolution_m
-        ).astype(np.int64)
-        cols = np.floor(
-            (records["x"].astype(np.float64) - spec.origin_x_m) / spec.resolution_m
-        ).astype(np.int64)
-        return rows, cols
 
     def _keep_to_budget(self) -> None:
         """Thin the older half of the points, then all of them; a cell keeps one point of each

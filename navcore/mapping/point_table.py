@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.grid.bitplane import ONE, PAD, BitPlanes
+from navcore.geometry.arrays import Indices
+from navcore.grid.growth import Growth
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
 Cells = npt.NDArray[np.int32]
@@ -23,6 +24,8 @@ POINT = np.dtype(
         ("x", "f4"),
         ("y", "f4"),
         ("z", "f4"),
+        ("base_x", "f4"),
+        ("base_y", "f4"),
         ("range_m", "f4"),
         ("confidence", "f4"),
         ("pose_id", "i4"),
@@ -36,9 +39,13 @@ POINT = np.dtype(
     ],
     align=True,
 )
-"""Record of a point, 40 bytes: position in metres of the map frame, depth at which it was measured,
-confidence, pose ID, cell (row · cols + col), index of the cell's next point plus one (0: none),
-colour, class and height bin."""
+"""Record of a point, 48 bytes: position in metres of the map frame, position in metres of the base
+frame at its pose ID, from which the former is computed, depth at which it was measured, confidence,
+pose ID, cell (row · cols + col; `OFF_GRID` beside the grid), index of the cell's next point plus
+one (0: none), colour, class and height bin."""
+_WORDS = POINT.itemsize // 8
+OFF_GRID = -1
+"""Cell of a point that a correction moved beside the grid: it is kept and occupies nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,12 +67,19 @@ class MapPoints:
 
 
 class PointTable:
-    """Live points: the first `count` records, at most one of each class in a voxel."""
+    """Live points: the first `count` records.
+
+    Frames add at most one point of each class to a voxel; a correction of poses may move several
+    into one.
+    """
 
     def __init__(self, cells: int) -> None:
         """Make an empty table for a grid with this number of cells."""
         self.count = 0
         self.records: Records = np.zeros(0, dtype=POINT)
+        self.changed: npt.NDArray[np.bool_] = np.zeros(0, dtype=np.bool_)
+        """(len(records),) whether a record was written since `changed` was last set to False."""
+        self._spare: Records | None = None
         # Pages that were never written to cost no memory: only the used part of a large map counts.
         self.first: Cells = np.zeros(cells, dtype=np.int32)
         """(cells,) index of the first point of each cell plus one; 0 for none."""
@@ -74,18 +88,71 @@ class PointTable:
         """Add the points whose voxel has none of their class; return whether a confidence has
         risen.
 
-        Otherwise the point in the voxel stays, with the higher confidence of the two. With
-        `one_per_cell` that holds for the whole cell instead of the voxel.
+        Otherwise the most confident point in the voxel stays, with the higher confidence of the
+        two. With `one_per_cell` that holds for the whole cell instead of the voxel.
         """
         self._reserve(len(new))
-        self.count, raised = _add(self.records, self.count, self.first, new, one_per_cell)
+        self.count, raised = _add(
+            self.records, self.changed, self.count, self.first, new, one_per_cell
+        )
         return bool(raised)
+
+    def load(self, records: Records, count: int) -> None:
+        """Take over records, of which the first `count` are points, in their order; points that
+        share a voxel all stay."""
+        self.records, self.count = records, count
+        self.changed = np.zeros(len(records), dtype=np.bool_)
+        self.first = np.zeros(len(self.first), dtype=np.int32)
+        link(self.records, self.count, self.first)
+
+    def copied_records(self) -> Records:
+        """Return a copy of the points, with space for more: in the array given to `reuse`, if that
+        is large enough, because the first touch of new memory takes longer than the copying."""
+        records, self._spare = self._spare, None
+        if records is None or len(records) < self.count:
+            records = np.empty(len(self.records), dtype=POINT)
+        # As plain words: records are copied one by one.
+        records.view(np.uint64)[: self.count * _WORDS] = self.live.view(np.uint64)
+        return records
+
+    def reuse(self, other: PointTable) -> None:
+        """Take the memory of a table that serves no more."""
+        self._spare = other.records
+
+    def resize(self, count: int) -> None:
+        """Drop the points after the first `count`, which have no links, or make space for more."""
+        self._reserve(count - self.count)
+        self.count = count
 
     def remove(self, indices: npt.NDArray[np.int64]) -> None:
         """Remove points by index; the last points fill the gaps."""
         self.count = _remove(
-            self.records, self.count, self.first, np.sort(indices)[::-1].astype(np.int64)
+            self.records,
+            self.changed,
+            self.count,
+            self.first,
+            np.sort(indices)[::-1].astype(np.int64),
         )
+
+    def grow(self, growth: Growth) -> Indices:
+        """Continue on a larger grid; the order of the points stays.
+
+        Returns the (N,) points beside the old grid, which stay beside it, and in the cells at its
+        border, which may have been rounded into them.
+        """
+        live, old, spec = self.live, self.first, growth.old
+        on_grid = live["cell"] >= 0
+        before = live["cell"][on_grid].astype(np.int64)
+        after = growth.flat(before)
+        self.first = np.zeros(growth.new.rows * growth.new.cols, dtype=np.int32)
+        self.first[after] = old[before]
+        live["cell"][on_grid] = after
+        rows, cols = np.divmod(before, spec.cols)
+        at_border = ~on_grid
+        at_border[on_grid] = (
+            (rows == 0) | (cols == 0) | (rows == spec.rows - 1) | (cols == spec.cols - 1)
+        )
+        return np.flatnonzero(at_border)
 
     @property
     def live(self) -> Records:
@@ -111,9 +178,10 @@ class PointTable:
 
     def _reserve(self, more: int) -> None:
         if self.count + more > len(self.records):
-            grown = np.zeros(max(2 * (self.count + more), 4096), dtype=POINT)
-            grown[: self.count] = self.live
-            self.records = grown
+            size = max(2 * (self.count + more), 4096)
+            grown, changed = np.zeros(size, dtype=POINT), np.zeros(size, dtype=np.bool_)
+            grown[: self.count], changed[: self.count] = self.live, self.changed[: self.count]
+            self.records, self.changed = grown, changed
 
 
 def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
@@ -123,39 +191,79 @@ def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
 
 
 @compiled
+def link(records: Records, count: int, first: Cells) -> None:
+    """Link the points of each cell in the order of their indices; no cell has a link before."""
+    for index in range(count):
+        link_one(records, first, index)
+
+
+@compiled
+def link_one(records: Records, first: Cells, index: int) -> None:
+    """Add a point to the links of its cell."""
+    cell = records[index].cell
+    records[index].next = 0
+    if cell >= 0:
+        records[index].next = first[cell]
+        first[cell] = index + 1
+
+
+@compiled
+def unlink_one(records: Records, first: Cells, index: int) -> None:
+    """Take a point out of the links of its cell."""
+    if records[index].cell >= 0:
+        _relink(records, first, records[index].cell, index + 1, records[index].next)
+
+
+@compiled
 def _add(
-    records: Records, count: int, first: Cells, new: Records, one_per_cell: bool
+    records: Records,
+    changed: npt.NDArray[np.bool_],
+    count: int,
+    first: Cells,
+    new: Records,
+    one_per_cell: bool,
 ) -> tuple[int, bool]:
     raised = False
     for index in range(len(new)):
         cell, class_id, level = new[index].cell, new[index].class_id, new[index].level
-        at = first[cell]
+        at, best = first[cell] if cell >= 0 else 0, -1
         while at > 0:
             held = records[at - 1]
             if held.class_id == class_id and (one_per_cell or held.level == level):
-                break
+                # The most confident one, and of equal ones the first: whatever the order of links.
+                surer = best < 0 or held.confidence > records[best].confidence
+                if surer or (held.confidence == records[best].confidence and at - 1 < best):
+                    best = at - 1
             at = held.next
-        if at > 0:
-            if new[index].confidence > records[at - 1].confidence:
-                records[at - 1].confidence = new[index].confidence
-                raised = True
+        if best >= 0:
+            if new[index].confidence > records[best].confidence:
+                records[best].confidence = new[index].confidence
+                changed[best] = raised = True
             continue
         records[count] = new[index]
-        records[count].next = first[cell]
+        changed[count] = True
+        link_one(records, first, count)
         count += 1
-        first[cell] = count
     return count, raised
 
 
 @compiled
-def _remove(records: Records, count: int, first: Cells, indices: npt.NDArray[np.int64]) -> int:
+def _remove(
+    records: Records,
+    changed: npt.NDArray[np.bool_],
+    count: int,
+    first: Cells,
+    indices: npt.NDArray[np.int64],
+) -> int:
     """Remove indices in falling order, so that no point that fills a gap is still to be removed."""
     for index in indices:
-        _relink(records, first, records[index].cell, index + 1, records[index].next)
+        unlink_one(records, first, index)
         count -= 1
         if index != count:
-            _relink(records, first, records[count].cell, count + 1, index + 1)
+            if records[count].cell >= 0:
+                _relink(records, first, records[count].cell, count + 1, index + 1)
             records[index] = records[count]
+            changed[index] = True
     return count
 
 
@@ -169,90 +277,3 @@ def _relink(records: Records, first: Cells, cell: int, old: int, new: int) -> No
     while records[at - 1].next != old:
         at = records[at - 1].next
     records[at - 1].next = new
-
-
-@compiled
-def refresh_planes(
-    records: Records,
-    first: Cells,
-    cells: npt.NDArray[np.int64],
-    cols: int,
-    prior: npt.NDArray[np.bool_],
-    least: npt.NDArray[np.float32],
-    class_ids: npt.NDArray[np.uint8],
-    planes: BitPlanes,
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-    """Recompute the bits of (N,) cells in the plane of each class; return class and cell of every
-    changed bit.
-
-    A cell is occupied in a class if it has a point of the class with at least the confidence
-    `least` (64,), and in class 0 also if the `prior` map occupies it.
-    """
-    changed_class = np.empty(len(cells) * len(class_ids), dtype=np.uint8)
-    changed_cell = np.empty(len(cells) * len(class_ids), dtype=np.int64)
-    count = 0
-    for cell in cells:
-        held = np.uint64(prior[cell])
-        at = first[cell]
-        while at > 0:
-            point = records[at - 1]
-            if point.confidence >= least[point.class_id]:
-                held |= ONE << np.uint64(point.class_id)
-            at = point.next
-        line, col = cell // cols + PAD, cell % cols + PAD
-        for plane in range(len(class_ids)):
-            bit = ONE << np.uint64(col & 63)
-            is_set = planes[plane, line, col >> 6] & bit != 0
-            if is_set != (held >> np.uint64(class_ids[plane]) & ONE != 0):
-                planes[plane, line, col >> 6] ^= bit
-                changed_class[count], changed_cell[count] = class_ids[plane], cell
-                count += 1
-    return changed_class[:count], changed_cell[:count]
-
-
-@compiled
-def points_in(
-    first: Cells, records: Records, cells: npt.NDArray[np.int64], kinds: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.int64]:
-    """Return the indices of the points in (N,) distinct cells whose class is in `kinds`, (256,) by
-    class id."""
-    total = 0
-    for cell in cells:
-        at = first[cell]
-        while at > 0:
-            total += 1
-            at = records[at - 1].next
-    found, count = np.empty(total, dtype=np.int64), 0
-    for cell in cells:
-        at = first[cell]
-        while at > 0:
-            if kinds[records[at - 1].class_id]:
-                found[count] = at - 1
-                count += 1
-            at = records[at - 1].next
-    return found[:count]
-
-
-@compiled
-def redundant_points(
-    records: Records, count: int, first: Cells, newest_pose_id: int
-) -> npt.NDArray[np.int64]:
-    """Return the indices of the points up to a pose ID that share cell and class with another
-    point, all but the one with the highest confidence."""
-    found = np.empty(count, dtype=np.int64)
-    found_count = 0
-    for index in range(count):
-        point = records[index]
-        if point.pose_id > newest_pose_id:
-            continue
-        at = first[point.cell]
-        while at > 0:
-            other = records[at - 1]
-            if other.class_id == point.class_id and at - 1 != index:
-                surer = other.confidence > point.confidence
-                if surer or (other.confidence == point.confidence and at - 1 > index):
-                    found[found_count] = index
-                    found_count += 1
-                    break
-            at = other.next
-    return found[:found_count]

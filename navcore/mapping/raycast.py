@@ -11,11 +11,11 @@ import numpy as np
 from navcore.compiled import compiled
 from navcore.config.mapping import RaycastConfig
 from navcore.config.perception import ObservationConfig
-from navcore.geometry.arrays import FloatImage
+from navcore.geometry.arrays import FloatImage, Words
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import Matrix
-from navcore.grid.bitplane import ONE, PAD, BitPlane
-from navcore.grid.grid import GridSpec
+from navcore.grid.bitplane import ONE
+from navcore.grid.grid import Cell, GridSpec
 from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.robot.frame import Frame
 
@@ -42,13 +42,15 @@ def cast_rays(
     rules: ObservationConfig,
     density: RaycastConfig,
     *,
-    visible: BitPlane,
-    volume: BitPlane,
+    corner: Cell,
+    visible: Words,
+    volume: Words,
 ) -> None:
-    """Mark what lies between the camera and the surfaces that it measured.
+    """Mark what lies between the camera and the surfaces that it measured, in a part of the grid
+    with the first cell `corner`; the part contains all that the camera can measure.
 
-    `visible`: plane of (rows, cols) cells over which a line of sight passed, below the ceiling.
-    `volume`: uint64 of (⌈rows / 4⌉, ⌈cols / 4⌉) blocks, one bit for each height bin that a line of
+    `visible`: (rows, words) cells over which a line of sight passed, below the ceiling; no padding.
+    `volume`: uint64 of (rows / 4, 16 · words) blocks, one bit for each height bin that a line of
     sight passed through.
     """
     limits = _Limits(
@@ -61,7 +63,7 @@ def cast_rays(
         volume_stride=density.volume_stride,
     )
     t, lens = frame.T_map_camera, frame.intrinsics.pinhole
-    _cast_rays(frame.depth_m, t, lens, limits, spec.rows, spec.cols, visible, volume)
+    _cast_rays(frame.depth_m, t, lens, limits, spec.rows, spec.cols, corner, visible, volume)
 
 
 @compiled
@@ -72,8 +74,9 @@ def _cast_rays(
     limits: _Limits,
     rows: int,
     cols: int,
-    visible: BitPlane,
-    volume: BitPlane,
+    corner: Cell,
+    visible: Words,
+    volume: Words,
 ) -> None:
     height, width = depth_m.shape
     stride, sparse, ceiling_m = limits.stride_px, limits.volume_stride, limits.ceiling_m
@@ -93,15 +96,15 @@ def _cast_rays(
             if depth > furthest:
                 furthest, furthest_row = depth, i
             if i // stride % sparse == 0 and j // stride % sparse == 0:
-                _mark_volume(t, a, b, depth, limits, volume)
+                _mark_volume(t, a, b, depth, limits, corner, volume)
         if furthest > 0.0:
             b = row_slope(furthest_row, lens)
-            _mark_cells(t, a, b, furthest, limits, rows, cols, visible)
+            _mark_cells(t, a, b, furthest, limits, rows, cols, corner, visible)
 
 
 @compiled
 def _mark_volume(
-    t: Matrix, a: float, b: float, depth: float, limits: _Limits, volume: BitPlane
+    t: Matrix, a: float, b: float, depth: float, limits: _Limits, corner: Cell, volume: Words
 ) -> None:
     """Set the blocks along one ray, in steps of a block."""
     dx, dy, dz = ray_direction(t, a, b)
@@ -109,8 +112,8 @@ def _mark_volume(
     side = 1.0 / (BLOCK * limits.resolution_m)
     for k in range(int(depth / step) + 1):
         along = min(k * step, depth)
-        row = math.floor((t[1, 3] + along * dy - limits.origin_y_m) * side)
-        col = math.floor((t[0, 3] + along * dx - limits.origin_x_m) * side)
+        row = math.floor((t[1, 3] + along * dy - limits.origin_y_m) * side) - corner[0] // BLOCK
+        col = math.floor((t[0, 3] + along * dx - limits.origin_x_m) * side) - corner[1] // BLOCK
         level = math.floor((t[2, 3] + along * dz - LOWEST_M) * (1.0 / BIN_M))
         if 0 <= row < volume.shape[0] and 0 <= col < volume.shape[1] and 0 <= level < HEIGHT_BINS:
             volume[row, col] |= ONE << np.uint64(level)
@@ -125,7 +128,8 @@ def _mark_cells(
     limits: _Limits,
     rows: int,
     cols: int,
-    visible: BitPlane,
+    corner: Cell,
+    visible: Words,
 ) -> None:
     """Set the cells under one ray, in steps of half a cell."""
     dx, dy, _ = ray_direction(t, a, b)
@@ -136,4 +140,4 @@ def _mark_cells(
         row = math.floor((t[1, 3] + along * dy - limits.origin_y_m) * per_metre)
         col = math.floor((t[0, 3] + along * dx - limits.origin_x_m) * per_metre)
         if 0 <= row < rows and 0 <= col < cols:
-            visible[row + PAD, (col + PAD) >> 6] |= ONE << np.uint64(col & 63)
+            visible[row - corner[0], (col - corner[1]) >> 6] |= ONE << np.uint64(col & 63)

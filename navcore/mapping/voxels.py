@@ -62,6 +62,12 @@ class DepthView:
 
 def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
     """Return the part of the grid that the camera can measure; it may be empty."""
+    top, left, bottom, right = frustum_cells(frame, spec, max_range_m)
+    return max(top, 0), max(left, 0), min(bottom, spec.rows), min(right, spec.cols)
+
+
+def frustum_cells(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
+    """Return the cells that the camera can measure, on the grid or not."""
     lens = frame.intrinsics
     a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
     b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
@@ -71,7 +77,7 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
         spec.cell(*points[:, :2].min(axis=0)),
         spec.cell(*points[:, :2].max(axis=0)),
     )
-    return max(top, 0), max(left, 0), min(bottom + 1, spec.rows), min(right + 1, spec.cols)
+    return top, left, bottom + 1, right + 1
 
 
 def depth_view(

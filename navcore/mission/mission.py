@@ -11,8 +11,12 @@ from enum import StrEnum
 
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.geometry.transform import wrap_angle
+from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS
 from navcore.grid.grid import GridSpec
+from navcore.grid.growth import is_possible, reaching
 
+FARTHEST_M = 10_000.0
+"""Largest coordinate of a goal in metres."""
 MAX_GOALS = 1000
 """Largest number of queued goals, and of reached goals that are kept."""
 
@@ -45,6 +49,11 @@ class Goal:
     name: str = ""
     """Name that the operator gave it; empty for none."""
 
+    @property
+    def title(self) -> str:
+        """Name in quotation marks or, without one, the position; the id is on no map."""
+        return f"“{self.name}”" if self.name else f"({self.x_m:.1f}, {self.y_m:.1f})"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
@@ -62,6 +71,9 @@ class Mission:
     """Id of the next added goal."""
     loop: bool = False
     """Whether a reached goal is queued again behind the others."""
+    restored: bool = False
+    """Whether the goals are those of an earlier session, and the operator has not started them
+    since."""
 
     @property
     def goal(self) -> Goal | None:
@@ -77,17 +89,19 @@ class Mission:
         yaw_rad: float | None = None,
         name: str = "",
     ) -> Mission:
-        """Append a goal; raises `BadGeometry` outside the map and `Refused` for a full queue."""
+        """Append a goal; raises `BadGeometry` for one to which the grid `spec` cannot grow, and
+        `Refused` for a full queue."""
         if len(self.queue) >= MAX_GOALS:
             raise Refused(f"the queue is full; at most {MAX_GOALS} goals can wait")
-        goal = checked(Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name), spec)
+        goal = Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name)
+        goal = checked(goal, spec, beside=self.queue)
         return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
 
     def change(self, goal: Goal, spec: GridSpec) -> Mission:
         """Replace the queued goal with the same id; raises `NotKnown` without one and `BadGeometry`
-        outside the map."""
+        for one to which the grid `spec` cannot grow."""
         self.queued(goal.id)
-        goal = checked(goal, spec)
+        goal = checked(goal, spec, beside=self.queue)
         return dataclasses.replace(
             self, queue=tuple(goal if old.id == goal.id else old for old in self.queue)
         )
@@ -111,7 +125,13 @@ class Mission:
                 f"the mission is {self.phase}; pause or cancel it before another is loaded"
             )
         empty = dataclasses.replace(
-            self, queue=(), phase=Phase.IDLE, reached=(), loop=loop, cancelled=False
+            self,
+            queue=(),
+            phase=Phase.IDLE,
+            reached=(),
+            loop=loop,
+            cancelled=False,
+            restored=False,
         )
         for goal in goals:
             empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
@@ -137,7 +157,9 @@ class Mission:
         if self.phase in (Phase.PAUSED, Phase.LEAVING):
             raise Refused(f"the mission is {self.phase}; resume or cancel it")
         reached = () if self.phase is Phase.IDLE else self.reached
-        return dataclasses.replace(self, phase=Phase.DRIVING, reached=reached, cancelled=False)
+        return dataclasses.replace(
+            self, phase=Phase.DRIVING, reached=reached, cancelled=False, restored=False
+        )
 
     def pause(self) -> Mission:
         """Stop and keep the goals; raises `Refused` unless driving."""
@@ -151,11 +173,19 @@ class Mission:
         """Continue after a pause; raises `Refused` unless paused."""
         if self.phase is not Phase.PAUSED:
             raise Refused(f"only a paused mission can be resumed, this one is {self.phase}")
-        return dataclasses.replace(self, phase=Phase.DRIVING)
+        return dataclasses.replace(self, phase=Phase.DRIVING, restored=False)
 
     def leave(self) -> Mission:
         """Start driving out of the beware area that the robot is in."""
         return dataclasses.replace(self, phase=Phase.LEAVING)
+
+    def stored(self) -> Mission:
+        """Return the mission as it begins in the next session: it stands, and what was driving is
+        paused."""
+        has_begun = self.phase is not Phase.IDLE and bool(self.queue)
+        return dataclasses.replace(
+            self, phase=Phase.PAUSED if has_begun else Phase.IDLE, restored=bool(self.queue)
+        )
 
     def left(self) -> Mission:
         """Stop after leaving the area; the goals wait for the operator to resume."""
@@ -163,7 +193,7 @@ class Mission:
 
     def cancel(self) -> Mission:
         """Stop and remove all queued goals."""
-        return dataclasses.replace(self, phase=Phase.IDLE, queue=(), cancelled=True)
+        return dataclasses.replace(self, phase=Phase.IDLE, queue=(), cancelled=True, restored=False)
 
     def arrive(self) -> Mission:
         """Mark the present goal as reached and continue with the next, if there is one."""
@@ -183,12 +213,26 @@ class Mission:
         )
 
 
-def checked(goal: Goal, spec: GridSpec) -> Goal:
-    """Return the goal with its heading in (−π, π]; raises `BadGeometry` outside the map and for a
-    heading that is not finite."""
-    if not spec.contains(goal.x_m, goal.y_m):
+def checked(goal: Goal, spec: GridSpec, *, beside: Sequence[Goal] = ()) -> Goal:
+    """Return the goal with its heading in (−π, π].
+
+    Raises `BadGeometry` for values that are not finite, and where a grid that contains `spec`, the
+    goal and the goals `beside` it would be larger than the memory allows.
+    """
+    if not (math.isfinite(goal.x_m) and math.isfinite(goal.y_m)):
+        raise BadGeometry("the goal is not finite; give metres of the map frame")
+    if max(abs(goal.x_m), abs(goal.y_m)) > FARTHEST_M:
         raise BadGeometry(
-            f"goal ({goal.x_m:g}, {goal.y_m:g}) lies outside the map, {spec.extent()}"
+            f"goal ({goal.x_m:g}, {goal.y_m:g}) is out of range, allowed {-FARTHEST_M:g} to "
+            f"{FARTHEST_M:g} m"
+        )
+    others = [(other.x_m, other.y_m) for other in beside if other.id != goal.id]
+    grown = reaching(spec, [(goal.x_m, goal.y_m), *others])
+    if not is_possible(grown):
+        raise BadGeometry(
+            f"goal ({goal.x_m:g}, {goal.y_m:g}) is too far away: the map would grow to "
+            f"{grown.rows} × {grown.cols} cells, possible are {MOST_CELLS} in all and "
+            f"{LONGEST_SIDE} a side; the map is {spec.extent()}"
         )
     if goal.yaw_rad is None:
         return goal

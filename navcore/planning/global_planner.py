@@ -12,11 +12,14 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
 from navcore.grid.free_space import FREE, FreeSpace
-from navcore.grid.grid import Cell, GridSpec
+from navcore.grid.grid import Box, Cell, GridSpec
+from navcore.grid.growth import Growth
 from navcore.grid.nearest import nearest_free
+from navcore.mapping.visibility import VisibilityMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
+from navcore.planning.border import lacking_cells
 from navcore.planning.escape import escape_path
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.path import NoPath, Path, Reason
@@ -24,6 +27,7 @@ from navcore.planning.planner import plan_in
 from navcore.planning.replanner import Replanner
 from navcore.planning.route import Route, build_route, no_route
 from navcore.planning.search.open_list import SearchWorkspace
+from navcore.planning.weighted_planner import WeightedPlanner, path_cost, plan_weighted
 from navcore.robot.profile import RobotProfile
 
 
@@ -31,10 +35,18 @@ class GlobalPlanner:
     """Plans on the live free space of a costmap; keeps the newest route until something changes."""
 
     def __init__(
-        self, space: FreeSpace, spec: GridSpec, profile: RobotProfile, config: NavigatorConfig
+        self,
+        space: FreeSpace,
+        explored: VisibilityMap,
+        profile: RobotProfile,
+        config: NavigatorConfig,
     ) -> None:
-        self._space, self._spec, self._profile, self._config = space, spec, profile, config
-        self._replanner = Replanner(space)
+        self._space, self._explored = space, explored
+        self._profile, self._config = profile, config
+        self._replanner, self._weighted = Replanner(space), WeightedPlanner()
+        self.lacking: Box | None = None
+        """Part of the map that the grid has to contain before the newest route can be believed: a
+        shorter one may lead through cells outside the grid. None where it is the shortest."""
         self._newest: tuple[tuple[object, ...], Route] | None = None
         self._reachable_goal: tuple[float, float] | None = None
 
@@ -52,9 +64,12 @@ class GlobalPlanner:
         last call. `keep_outs` are the zones of the navigator's own that the costmap contains
         beside the operator's.
         """
+        self.lacking = None
         if request.goal is None and not request.leave:
             return None
-        key = (costmap.version, request.goal, self._spec.cell(pose.x_m, pose.y_m))
+        cell = costmap.spec.cell(pose.x_m, pose.y_m)
+        seen_m2 = self._explored.area_m2 if self._price > 1 else None  # else unseen floor is free
+        key = (costmap.version, request.goal, cell, seen_m2)
         if self._newest is None or self._newest[0] != key:
             if request.goal is None:
                 route = self.escape(costmap, pose, (*request.zones, *keep_outs))
@@ -64,6 +79,12 @@ class GlobalPlanner:
             if isinstance(route.outcome, Path):
                 self._reachable_goal = request.goal
         return self._newest[1]
+
+    def grow(self, space: FreeSpace, growth: Growth) -> None:
+        """Continue on the space of a larger grid; the present path stays in its place."""
+        self._space = space
+        self._replanner.grow(space, growth)
+        self._weighted = WeightedPlanner()
 
     def plan(
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
@@ -77,9 +98,8 @@ class GlobalPlanner:
         start = self._start(costmap, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
-        budget = self._config.plan_budget
-        outcome = self._replanner.plan(start, self._spec.cell(*goal), max_expansions=budget)
-        alternative = None
+        outcome = self._search(costmap, start, costmap.spec.cell(*goal))
+        alternative, lacking = None, self.lacking
         if outcome == NoPath(reason=Reason.UNREACHABLE):
             alternative = self._to_viewpoint(costmap, pose, goal, beware)
         elif (
@@ -88,7 +108,8 @@ class GlobalPlanner:
             and pose.distance_to(*goal) > self._config.planning.viewpoint.goal_believed_m
         ):
             alternative = self._to_goal_neighbour(costmap, start, goal)
-        return alternative or self._built(outcome, goal)
+        self.lacking = lacking
+        return alternative or self._built(outcome, goal, costmap.spec)
 
     def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
         """Plan from scratch over any costmap; changes nothing and may run in any thread."""
@@ -96,10 +117,14 @@ class GlobalPlanner:
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space, budget = FreeSpace.of(costmap.blocked), self._config.plan_budget
-        goal_cell = self._spec.cell(*goal)
-        outcome = plan_in(space, SearchWorkspace(space), start, goal_cell, max_expansions=budget)
+        ends = start, costmap.spec.cell(*goal)
+        if self._price > 1:
+            unseen, free = self._explored.unseen_on(costmap.spec), ~costmap.blocked
+            outcome = plan_weighted(free, unseen, self._price, *ends, max_expansions=budget)
+        else:
+            outcome = plan_in(space, SearchWorkspace(space), *ends, max_expansions=budget)
         return build_route(
-            outcome, goal, space.across[FREE], self._spec, self._profile, self._config
+            outcome, goal, space.across[FREE], costmap.spec, self._profile, self._config
         )
 
     def escape(self, costmap: Costmap, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
@@ -121,7 +146,7 @@ class GlobalPlanner:
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
     ) -> Route | None:
         """The route to a viewpoint before a gap; None if there is none or the robot is there."""
-        spec = self._spec
+        spec = costmap.spec
         ends = viewpoint_before_gap(
             costmap,
             spec.cell(pose.x_m, pose.y_m),
@@ -137,7 +162,7 @@ class GlobalPlanner:
         path = plan_in(self._space, workspace, *ends, max_expansions=budget)
         if not isinstance(path, Path):
             return None
-        route = self._built(path, spec.centre(*ends[1]))
+        route = self._built(path, spec.centre(*ends[1]), spec)
         return dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
 
     def _to_goal_neighbour(
@@ -148,7 +173,7 @@ class GlobalPlanner:
         None where there is no such cell, and where an operator's zone lies on the goal or near it:
         a zone does not go away by being looked at.
         """
-        grid, spec, (row, col) = costmap.grid, self._spec, self._spec.cell(*goal)
+        grid, spec, (row, col) = costmap.grid, costmap.spec, costmap.spec.cell(*goal)
         within = self._config.planning.viewpoint.goal_neighbour_m / spec.resolution_m
         reach = math.ceil(within)
         window = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
@@ -156,18 +181,42 @@ class GlobalPlanner:
         zones = (grid.zones, *(zone for _, zone in grid.wide_zones))
         if neighbour is None or any(layer[window].any() for layer in zones):
             return None
-        path = self._replanner.plan(start, neighbour, max_expansions=self._config.plan_budget)
-        route = self._built(path, spec.centre(*neighbour))
+        path = self._search(costmap, start, neighbour)
+        route = self._built(path, spec.centre(*neighbour), spec)
         return dataclasses.replace(route, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
 
+    @property
+    def _price(self) -> float:
+        return self._config.planning.unknown_price
+
+    def _search(self, costmap: Costmap, start: Cell, goal: Cell) -> Path | NoPath:
+        """The path of the live search: the shortest, or the cheapest where unseen floor costs."""
+        budget = self._config.plan_budget
+        if self._price == 1:
+            searches = self._replanner.searches
+            outcome = self._replanner.plan(start, goal, max_expansions=budget)
+            if self._replanner.searches != searches:
+                # A path that is kept is as short as when it was searched for.
+                self.lacking = lacking_cells(self._space, start, goal, outcome)
+            return outcome
+        free, unseen = ~costmap.blocked, self._explored.unseen_on(costmap.spec)
+        found = self._weighted.plan(free, unseen, self._price, start, goal, max_expansions=budget)
+        bound = found
+        if isinstance(found, Path):
+            # Outside the grid no path costs less than its length.
+            cost = path_cost(found.cells, free, unseen, self._price)
+            bound = Path(cells=found.cells, length=cost)
+        self.lacking = lacking_cells(self._space, start, goal, bound)
+        return found
+
     def _start(self, costmap: Costmap, pose: Pose2) -> Cell | None:
-        spec = self._spec
+        spec = costmap.spec
         relief = self._config.start_relief_m / spec.resolution_m
         return nearest_free(costmap.free, spec.cell(pose.x_m, pose.y_m), relief)
 
-    def _built(self, outcome: Path | NoPath, goal: tuple[float, float]) -> Route:
+    def _built(self, outcome: Path | NoPath, goal: tuple[float, float], spec: GridSpec) -> Route:
         free = self._space.across[FREE]
-        return build_route(outcome, goal, free, self._spec, self._profile, self._config)
+        return build_route(outcome, goal, free, spec, self._profile, self._config)
 
 
 Replan = Callable[[GlobalPlanner, Costmap, Pose2, tuple[float, float], BewareList], Route]

@@ -19,9 +19,10 @@ import numpy.typing as npt
 
 from navcore.grid.grid import BoolGrid, Cell, GridSpec, OccupancyGrid, inflation_radius
 from navcore.mission.beware_list import BewareList
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone, forbidden_cells
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
+from navcore.planning.weighted_planner import plan_weighted
 
 TOUCH_CELLS = math.sqrt(2.0) + 1e-3
 """Distance in cells within which a path touches a rule: the next cell, straight or diagonal, is
@@ -78,6 +79,10 @@ class Rules:
     """The geometric layer; None when it is empty."""
     removable: tuple[Rule, ...]
     """Classes and zones that close any cell at all."""
+    unseen: BoolGrid | None = None
+    """(rows, cols) cells that were not seen yet, where they cost more; None where they do not."""
+    unknown_price: float = 1.0
+    """Price of unseen floor; see `navcore.planning.weighted_planner`."""
 
     def blocked(self, without: Collection[str] = ()) -> BoolGrid:
         """Return (rows, cols) the cells in which the robot's centre may not be without the rules of
@@ -157,9 +162,9 @@ def rules_of(
         if entry.class_id in grid.beware
     ]
     found += [
-        _rule(f"zone:{zone.id}", zone.name, rasterise(zone.polygon, spec), radius(zone.margin_m))
+        _rule(f"zone:{zone.id}", zone.name, forbidden_cells(zone, spec), radius(zone.margin_m))
         for zone in zones
-        if zone.enabled
+        if zone.closed
     ]
     walls = _rule("wall", "obstacle", grid.geometric, radius(0.0))
     return Rules(
@@ -180,9 +185,13 @@ def stretches(path: Path, rules: Rules) -> tuple[Stretch, ...]:
 def path_without(
     rules: Rules, keys: Sequence[str], start: Cell, goal: Cell, *, budget: int | None
 ) -> Path | NoPath:
-    """Find the shortest path without the rules of these keys; `budget` bounds the search as in
+    """Find the path without the rules of these keys; `budget` bounds the search as in
     `navcore.planning.planner.plan`."""
-    return plan(rules.blocked(keys), start, goal, max_expansions=budget)
+    blocked = rules.blocked(keys)
+    if rules.unseen is None:
+        return plan(blocked, start, goal, max_expansions=budget)
+    price = rules.unknown_price
+    return plan_weighted(~blocked, rules.unseen, price, start, goal, max_expansions=budget)
 
 
 def _rule(key: str, name: str, mask: BoolGrid, radius: int) -> Rule | None:

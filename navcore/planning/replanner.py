@@ -3,7 +3,7 @@ be the shortest."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import Cell
+from navcore.grid.growth import Growth
 from navcore.planning.path import REASONS, NoPath, Path, Reason
 from navcore.planning.planner import ENDLESS, SQRT2
 from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
@@ -62,6 +63,15 @@ class Replanner:
         self._failure: tuple[Cell, Cell] | None = None
         self.searches = 0
         """Number of searches that were made."""
+
+    def grow(self, space: FreeSpace, growth: Growth) -> None:
+        """Continue on the space of a larger grid; the present path stays in its place."""
+        self._space, self._workspace = space, SearchWorkspace(space, self._workspace.cells)
+        self._failure, present, shift = None, self._present, growth.shift
+        if present is not None:
+            present.path = replace(present.path, cells=present.path.cells + shift)
+            present.cells = present.cells + shift
+            present.goal = present.goal[0] + growth.rows, present.goal[1] + growth.cols
 
     def plan(self, start: Cell, goal: Cell, *, max_expansions: int | None = None) -> Path | NoPath:
         """Find the shortest path from start to goal, (row, col) both; see `planner.plan`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -10,7 +11,8 @@ import numpy.typing as npt
 
 from navcore.errors import BadFrame
 from navcore.geometry.camera import Intrinsics
-from navcore.geometry.transform import Matrix, Pose2, Twist
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, tilt_matrix
+from navcore.robot.fix import PositionFix, check_fix
 
 BLIND_SHARE = 0.98
 """Largest share of missing depth in a valid image; above, the lens is covered or the projector
@@ -32,14 +34,45 @@ class Frame:
     T_base_camera: Matrix
     """(4, 4) mount of the camera, optical frame."""
     pose: Pose2
-    """T_map_base by odometry at the time of capture."""
+    """Pose of the robot at the time of capture: T_odom_base by odometry as the robot delivers it,
+    T_map_base once the frame is `placed`."""
     twist: Twist
     """Velocity by odometry at the time of capture."""
+    roll_rad: float = 0.0
+    """Rotation of the body about its x axis in radians, positive with the left side up; of gravity,
+    by the accelerometer. 0 where it is not measured."""
+    pitch_rad: float = 0.0
+    """Rotation of the body about its y axis in radians, positive with the front down (REP 103); of
+    gravity, by the accelerometer. 0 where it is not measured."""
+    fixes: tuple[PositionFix, ...] = ()
+    """Absolute positions measured in the last second, in order of time: a reader that skips frames
+    misses none, and the stamps tell which are new. In the map's frame, even before the frame is
+    placed."""
+
+    def placed(self, T_map_odom: Pose2) -> Frame:
+        """Return the frame with its pose in the map frame instead of odometry's; the same frame
+        where the two are one."""
+        if T_map_odom == IDENTITY:
+            return self
+        return dataclasses.replace(self, pose=T_map_odom @ self.pose)
 
     @property
     def T_map_camera(self) -> Matrix:
-        """(4, 4) pose of the camera in the map frame."""
+        """(4, 4) pose of the camera in the frame of `pose`, above the plane on which the robot
+        stands: on a slope z is the height above the slope, as mapping needs it."""
         return self.pose.matrix() @ self.T_base_camera
+
+    @property
+    def T_level_base(self) -> Matrix:
+        """(4, 4) tilt of the base: from the base frame to a frame with the same origin and heading
+        whose z axis is vertical."""
+        return tilt_matrix(self.roll_rad, self.pitch_rad)
+
+    @property
+    def T_level_camera(self) -> Matrix:
+        """(4, 4) pose of the camera in the frame with the origin and heading of the base and a
+        vertical z axis: x and y are horizontal distances, z is no height above a slope."""
+        return self.T_level_base @ self.T_base_camera
 
     def shows(self, points_map: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
         """Return (N,) whether (N, 3) points in metres of the map frame are within the image,
@@ -97,3 +130,9 @@ def check_frame(frame: Frame) -> None:
     )
     if not np.isfinite(numbers).all() or not np.isfinite(frame.T_base_camera).all():
         raise BadFrame(f"pose, velocity or camera mount is not finite: {numbers}")
+    if not max(abs(frame.roll_rad), abs(frame.pitch_rad)) < math.pi / 2:
+        raise BadFrame(
+            f"roll {frame.roll_rad:g} or pitch {frame.pitch_rad:g} rad, expected within ±π/2"
+        )
+    for fix in frame.fixes:
+        check_fix(fix)

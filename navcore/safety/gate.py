@@ -36,6 +36,7 @@ class Cause(StrEnum):
     STUCK_CAMERA = "stuck_camera"
     BAD_STAMP = "bad_stamp"
     POSE_JUMP = "pose_jump"
+    POSE_UNKNOWN = "pose_unknown"
     WHEELS_BLOCKED = "wheels_blocked"
     BAD_COMMAND = "bad_command"
     PLANNER_FAILED = "planner_failed"

@@ -1,4 +1,4 @@
-"""Keep-out zones and beware cells, checked against the motion that is about to be commanded.
+"""Zones and beware cells, checked against the motion that is about to be commanded.
 
 The check is independent of map, planner and local planner: it takes the operator's zones and the
 known beware cells as they are, predicts where the footprint sweeps until the robot stands, and
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -19,15 +19,18 @@ import shapely
 from shapely.geometry import Polygon
 
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
-from navcore.geometry.arrays import Points
+from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.kinematics import arc_position
-from navcore.geometry.transform import Pose2, Twist
+from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.mission.zone import Zone
+from navcore.mission.zone_growth import grow, largest_axis_m, spread_of
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import braking_s
 
 NO_CELLS: Points = np.empty((0, 2))
 _DEFAULT = DEFAULT_SAFETY.keep_out
+_NEGLIGIBLE_M = 1e-3
+_STEP_M2 = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +43,15 @@ class KeepOuts:
     """Zones of the operator; only closed ones count."""
     cells: Points = field(default_factory=lambda: NO_CELLS)
     """(N, 2) centres of known beware cells near the robot, map frame."""
+    cell_growth_m: Floats | None = None
+    """(N,) growth of each cell in metres by the uncertainty of the position; None for none."""
     leaving: bool = False
     """Whether the robot was told to leave the area it stands in, which then does not count."""
+    covariance: Matrix = field(default_factory=lambda: np.zeros((2, 2)))
+    """(2, 2) covariance of the robot's position in the map, square metres."""
+    covariances: Mapping[str, Matrix] = field(default_factory=dict)
+    """(2, 2) covariance of the robot's position relative to a zone, by the zone's id; `covariance`
+    counts for zones that are not named."""
 
 
 def permitted_share(
@@ -61,6 +71,7 @@ def permitted_share(
     if start is None or _fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
     late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    keep_outs = _grown(keep_outs, config)
     keep_outs = _within_reach(keep_outs, start, twist, profile, late_s, config)
     if not keep_outs.zones and not len(keep_outs.cells):
         return 1.0, ""
@@ -73,6 +84,34 @@ def permitted_share(
             return share, blocking
         blocking = blocking or entered
     return 0.0, blocking
+
+
+def _grown(keep_outs: KeepOuts, config: KeepOutMonitorConfig) -> KeepOuts:
+    """Return the closed zones, grown by the uncertainty of the position."""
+    return dataclasses.replace(
+        keep_outs,
+        zones=tuple(
+            _grown_zone(zone, keep_outs.covariances.get(zone.id, keep_outs.covariance), config)
+            for zone in keep_outs.zones
+            if zone.closed
+        ),
+    )
+
+
+def _grown_zone(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> Zone:
+    growth_m = largest_axis_m(spread_of(covariance, config.sigmas))
+    if growth_m < _NEGLIGIBLE_M:
+        return zone
+    # In steps, so that few polygons are made: the larger covariance contains the given one.
+    spread = spread_of(
+        np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2), config.sigmas
+    )
+    if growth_m <= config.largest_growth_m:
+        return grow(zone, spread)
+    uncertain = grow(zone, spread + config.uncertain_clearance_m * np.eye(2))
+    return dataclasses.replace(
+        uncertain, name=f"{zone.name} (the position is uncertain by {growth_m:.1f} m)"
+    )
 
 
 def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
@@ -103,12 +142,14 @@ def _within_reach(
     for zone in keep_outs.zones:
         left, bottom, right, top = _polygon(zone.polygon).bounds
         beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
-        if zone.closed and beside_m <= reach_m:
+        if zone.closed and (zone.forbids_outside or beside_m <= reach_m):
             zones.append(zone)
-    cells = keep_outs.cells
+    cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
     if len(cells):
-        cells = cells[np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m) <= reach_m]
-    return dataclasses.replace(keep_outs, zones=tuple(zones), cells=cells)
+        distance_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
+        near = distance_m <= reach_m + growth_m
+        cells, growth_m = cells[near], growth_m[near]
+    return dataclasses.replace(keep_outs, zones=tuple(zones), cells=cells, cell_growth_m=growth_m)
 
 
 def _stopping_poses(
@@ -132,34 +173,52 @@ def _entered(
     swept = shapely.polygons(np.stack([pose.to_parent(corners) for pose in poses]))
     for zone in keep_outs.zones:
         polygon = _polygon(zone.polygon)
-        touched = shapely.intersects(polygon, swept)
+        if zone.forbids_outside:
+            touched = ~shapely.covers(polygon, swept)
+        else:
+            touched = shapely.intersects(polygon, swept)
         if not touched.any():
             continue
         body = _body_points(profile.length_m, profile.width_m, spacing_m)
-        here = start.to_parent(body)
-        covered = int(shapely.contains_xy(polygon, here[:, 0], here[:, 1]).sum())
+        covered = int(_forbidden(zone, start.to_parent(body)).sum())
         if not covered:
             return f"zone {zone.name!r}"
         if keep_outs.leaving:
             continue
         points = np.stack([pose.to_parent(body) for pose in poses])
-        counts = shapely.contains_xy(polygon, points[..., 0], points[..., 1]).sum(axis=1)
+        counts = _forbidden(zone, points).sum(axis=1)
         if counts.max() > covered:
             return f"zone {zone.name!r}"
     cells = keep_outs.cells
     if len(cells):
-        covered = _covered_cells(cells, start, profile)
+        growth_m = _growth_of(keep_outs)
+        covered = _covered_cells(cells, growth_m, start, profile)
         if not (covered and keep_outs.leaving) and any(
-            _covered_cells(cells, pose, profile) > covered for pose in poses
+            _covered_cells(cells, growth_m, pose, profile) > covered for pose in poses
         ):
             return "an object of the beware list"
     return None
 
 
-def _covered_cells(cells: Points, pose: Pose2, profile: RobotProfile) -> int:
-    """Return the number of cell centres under the footprint."""
+def _forbidden(zone: Zone, points: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Return (...) whether (..., 2) points of the map frame are in the area that a zone forbids."""
+    inside = shapely.contains_xy(_polygon(zone.polygon), points[..., 0], points[..., 1])
+    return np.asarray(inside ^ zone.forbids_outside)
+
+
+def _growth_of(keep_outs: KeepOuts) -> Floats:
+    growth_m = keep_outs.cell_growth_m
+    return np.zeros(len(keep_outs.cells)) if growth_m is None else growth_m
+
+
+def _covered_cells(cells: Points, growth_m: Floats, pose: Pose2, profile: RobotProfile) -> int:
+    """Return the number of cell centres under the footprint, which is grown for each cell."""
     x, y = np.abs(pose.from_parent(cells)).T
-    return int(np.count_nonzero((x < profile.length_m / 2) & (y < profile.width_m / 2)))
+    return int(
+        np.count_nonzero(
+            (x < profile.length_m / 2 + growth_m) & (y < profile.width_m / 2 + growth_m)
+        )
+    )
 
 
 @lru_cache(maxsize=256)

@@ -9,10 +9,10 @@ from typing import Literal
 import cv2
 import numpy as np
 import numpy.typing as npt
-import pybullet
 
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
+from sim.bullet import pybullet
 from sim.dataset import palette
 from sim.dataset.patterns import pattern
 from sim.dataset.scene import Decal, Scene
@@ -28,7 +28,7 @@ from sim.physics.bodies import (
     solids_visual,
     square_visual,
 )
-from sim.physics.quiet import quiet_stdout
+from sim.quiet import quiet_output
 from sim.sensors.camera import DAYLIGHT, FAR_M, Camera, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, Depth, Rgb
 
@@ -115,7 +115,7 @@ class SceneRenderer:
     def close(self) -> None:
         """Release the physics client."""
         if self._client >= 0:
-            with quiet_stdout():
+            with quiet_output():
                 if self._camera is not None:
                     self._camera.close()
                 pybullet.disconnect(physicsClientId=self._client)
@@ -136,7 +136,7 @@ class SceneRenderer:
         """Start an empty client: EGL mixes up textures when a textured body is removed, or the
         world reset."""
         self.close()
-        with quiet_stdout():
+        with quiet_output():
             self._client = pybullet.connect(
                 pybullet.DIRECT, options="--width={} --height={}".format(*self._size)
             )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.transform import Matrix, Pose2, tilt_matrix
 from navcore.toml_config import ranged
 
 Floats = npt.NDArray[np.float64]
@@ -90,16 +90,7 @@ class Ground:
         if self.is_flat:
             return flat
         roll, pitch, _ = self.attitude(pose)
-        (sin_r, cos_r), (sin_p, cos_p) = (
-            (math.sin(angle), math.cos(angle)) for angle in (roll, pitch)
-        )
-        tilt = np.eye(4)
-        tilt[:3, :3] = [
-            [cos_p, sin_p * sin_r, sin_p * cos_r],
-            [0.0, cos_r, -sin_r],
-            [-sin_p, cos_p * sin_r, cos_p * cos_r],
-        ]
-        surface_pose: Matrix = flat @ tilt
+        surface_pose: Matrix = flat @ tilt_matrix(roll, pitch)
         surface_pose[2, 3] = self.height_m(pose.x_m, pose.y_m)
         return surface_pose
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pybullet
 
+from sim.bullet import pybullet
 from sim.models.solids import Solid, quaternion
 
 Floats = npt.NDArray[np.float64]

@@ -19,6 +19,11 @@ SPILL_PX = 128
 """Side of the texture of a spill."""
 SPILL_SIDE_M = 2.0
 """Length after which the gloss of a spill repeats."""
+MODULE_PX = 24
+"""Side of a square of a tag in its texture."""
+PLATE_SHARE = 10 / 8
+"""Side of the plate of a tag, relative to its black square of 8 modules: one white module around.
+"""
 GLOSS = {"water": 0.5, "mud": 0.12, "chemical": 0.4}
 """Strength of the highlights of each kind of spill, 0 to 1."""
 
@@ -29,6 +34,14 @@ def print_texture(shows: str) -> Texture:
     cv2.rectangle(sheet, (3, 3), (PRINT_PX - 4, PRINT_PX - 4), (120, 116, 110), 2)
     _DRAWINGS[shows](sheet, ITEM_COLOURS[shows])
     return sheet
+
+
+def tag_texture(number: int) -> Texture:
+    """Return an AprilTag of the family 36h11 with its white border."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    square = cv2.aruco.generateImageMarker(family, number, 8 * MODULE_PX)
+    plate = np.pad(square, MODULE_PX, constant_values=255)
+    return np.repeat(plate[:, :, None], 3, axis=2).astype(np.uint8)
 
 
 def spill_texture(colour: Colour, gloss: float, seed: int) -> Texture:

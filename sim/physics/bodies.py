@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
-import pybullet
 import shapely
 
+from sim.bullet import pybullet
 from sim.models.mesh import MESHES, Mesh, merge_solids
 from sim.models.solids import Colour, Solid, quaternion
 from sim.models.textures import Texture

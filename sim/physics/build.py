@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import HUSKY, RobotProfile
+from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.models.items import ITEM_MASSES_KG
 from sim.models.mesh import merge_solids
 from sim.models.person import DEFAULT_APPEARANCE, person_solids
 from sim.models.solids import Colour, box, cylinder, quaternion
 from sim.models.surface_patterns import pattern_period_m, surface_texture
-from sim.models.textures import GLOSS, SPILL_SIDE_M, print_texture, spill_texture
+from sim.models.textures import (
+    GLOSS,
+    PLATE_SHARE,
+    SPILL_SIDE_M,
+    print_texture,
+    spill_texture,
+    tag_texture,
+)
 from sim.physics.bodies import (
     NO_SHAPE,
     apply_texture,
@@ -30,6 +37,7 @@ from sim.physics.static_scene import build_static
 from sim.physics.terrain_mesh import drape, terrain_mesh
 from sim.scenario.layout import PlacedObject, items, obstacles
 from sim.scenario.schema import Item, Marking, Print, Scenario
+from sim.scenario.tags import Tag
 
 PAINT_M = 0.003
 """Height of paint above the floor, because the renderer could not order surfaces at the same depth.
@@ -49,6 +57,8 @@ def build_world(client: int, scenario: Scenario) -> None:
         _build_marking(client, marking, scenario.floor_colour, i, ground)
     for sheet in scenario.prints:
         _build_print(client, sheet, ground)
+    for tag in scenario.tags:
+        _build_tag(client, tag, ground)
     build_static(client, obstacles(scenario), ground)
     for entry, item in zip(items(scenario), scenario.items, strict=True):
         _build_item(client, entry, item, ground)
@@ -145,6 +155,20 @@ def _build_print(client: int, sheet: Print, ground: Ground) -> None:
         physicsClientId=client,
     )
     apply_texture(client, body, load_texture(client, print_texture(sheet.shows)))
+
+
+def _build_tag(client: int, tag: Tag, ground: Ground) -> None:
+    """Build a plate without thickness, seen from the front."""
+    side_m = tag.size_m * PLATE_SHARE
+    body = pybullet.createMultiBody(
+        0,
+        NO_SHAPE,
+        square_visual(client, (side_m, side_m)),
+        [*tag.at, ground.height_m(*tag.at) + tag.height_m],
+        tag.turn(),
+        physicsClientId=client,
+    )
+    apply_texture(client, body, load_texture(client, tag_texture(tag.id)))
 
 
 def _build_item(client: int, entry: PlacedObject, item: Item, ground: Ground) -> None:

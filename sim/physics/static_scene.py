@@ -11,9 +11,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import pybullet
-
 from navcore.geometry.transform import Pose2
+from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.models.mesh import merge_solids
 from sim.models.solids import Pattern, Solid

@@ -4,17 +4,18 @@ wrongly."""
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.camera import project
-from navcore.geometry.transform import Matrix
+from navcore.geometry.transform import Matrix, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.robot.frame import Frame
 from sim.models.solids import Polygon
+from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.schema import Scenario
 from sim.truth.true_map import rasterise
 from sim.truth.true_objects import PERSON, TrueObject, true_objects
@@ -31,6 +32,10 @@ MIN_VIEWS = 3
 MATCH_M = 0.4
 """Distance within which cells of the map match an object, because odometry drifts; cells that match
 none are false."""
+PEOPLE_STEP_M = 0.1
+"""Resolution of the places where people have been, metres."""
+PEOPLE_REACH_M = BODY_DIAMETER_M / 2 + MATCH_M
+"""Distance from the middle of a person within which a cell shows them."""
 MERGE_M = 0.15
 """Half of the largest gap between cells that count as one object of the map."""
 
@@ -42,9 +47,14 @@ class DetectionScore:
         self._objects = true_objects(scenario)
         self._centres = np.array([_centre(entry) for entry in self._objects]).reshape(-1, 2)
         self._views = np.zeros(len(self._objects), dtype=np.int64)
+        self._people: set[tuple[float, float]] = set()
 
-    def observe(self, frame: Frame, T_map_camera: Matrix) -> None:
-        """Record the objects that a frame shows, taken from this true pose of the camera."""
+    def observe(self, frame: Frame, T_map_camera: Matrix, people: Iterable[Pose2] = ()) -> None:
+        """Record the objects that a frame shows, taken from this true pose of the camera, and where
+        the people are."""
+        self._people |= {
+            (round(pose.x_m / PEOPLE_STEP_M), round(pose.y_m / PEOPLE_STEP_M)) for pose in people
+        }
         if not len(self._objects):
             return
         floor = np.column_stack(
@@ -72,13 +82,14 @@ class DetectionScore:
     def counts_by_class(
         self, held: Mapping[str, BoolGrid], spec: GridSpec
     ) -> dict[str, dict[str, int]]:
-        """Return class → number of objects `there` in the world, `seen` within 4 m, of these
-        `missed` on the map under any class, and `false` ones.
+        """Return class → number of objects `there` in the world, `seen` within 4 m or `not_passed`,
+        of the seen ones those `missed` on the map under any class, and `false` ones.
 
-        `held`: class → (rows, cols) cells of the map. People move and are not counted.
+        `held`: class → (rows, cols) cells of the map. People move, so of them only false ones are
+        counted: cells where no person has been.
         """
         counts: defaultdict[str, dict[str, int]] = defaultdict(
-            lambda: {"there": 0, "seen": 0, "missed": 0, "false": 0}
+            lambda: {"there": 0, "seen": 0, "not_passed": 0, "missed": 0, "false": 0}
         )
         real, anything = (
             np.zeros((spec.rows, spec.cols), dtype=np.bool_),
@@ -90,14 +101,23 @@ class DetectionScore:
             near = _dilated(rasterise(entry.outlines, spec), MATCH_M, spec)
             real |= near
             counts[entry.name]["there"] += 1
-            counts[entry.name]["seen"] += int(views >= MIN_VIEWS)
+            counts[entry.name]["seen" if views >= MIN_VIEWS else "not_passed"] += 1
             counts[entry.name]["missed"] += int(views >= MIN_VIEWS and not (near & anything).any())
         for name, cells in held.items():
-            wrong = cells & ~real
-            if name != PERSON and wrong.any():
+            wrong = cells & ~(self._near_people(spec) if name == PERSON else real)
+            if wrong.any():
                 number, _ = cv2.connectedComponents(_dilated(wrong, MERGE_M, spec).view(np.uint8))
                 counts[name]["false"] += number - 1
         return {name: counts[name] for name in sorted(counts)}
+
+    def _near_people(self, spec: GridSpec) -> BoolGrid:
+        """Return (rows, cols), True within reach of a place where a person has been."""
+        been = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        for x, y in self._people:
+            point = x * PEOPLE_STEP_M, y * PEOPLE_STEP_M
+            if spec.contains(*point):
+                been[spec.cell(*point)] = True
+        return _dilated(been, PEOPLE_REACH_M, spec)
 
 
 def _centre(entry: TrueObject) -> npt.NDArray[np.float64]:

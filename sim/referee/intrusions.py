@@ -79,6 +79,11 @@ class IntrusionMonitor:
         self._now = [now for now, _ in states]
         self._excused = np.array([excused for _, excused in states], dtype=np.bool_)
 
+    def excuse(self, body: Polygon) -> None:
+        """Excuse the areas that overlap the `body` until they have been left once."""
+        if self._names:
+            self._excused |= self._outlines.proximity(body, 0.0, 0.0)[0]
+
     def judge(
         self,
         body: Polygon,

@@ -119,6 +119,14 @@ class Referee:
         ]
         self._zones.replace(named, body=body)
 
+    def note_teleport(self, pose: Pose2) -> None:
+        """Note that the robot has been put at another true pose: the distance between was not
+        driven, and an area that it stands in counts once it has been left."""
+        self._pose = pose
+        body = pose.to_parent(self._footprint)
+        for areas in (self._beware, self._zones):
+            areas.excuse(body)
+
     @property
     def zones(self) -> tuple[Polygon, ...]:
         """The zones in force."""

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import pybullet
-
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.profile import RobotProfile
+from sim.bullet import pybullet
 from sim.models.ground import FLAT, Ground
 from sim.robot.tyres import Tyres, tyre_forces
 
@@ -107,6 +106,8 @@ class SkidSteer:
         self._weight_n = GRAVITY_MPS2 * sum(
             pybullet.getDynamicsInfo(self.body, i, physicsClientId=client)[0] for i in parts
         )
+        self.gradient = ground.gradient(start)
+        """Slope of the ground ahead and to the left at the last step, rise per metre."""
         for wheel in chassis.wheels:
             # The tyre model holds the wheels to the floor instead, see `sim.robot.tyres`.
             pybullet.changeDynamics(self.body, wheel, lateralFriction=0.0, physicsClientId=client)
@@ -123,12 +124,30 @@ class SkidSteer:
         )
         pose, speeds, track_m = self.pose(), self._wheel_states(1), self._chassis.track_m
         motion = self._motion(pose)
-        ahead, left = self._ground.gradient(pose)
+        ahead, left = self.gradient = self._ground.gradient(pose)
         uphill = (self._weight_n / 2 * ahead, self._weight_n / 2 * left)
         for side, force in zip(
             (1, -1), tyre_forces(motion, *speeds, track_m, self._chassis.tyres, uphill), strict=True
         ):
             self._apply_force(pose, force, side * track_m / 2)
+
+    def put(self, pose: Pose2) -> None:
+        """Move the body to another pose, as high above the ground as now, and stop it; the wheels
+        keep their angles."""
+        here = self.pose()
+        (_, _, z_m), _ = pybullet.getBasePositionAndOrientation(
+            self.body, physicsClientId=self._client
+        )
+        above_m = z_m - self._ground.height_m(here.x_m, here.y_m)
+        pybullet.resetBasePositionAndOrientation(
+            self.body,
+            [pose.x_m, pose.y_m, self._ground.height_m(pose.x_m, pose.y_m) + above_m],
+            pybullet.getQuaternionFromEuler(self._ground.attitude(pose)),
+            physicsClientId=self._client,
+        )
+        pybullet.resetBaseVelocity(
+            self.body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=self._client
+        )
 
     def rolled_m(self) -> tuple[float, float]:
         """Return the (left, right) distance in metres that the wheels of each side have rolled
@@ -137,12 +156,7 @@ class SkidSteer:
 
     def pose(self) -> Pose2:
         """Return the true T_map_base."""
-        (x, y, _), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(
-            self.body, physicsClientId=self._client
-        )
-        return Pose2(
-            x_m=x, y_m=y, yaw_rad=math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
-        )
+        return pose_of(self._client, self.body)
 
     def velocity(self, pose: Pose2) -> Twist:
         """Return the true velocity along the heading of the robot, and about z."""
@@ -184,6 +198,15 @@ class SkidSteer:
             pybullet.WORLD_FRAME,
             physicsClientId=self._client,
         )
+
+
+def pose_of(client: int, body: int) -> Pose2:
+    """Return the true T_map_body in the plane of a body in the physics engine."""
+    (x_m, y_m, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
+        body, physicsClientId=client
+    )
+    yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
 def _clip(value: float, limit: float) -> float:

@@ -9,6 +9,8 @@ from navcore.toml_config import from_table, read_toml
 from sim.scenario.schema import Scenario
 from sim.scenario.validation import check_scenario
 
+FOR_TESTS = ("empty_room",)
+"""Built-in worlds that are not offered: tests drive in them."""
 WORLDS = Path(__file__).parent / "worlds"
 """Folder of the built-in worlds."""
 
@@ -31,7 +33,7 @@ def _path_of(name_or_path: str | Path) -> Path:
     if isinstance(name_or_path, Path) or name_or_path.endswith(".toml"):
         return Path(name_or_path)
     if name_or_path not in scenario_names():
-        known = ", ".join(scenario_names())
+        known = ", ".join(name for name in scenario_names() if name not in FOR_TESTS)
         raise BadConfiguration(
             f"no world is called {name_or_path!r}; give a .toml file or one of: {known}"
         )

@@ -19,7 +19,9 @@ from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.models.solids import Colour, Pattern, Size, Solid, facing_quaternion, quaternion
 from sim.scenario.scenery import FARTHEST_M, Room, Scatter
+from sim.scenario.tags import Tag
 from sim.sensors.faults import Fault
+from sim.sensors.gnss_settings import Gnss
 
 Indoors = Literal[
     "desk",
@@ -260,10 +262,14 @@ class Scenario:
     """Items on the floor."""
     prints: tuple[Print, ...] = field(default=())
     """Prints on floor and walls."""
+    tags: tuple[Tag, ...] = field(default=())
+    """AprilTags."""
     people: tuple[Person, ...] = field(default=())
     """People who stand or walk."""
     movers: tuple[Mover, ...] = field(default=())
     """Cylinders that move by a timetable."""
+    gnss: Gnss | None = None
+    """GNSS receiver of the robot; none when left out."""
     faults: tuple[Fault, ...] = field(default=())
     """Faults of sensors, wheels and software."""
     rooms: tuple[Room, ...] = field(default=())

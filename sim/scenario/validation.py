@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +13,14 @@ from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from navcore.errors import BadConfiguration
-from navcore.robot.profile import HUSKY
+from navcore.geometry.transform import Pose2
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.models.items import item_shapes
 from sim.scenario.layout import PlacedObject, items, obstacles
 from sim.scenario.schema import Scenario
+from sim.scenario.tags import check_tags
 from sim.sensors.faults import check_faults
+from sim.sensors.gnss_settings import check_gnss
 
 Point2 = tuple[float, float]
 
@@ -28,7 +32,10 @@ def check_scenario(scenario: Scenario, where: str) -> None:
     _check_inside(scenario, where)
     _check_markings(scenario, where)
     _check_clearance(scenario, where)
+    check_tags(scenario.tags, where)
     check_faults(scenario.faults, where)
+    if scenario.gnss is not None:
+        check_gnss(scenario.gnss, where)
 
 
 def _check_lists(scenario: Scenario, where: str) -> None:
@@ -128,6 +135,8 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Point2]]:
         yield f"items[{i}].at", item.at
     for i, sheet in enumerate(scenario.prints):
         yield f"prints[{i}].at", sheet.at
+    for i, tag in enumerate(scenario.tags):
+        yield f"tags[{i}].at", tag.at
     for i, room in enumerate(scenario.rooms):
         yield from ((f"rooms[{i}].corners[{j}]", corner) for j, corner in enumerate(room.corners))
     for i, group in enumerate(scenario.scatter):
@@ -162,16 +171,43 @@ def _check_clearance(scenario: Scenario, where: str) -> None:
         (f"goals[{i}]", Point(goal).buffer(HUSKY.width_m / 2))
         for i, goal in enumerate(scenario.goals)
     ]
-    taken = [(entry.key, _shape(entry)) for entry in (*obstacles(scenario), *items(scenario))]
-    taken += [
+    taken = _taken(scenario)
+    for key, area in areas:
+        _check_free(area, taken, f"{where}.{key}")
+
+
+def check_standing(scenario: Scenario, pose: Pose2, robot: RobotProfile, where: str) -> None:
+    """Raise `BadConfiguration` unless the robot can stand at a T_map_base: finite, on the floor,
+    and clear of walls, furniture, items and beware markings."""
+    if not np.isfinite((pose.x_m, pose.y_m, pose.yaw_rad)).all():
+        raise BadConfiguration(f"{where}: {pose} is not finite")
+    footprint = pose.to_parent(robot.footprint())
+    half_x, half_y = scenario.size_m[0] / 2, scenario.size_m[1] / 2
+    if (np.abs(footprint) > (half_x, half_y)).any():
+        raise BadConfiguration(
+            f"{where}: at ({pose.x_m:g}, {pose.y_m:g}) the robot would stand outside the world, "
+            f"x ±{half_x:g} m, y ±{half_y:g} m"
+        )
+    _check_free(Polygon(footprint), _taken(scenario), where)
+
+
+def started_at(scenario: Scenario, pose: Pose2, robot: RobotProfile) -> Scenario:
+    """Return the world with another start; raises `BadConfiguration` as `check_standing` does."""
+    check_standing(scenario, pose, robot, "start")
+    return replace(scenario, start=(pose.x_m, pose.y_m, pose.yaw_rad))
+
+
+def _taken(scenario: Scenario) -> list[tuple[str, BaseGeometry]]:
+    """Return the areas that the robot must not stand in, with their keys."""
+    return [(entry.key, _shape(entry)) for entry in (*obstacles(scenario), *items(scenario))] + [
         (f"markings[{i}]", Polygon(m.polygon)) for i, m in enumerate(scenario.markings) if m.beware
     ]
-    for key, area in areas:
-        for other, shape in taken:
-            if area.intersects(shape):
-                raise BadConfiguration(
-                    f"{where}.{key}: the robot would stand in {other}; move one of them"
-                )
+
+
+def _check_free(area: BaseGeometry, taken: list[tuple[str, BaseGeometry]], key: str) -> None:
+    for other, shape in taken:
+        if area.intersects(shape):
+            raise BadConfiguration(f"{key}: the robot would stand in {other}; move one of them")
 
 
 def _shape(entry: PlacedObject) -> BaseGeometry:

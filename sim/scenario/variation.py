@@ -40,6 +40,9 @@ class Source(IntEnum):
     CAMERA = 4
     FAULTS = 5
     SCENERY = 6
+    SLIP = 7
+    ACCELEROMETER = 8
+    GNSS = 9
 
 
 def generator(seed: int, source: Source) -> np.random.Generator:

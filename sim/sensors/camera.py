@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import pybullet
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.robot.profile import HUSKY
+from sim.bullet import pybullet
 from sim.models.ground import FLAT, Ground
 from sim.sensors.egl import egl_works, load_egl, unload_egl
 from sim.sensors.stereo_noise import Depth, Rgb, StereoErrors, degrade_colour, degrade_depth

@@ -16,7 +16,7 @@ import threading
 from functools import cache
 from pathlib import Path
 
-import pybullet
+from sim.bullet import pybullet
 
 SYMBOL = "_eglRendererPlugin"
 PROBE_TIMEOUT_S = 30.0

@@ -112,8 +112,10 @@ def test_a_bad_frame_is_refused_and_changes_nothing(navigator: Navigator) -> Non
     assert (navigator.map.version, len(navigator.map.points.points_map)) == (version, points)
 
 
-def test_a_goal_outside_the_map_or_in_a_zone_is_no_path_and_no_motion(navigator: Navigator) -> None:
-    for goal, reason in (((99.0, 0.0), Reason.OUTSIDE), ((1.9, 0.2), Reason.GOAL_BLOCKED)):
+def test_a_goal_beyond_all_bounds_or_in_a_zone_is_no_path_and_no_motion(
+    navigator: Navigator,
+) -> None:
+    for goal, reason in (((9900.0, 0.0), Reason.OUTSIDE), ((1.9, 0.2), Reason.GOAL_BLOCKED)):
         decision = navigator.tick(picture(), dataclasses.replace(ORDER, goal=goal, zones=(ZONE,)))
         assert decision.route is not None
         assert decision.route.outcome == NoPath(reason=reason)

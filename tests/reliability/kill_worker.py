@@ -67,14 +67,14 @@ def _save_in_store(folder: Path, kill: int, report: Callable[[str], None]) -> No
     store = Store(folder)
     for number in range(1_000_000):
         zone_id = f"{kill}-{number}"
-        store.save_zone(Zone(id=zone_id, name="n", polygon=CORNERS))
+        store.site.save_zone(Zone(id=zone_id, name="n", polygon=CORNERS))
         report(zone_id)
 
 
 def _ids_in_store(folder: Path) -> set[str]:
     store = Store(folder)
     try:
-        return {zone.id for zone in store.zones()}
+        return {zone.id for zone in store.site.zones()}
     finally:
         store.close()
 

@@ -87,14 +87,15 @@ def refusing_disks(trials: int) -> Measurement:
             store = Store(Path(folder))
             zones = tuple(Zone(id=f"z{n}", name="n" * 50, polygon=CORNERS) for n in range(5))
             for zone in zones:
-                store.save_zone(zone)
+                store.site.save_zone(zone)
             with _failing_disk(store, number):
                 refused = (
-                    all(_is_refused(store, n) for n in range(100, 103)) and store.zones() == zones
+                    all(_is_refused(store, n) for n in range(100, 103))
+                    and store.site.zones() == zones
                 )
             more = Zone(id="more", name="n", polygon=CORNERS)
-            store.save_zone(more)
-            kept += refused and store.zones() == (*zones, more)
+            store.site.save_zone(more)
+            kept += refused and store.site.zones() == (*zones, more)
             store.close()
     measured = f"refused with a reason, old data whole, and saved again afterwards: {kept}"
     return Measurement(trials=trials, measured=measured, met=kept == trials)
@@ -116,7 +117,7 @@ def _failing_disk(store: Store, number: int) -> Iterator[None]:
 
 def _is_refused(store: Store, number: int) -> bool:
     try:
-        store.save_zone(Zone(id=f"z{number}", name="n" * 5000, polygon=CORNERS))
+        store.site.save_zone(Zone(id=f"z{number}", name="n" * 5000, polygon=CORNERS))
     except StorageFailed as refusal:
         return "not saved" in str(refusal)
     return False

@@ -45,7 +45,7 @@ def test_a_file_of_another_version_is_refused_by_name_and_left_alone(
     tmp_path: Path, version: int
 ) -> None:
     store = Store(tmp_path)
-    store.save_zone(zone(1))
+    store.site.save_zone(zone(1))
     store.close()
     file = tmp_path / "console.sqlite"
     with closing(sqlite3.connect(file)) as other:
@@ -62,35 +62,35 @@ def test_every_beware_list_is_kept(tmp_path: Path) -> None:
     first = default_beware_list().edited("cup", enabled=False)
     second = first.edited("book", margin_m=0.2)
     for edited in (first, second):
-        store.save_beware(edited)
-    assert store.beware_versions() == (second, first)
+        store.site.save_beware(edited)
+    assert store.site.beware_versions() == (second, first)
     store.close()
 
 
 def test_what_is_kept_under_a_name_is_there_again_and_kinds_do_not_mix(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.save_document("zone set", "night", [1])
-    store.save_document("mission", "night", {"goals": []})
-    store.save_document("zone set", "night", [2])
-    store.save_document("zone set", "day", [3])
+    store.site.save_document("zone set", "night", [1])
+    store.site.save_document("mission", "night", {"goals": []})
+    store.site.save_document("zone set", "night", [2])
+    store.site.save_document("zone set", "day", [3])
     store.close()
     store = Store(tmp_path)
-    assert store.documents("zone set") == {"day": [3], "night": [2]}
-    store.save_document("zone set", "night", None)
-    assert store.documents("zone set") == {"day": [3]}
-    assert store.documents("mission") == {"night": {"goals": []}}
+    assert store.site.documents("zone set") == {"day": [3], "night": [2]}
+    store.site.save_document("zone set", "night", None)
+    assert store.site.documents("zone set") == {"day": [3]}
+    assert store.site.documents("mission") == {"night": {"goals": []}}
     store.close()
 
 
 def test_several_zones_change_as_one_step(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.save_zone(zone(1))
-    store.change_zones([zone(3), zone(2)], [zone(1).id])
-    assert store.zones() == (zone(3), zone(2))
+    store.site.save_zone(zone(1))
+    store.site.change_zones([zone(3), zone(2)], [zone(1).id])
+    assert store.site.zones() == (zone(3), zone(2))
     broken = dataclasses.replace(zone(4), name=object())  # type: ignore[arg-type]
     with pytest.raises(TypeError):
-        store.change_zones([zone(5), broken], [zone(3).id])
-    assert store.zones() == (zone(3), zone(2))
+        store.site.change_zones([zone(5), broken], [zone(3).id])
+    assert store.site.zones() == (zone(3), zone(2))
     store.close()
 
 

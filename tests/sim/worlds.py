@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from navcore.geometry.transform import Twist
+from navcore.geometry.transform import Pose2, Twist
 from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Mover, Person, Scenario
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import STEPS_PER_S, Simulator
@@ -35,10 +35,24 @@ def open_floor(
     )
 
 
-def blind(scenario: Scenario, seed: int = 0) -> Simulator:
+def blind(
+    scenario: Scenario,
+    seed: int = 0,
+    *,
+    start: Pose2 | None = None,
+    odometry: str = "typical",
+    odometry_origin: Pose2 | None = None,
+) -> Simulator:
     """Return a simulator that renders almost no frames, for tests of everything else."""
     return Simulator(
-        scenario, seed=seed, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
+        scenario,
+        seed=seed,
+        renderer="tiny",
+        camera_size=(16, 16),
+        camera_rate_hz=0.001,
+        start=start,
+        odometry=odometry,
+        odometry_origin=odometry_origin,
     )
 
 

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import httpx
+import pytest
 
 from app.console.application import RunningConsole
 from app.examples.client import main
 
 
-def test_the_example_draws_a_zone_drives_to_its_goal_stops_and_tidies_up(
+def test_the_example_drives_to_its_goal_tidies_up_and_can_be_run_again(
     running: RunningConsole, client: httpx.Client
 ) -> None:
-    assert main(running.url, -2.5, 1.0) == 0
-    state = client.get("/api/v1/state").json()
-    assert state["stop_latched"] and len(state["reached"]) == 1
+    for number, (x_m, y_m) in enumerate(((-2.5, 1.0), (-2.5, 0.6)), start=1):
+        assert main(running.url, x_m, y_m) == 0
+        state = client.get("/api/v1/state").json()
+        assert not state["stop_latched"] and state["phase"] == "idle" and not state["queue"]
+        assert len(state["reached"]) >= min(number, 1)
+        assert client.get("/api/v1/zones").json()["features"] == []
+    log = client.get("/api/v1/audit").json()
+    texts = [entry["text"] for entry in reversed(log)]
+    assert texts[:3] == ["added the zone “wet floor”", "added a goal", "started the mission"]
+
+
+def test_a_refused_goal_ends_the_example_with_the_consoles_sentence(
+    running: RunningConsole, client: httpx.Client
+) -> None:
+    with pytest.raises(SystemExit, match="out of range"):
+        main(running.url, 99_999.0, 0.0)
     assert client.get("/api/v1/zones").json()["features"] == []
-    said = [
-        (entry["method"], entry["path"]) for entry in reversed(client.get("/api/v1/audit").json())
-    ]
-    assert [path for _, path in said[:3]] == [
-        "/api/v1/zones",
-        "/api/v1/goals",
-        "/api/v1/mission/start",
-    ]
-    assert said[3] == ("POST", "/api/v1/stop?by=client.py")
+    assert client.get("/api/v1/state").json()["phase"] == "idle"

@@ -129,9 +129,9 @@ def test_the_map_follows_the_colour_rule_when_it_is_switched_off_and_on(
 
 
 CROSSED = [[0, 0], [2, 2], [2, 0], [0, 2]]
-FAR = [[0, 0], [99, 0], [0, 2]]
+FAR = [[0, 0], [11000, 0], [0, 2]]
 BAD = [
-    ("goals", {"x_m": 100.0, "y_m": 0.0}, 422, "outside the map"),
+    ("goals", {"x_m": 9000.0, "y_m": 0.0}, 422, "too far away"),
     ("goals", {"x_m": 1.0}, 422, "y_m"),
     ("goals", {"x_m": 1.0, "y_m": 1.0, "z_m": 0.0}, 422, "z_m"),
     (
@@ -144,13 +144,13 @@ BAD = [
         "zones",
         {"name": "a", "geometry": {"type": "Polygon", "coordinates": [CROSSED]}},
         422,
-        "not simple",
+        "crosses itself",
     ),
     (
         "zones",
         {"name": "a", "geometry": {"type": "Polygon", "coordinates": [FAR]}},
         422,
-        "outside the map",
+        "out of range",
     ),
     ("zones", {"name": "a", "colour": "red"}, 422, "colour"),
 ]

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from app.runtime import robot_controller
+from app.runtime import stop_reasons
 from app.runtime.robot_controller import RobotController
 from navcore import navigator
 from navcore.config.safety import GateConfig, SafetyConfig
@@ -119,7 +119,7 @@ def test_row_8_by_the_planners_reason_alone_two_of_them_are_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        robot_controller, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
+        stop_reasons, "_why_no_path", lambda intent, decision, outcome: str(outcome.reason)
     )
     assert not planning.impossible_goals(5).met
 

@@ -13,7 +13,7 @@ from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.runtime.time_series import COLUMNS, TimeSeries
 from navcore.errors import NotKnown
 from navcore.geometry.transform import Pose2
-from web.images.encode import camera_jpg
+from web.images.camera import camera_jpg
 from web.interface.insight import (
     Alternative,
     Candidates,

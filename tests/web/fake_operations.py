@@ -17,12 +17,11 @@ import numpy.typing as npt
 
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
-from app.console.path_preview import compare, pose_at, position_on, with_zones
+from app.console.path_preview import compare, grid_with, pose_at, with_zones
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
 from app.runtime.operator_state import OperatorState
-from navcore.config.control import LocalPlannerConfig
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
@@ -30,17 +29,23 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist, camera_mount
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.grid.growth import growth_into, padded
+from navcore.localisation.estimate import LocalisationState
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone
+from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
+from navcore.planning.unseen_parts import Parts, unseen_m, unseen_parts
 from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
+from tests.web.fake_sites import FakeSites
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
+from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
 
@@ -54,6 +59,43 @@ BOX_PIXELS = (slice(60, 90), slice(20, 70))
 """Unlabelled box in the camera image."""
 
 
+class FakePlace:
+    """Implementation of `web.interface.localisation.PlaceEdits`: every pose left of x = 0 fits."""
+
+    def __init__(self, move_to: Callable[[Pose2], None], phase: Callable[[], Phase]) -> None:
+        self._move_to, self._phase = move_to, phase
+        self.now = PlaceOut(state=LocalisationState.LOCATED, text="Located.", match_share=0.9)
+
+    def status(self) -> PlaceOut:
+        """Implement the port."""
+        return self.now
+
+    def check(self, pose: Pose2) -> PlaceCheck:
+        """Implement the port."""
+        fits = pose.x_m < 0
+        return PlaceCheck(
+            pose=pose,
+            match_share=0.9 if fits else 0.2,
+            fits=fits,
+            text="fits" if fits else "does not fit",
+            scan=np.array([[pose.x_m + 1.0, pose.y_m]]),
+        )
+
+    def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
+        """Implement the port."""
+        if self._phase() is Phase.DRIVING:
+            raise Refused("the robot drives; pause the mission first")
+        found = self.check(pose)
+        if not found.fits and not force:
+            raise Refused(found.text)
+        self._move_to(found.pose)
+        return found
+
+    def search(self) -> None:
+        """Implement the port."""
+        self.now = dataclasses.replace(self.now, searching=True)
+
+
 class FakeOperations:
     """Implementation of `web.interface.operations.RobotService`; `step` moves the robot along its
     path."""
@@ -63,15 +105,15 @@ class FakeOperations:
         self._intent = OperatorState(mission=Mission(), beware=default_beware_list())
         store, self.calendar_s = MemoryStore(), 1e9
         self.view = FakeView()
-        self.goals = Goals(self, view=self.view, spec=SPEC, saved=SavedMissions(store))
+        self.goals = Goals(self, view=self.view, spec=lambda: SPEC, saved=SavedMissions(store))
         self.zones = ZoneEditor(
             self,
             store=store,
-            spec=SPEC,
             calendar_s=lambda: self.calendar_s,
             new_id=_ids().__next__,
         )
         self.beware = BewareEditor(self, store=store, segmenter=ColourSegmenter())
+        self.sites = FakeSites(lambda: self._intent.mission.phase is Phase.DRIVING)
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
         self._poses = [self._pose, Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0)]
@@ -79,6 +121,7 @@ class FakeOperations:
         self._counts = {"serial": 0, "grid": 0, "replans": 0}
         self._urdf = robot_urdf
         self.stops: list[str] = []
+        self.backed_off = 0
         self.hand: Twist | None = None
         self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
@@ -88,8 +131,13 @@ class FakeOperations:
         self._seen[:, -30:] = False
         self._see()
         self.insight = FakeInsight(self._case, lambda: self._pose)
+        self.place = FakePlace(self._move_to, lambda: self._intent.mission.phase)
 
     # Reading
+
+    def _move_to(self, pose: Pose2) -> None:
+        with self._lock:
+            self._pose = pose
 
     @property
     def profile(self) -> RobotProfile:
@@ -109,6 +157,7 @@ class FakeOperations:
             return State(
                 stamp_s=0.1 * self._counts["serial"],
                 scenario="fake hall",
+                site=self.sites.chosen,
                 robot=HUSKY.name,
                 phase=self._intent.mission.phase,
                 moving=moving or self.hand is not None,
@@ -117,12 +166,14 @@ class FakeOperations:
                 stop_latched=self._stopped_by is not None,
                 reasons=reasons,
                 pose=self._pose,
+                place=self.place.status(),
                 twist=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
                 command=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
                 queue=self._intent.mission.queue,
                 reached=self._intent.mission.reached,
                 distance_to_goal_m=self._length(self._path),
                 travelled_m=STEP_M * (len(self._driven) - 1),
+                unseen_m=picture.unseen_m if picture else None,
                 explored_m2=float(self._seen.sum()) * SPEC.resolution_m**2,
                 replans=self._counts["replans"],
                 tick_ms=12.5,
@@ -135,6 +186,7 @@ class FakeOperations:
                 loop=self._intent.mission.loop,
                 picture_serial=picture.serial if picture else None,
                 grid_version=picture.grid_version if picture else None,
+                grid_spec=picture.grid_spec if picture else None,
             )
 
     def picture(self) -> TickSnapshot | None:
@@ -163,6 +215,10 @@ class FakeOperations:
     def mission(self, action: MissionAction) -> None:
         """Implement the port."""
         self._change(getattr(Mission, action))
+
+    def back_off(self) -> None:
+        """Count the calls."""
+        self.backed_off += 1
 
     def stop(self, source: str) -> None:
         """Implement the port."""
@@ -210,14 +266,9 @@ class FakeOperations:
             queue = self._intent.mission.queue
             if draft.goal is None and not queue:
                 raise Refused("there is no goal to preview a path to; give one")
-            goal = position_on(
-                self._picture.grid, draft.goal or (queue[0].x_m, queue[0].y_m), "goal"
-            )
-            pose = (
-                self._pose
-                if draft.start is None
-                else pose_at(position_on(self._picture.grid, draft.start, "start"))
-            )
+            goal = draft.goal or (queue[0].x_m, queue[0].y_m)
+            grid_with(self._picture.grid, [goal] if draft.start is None else [draft.start, goal])
+            pose = self._pose if draft.start is None else pose_at(draft.start)
             zone = (
                 None
                 if draft.zone is None
@@ -227,12 +278,14 @@ class FakeOperations:
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
                 outcome, points = _planned(_inflated(grid), pose, goal)
                 length = self._length(points)
-                time_s = (
-                    None
-                    if length is None
-                    else travel_time_s(points, zones, HUSKY, LocalPlannerConfig())
+                time_s = None if length is None else travel_time_s(points, zones, HUSKY)
+                return PathPreview(
+                    outcome=outcome,
+                    points=points,
+                    length_m=length,
+                    time_s=time_s,
+                    unseen_m=unseen_m(points, self._unseen(points)),
                 )
-                return PathPreview(outcome=outcome, points=points, length_m=length, time_s=time_s)
 
             return compare(
                 self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces
@@ -294,6 +347,21 @@ class FakeOperations:
             self._intent = edit(self._intent)
             self._see()
             return self._intent
+
+    def grow(self, x_m: float, y_m: float) -> None:
+        """Let the map grow to a point, as it does when the robot or a goal is there."""
+        with self._lock:
+            old, self._counts["grid"] = self._picture, self._counts["grid"] + 1
+            grid = padded(old.grid, [(x_m, y_m)])
+            growth = growth_into(old.grid_spec, grid.spec)
+            assert growth is not None
+            blocked = growth.mask(CellMask.of(old.blocked)).bools
+            self.view.picture = dataclasses.replace(
+                old,
+                occupancy=Costmap.of(grid, blocked, version=self._counts["grid"]),
+                seen_mask=growth.mask(old.seen_mask),
+                grid_version=self._counts["grid"],
+            )
 
     @property
     def _picture(self) -> TickSnapshot:
@@ -369,11 +437,15 @@ class FakeOperations:
             seen_mask=CellMask.of(self._seen),
             grid_version=counts["grid"],
             path=self._path,
+            unseen=self._unseen(self._path),
             waypoints=waypoints,
             driven=np.array(self._driven),
             closed=self.closed,
             depth_m=_depth(),
         )
+
+    def _unseen(self, points: npt.NDArray[np.float64]) -> Parts:
+        return unseen_parts(points, CellMask.of(self._seen), SPEC)
 
     @staticmethod
     def _length(points: npt.NDArray[np.float64]) -> float | None:

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
 from web.auth.audit import AuditLog, is_deep
+from web.auth.audit_text import describe_entry
 from web.gateway.problems import JsonResponse
 
 LARGEST_ID = 2**53
@@ -30,8 +31,8 @@ def audit_router(audit_log: AuditLog | None) -> APIRouter:
         ] = None,
         until: Annotated[AwareDatetime | None, Query(description="With a time zone.")] = None,
     ) -> list[dict[str, Any]]:
-        """Return the requests that could change something, newest first, with visitor, time (UTC)
-        and status.
+        """Return the requests that could change something, newest first, with visitor, time (UTC),
+        status, and in `text` what was done in words.
 
         `before` continues from the id of the last entry of an answer.
         """
@@ -41,7 +42,11 @@ def audit_router(audit_log: AuditLog | None) -> APIRouter:
             else audit_log.newest(count, before=before, who=who, since=since, until=until)
         )
         return [
-            {**entry, "detail": "nested too deep"} if is_deep(entry.get("detail")) else entry
+            {
+                **entry,
+                **({"detail": "nested too deep"} if is_deep(entry.get("detail")) else {}),
+                "text": describe_entry(entry),
+            }
             for entry in entries
         ]
 

@@ -9,34 +9,35 @@ from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
 from web.gateway.problems import JsonResponse, refusals
+from web.images.camera import camera_jpg, labels_of, with_overlay
 from web.images.encode import (
     LatestOnly,
-    camera_jpg,
     cells_png,
     cloud_ply,
     floor_view,
     map_pgm,
     map_png,
     map_yaml,
-    with_overlay,
 )
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline, values_of
-from web.schemas.maps import MapOut, PathOut, PersonOut, TilesOut
+from web.schemas.maps import CameraLabelOut, CameraLabelsOut, MapOut, PathOut, PersonOut, TilesOut
 from web.schemas.poses import NumberedPose, PosesIn, PosesOut
 from web.schemas.zones import ZoneOut
 
 _NOTHING_YET = refusals(404)
 TileIndex = Annotated[int, Path(ge=0, le=10_000)]
+WithZones = Annotated[bool, Query(description="Whether keep-out zones are occupied cells.")]
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
 def maps_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
-    png, camera, labelled, ply = (
+    png, camera, tinted, labelled, ply = (
+        LatestOnly[bytes](),
         LatestOnly[bytes](),
         LatestOnly[bytes](),
         LatestOnly[bytes](),
@@ -103,9 +104,12 @@ def maps_router(operations: RobotService) -> APIRouter:
         return Response(cells_png(tick, tile_cells((row, col), tick)), media_type="image/png")
 
     @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
-    def get_map_pgm() -> Response:
-        """Return Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top."""
-        return Response(map_pgm(newest()), media_type="image/x-portable-graymap")
+    def get_map_pgm(zones: WithZones = False) -> Response:
+        """Return Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top.
+
+        The zones are in the mask `zones.pgm`; with `zones=1` they are occupied cells of the map.
+        """
+        return Response(map_pgm(newest(), zones=zones), media_type="image/x-portable-graymap")
 
     @router.get("/map.yaml", response_class=Response, responses=_NOTHING_YET)
     def get_map_yaml() -> Response:
@@ -129,6 +133,7 @@ def maps_router(operations: RobotService) -> APIRouter:
         return PathOut(
             serial=tick.serial,
             path=polyline(tick.path),
+            unseen=[polyline(tick.path[max(a - 1, 0) : b + 1]) for a, b in tick.unseen],
             waypoints=polyline(tick.waypoints),
             driven=polyline(tick.driven),
             people=[PersonOut.model_validate(person) for person in tick.people],
@@ -138,18 +143,29 @@ def maps_router(operations: RobotService) -> APIRouter:
 
     @router.get("/camera.jpg", response_class=_Jpeg, responses=_NOTHING_YET)
     def get_camera(
-        overlay: Annotated[Literal["none", "segmentation"], Query()] = "none",
+        overlay: Annotated[Literal["none", "tint", "segmentation"], Query()] = "none",
     ) -> Response:
         """Return the camera image; with `overlay=segmentation`, each enabled class is named and
-        tinted by its confidence."""
+        tinted by its confidence, with `overlay=tint` only tinted: `camera/labels` has the names."""
         tick, beware = newest(), operations.beware.list
         if overlay == "none":
             data = camera.get(tick.serial, lambda: camera_jpg(tick.rgb))
         else:
-            data = labelled.get(
-                (tick.serial, beware.version), lambda: camera_jpg(with_overlay(tick, beware))
+            named = overlay == "segmentation"
+            data = (labelled if named else tinted).get(
+                (tick.serial, beware.version),
+                lambda: camera_jpg(with_overlay(tick, beware, named=named)),
             )
         return Response(data, media_type="image/jpeg")
+
+    @router.get("/camera/labels", response_model=CameraLabelsOut, responses=_NOTHING_YET)
+    def get_camera_labels() -> CameraLabelsOut:
+        """Return what the camera image shows of the enabled classes, each object with its box."""
+        tick, beware = newest(), operations.beware.list
+        labels = labels_of(tick, beware)
+        return CameraLabelsOut(
+            serial=tick.serial, labels=[CameraLabelOut(**values_of(one)) for one in labels]
+        )
 
     @router.get("/runs")
     def get_runs() -> list[dict[str, Any]]:

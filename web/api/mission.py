@@ -50,7 +50,7 @@ def mission_router(operations: RobotService) -> APIRouter:
 
     @router.post("/goals", status_code=201, response_model=Goal, responses=refusals(409, 422))
     def add_goal(goal: GoalIn) -> Goal:
-        """Queue a goal; refused outside the map and inside a known obstacle or zone.
+        """Queue a goal, to which the map grows; refused too far away and in an obstacle or zone.
 
         Such a refusal names the `nearest` free position.
         """
@@ -88,9 +88,15 @@ def mission_router(operations: RobotService) -> APIRouter:
         ]
 
     @router.put("/missions/{name:path}", status_code=204, responses=refusals(409, 422, 503))
-    def save_mission(name: Annotated[Name, Path()]) -> Response:
-        """Save the waiting goals under a name."""
-        operations.goals.save(name)
+    def save_mission(
+        name: Annotated[Name, Path()],
+        replace: Annotated[
+            bool, Query(description="Replace a saved mission of that name.")
+        ] = False,
+    ) -> Response:
+        """Save the waiting goals under a name; refused with 409 where a mission has it, unless
+        `replace` is true."""
+        operations.goals.save(name, replace=replace)
         return Response(status_code=204)
 
     @router.post(
@@ -106,6 +112,13 @@ def mission_router(operations: RobotService) -> APIRouter:
         """Delete a saved mission."""
         operations.goals.forget(name)
         return Response(status_code=204)
+
+    @router.post("/mission/back-off", response_model=MissionOut, responses=refusals(409))
+    async def back_off() -> MissionOut:
+        """Drive half a metre straight back, through the safety gate; a mission that was driving
+        goes on afterwards."""
+        operations.back_off()
+        return mission()
 
     @router.post("/mission/{action}", response_model=MissionOut, responses=refusals(409, 422))
     async def act(action: MissionAction) -> MissionOut:

@@ -4,10 +4,11 @@ image."""
 from __future__ import annotations
 
 import base64
+from typing import Annotated
 
 import cv2
 import numpy as np
-from fastapi import APIRouter, HTTPException, Response
+from fastapi import APIRouter, HTTPException, Query, Response
 
 from navcore.errors import BadConfiguration
 from navcore.formats.keepout_mask import closed_cells, polygons_of
@@ -17,14 +18,22 @@ from navcore.mapping.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.gateway.problems import JsonResponse, refusals
-from web.images.encode import beware_mask
+from web.images.camera import beware_mask
 from web.interface.drafts import PathPreview, Preview, ZoneDraft
-from web.interface.operations import RobotService
+from web.interface.operations import Existing, RobotService
 from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline
 from web.schemas.drafts import PathPreviewOut, PixelIn, PreviewIn, PreviewOut, RegionOut
 from web.schemas.fields import MAX_NAME
 from web.schemas.zones import MaskImportIn, ZoneImportIn, ZonesOut
+
+ExistingQuery = Annotated[
+    Existing,
+    Query(
+        description="Zones with the outline of a stored one: `replace` its properties, `keep` "
+        "both, `skip` them, or `ask`, which refuses the import."
+    ),
+]
 
 
 def drawing_router(operations: RobotService) -> APIRouter:
@@ -52,10 +61,14 @@ def drawing_router(operations: RobotService) -> APIRouter:
     @router.post(
         "/zones/import", status_code=201, response_model=ZonesOut, responses=refusals(409, 422, 503)
     )
-    def import_zones(collection: ZoneImportIn) -> ZonesOut:
+    def import_zones(collection: ZoneImportIn, existing: ExistingQuery = "ask") -> ZonesOut:
         """Add the zones of a GeoJSON FeatureCollection in metres of the map frame, all or none, as
-        one edit."""
-        operations.zones.add_all([feature.draft() for feature in collection.features])
+        one edit.
+
+        Where some have the outline of a stored zone the import is refused with 409, which names
+        them in `there`, unless `existing` says what to do.
+        """
+        operations.zones.add_all([feature.draft() for feature in collection.features], existing)
         return all_zones()
 
     @router.post(
@@ -64,7 +77,7 @@ def drawing_router(operations: RobotService) -> APIRouter:
         response_model=ZonesOut,
         responses=refusals(404, 409, 422, 503),
     )
-    def import_mask(mask: MaskImportIn) -> ZonesOut:
+    def import_mask(mask: MaskImportIn, existing: ExistingQuery = "ask") -> ZonesOut:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
         try:
             image = base64.b64decode(mask.picture, validate=True)
@@ -84,7 +97,11 @@ def drawing_router(operations: RobotService) -> APIRouter:
             else [f"{short} {number}" for number in range(1, len(polygons) + 1)]
         )
         operations.zones.add_all(
-            [ZoneDraft(name=name, polygon=ring) for name, ring in zip(names, polygons, strict=True)]
+            [
+                ZoneDraft(name=name, polygon=ring)
+                for name, ring in zip(names, polygons, strict=True)
+            ],
+            existing,
         )
         return all_zones()
 
@@ -163,6 +180,7 @@ def _path_of(preview: PathPreview) -> PathPreviewOut:
         found=not isinstance(preview.outcome, NoPath),
         length_m=preview.length_m,
         time_s=preview.time_s,
+        unseen_m=preview.unseen_m,
         path=polyline(preview.points),
     )
 

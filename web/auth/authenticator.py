@@ -9,6 +9,7 @@ import secrets
 import threading
 from collections import OrderedDict
 from typing import Protocol
+from urllib.parse import unquote
 
 from starlette.datastructures import Headers
 
@@ -22,6 +23,22 @@ log = logging.getLogger(__name__)
 _CLIENT_ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
 MAX_CLIENTS = 1000
 """Largest number of browsers that are told apart."""
+
+
+NAME_COOKIE = "bewarenav-name"
+"""Cookie in which a page keeps its name for the other operators, percent-encoded."""
+MAX_NAME = 40
+"""Largest length of such a name in characters."""
+
+
+def _own_name(headers: Headers) -> str | None:
+    """Return the name in the cookies of a request; None without one that can be printed."""
+    for part in headers.get("cookie", "").split(";"):
+        key, _, value = part.strip().partition("=")
+        name = unquote(value).strip()
+        if key == NAME_COOKIE and name.isprintable() and 0 < len(name) <= MAX_NAME:
+            return name
+    return None
 
 
 class Authenticator(Protocol):
@@ -45,14 +62,16 @@ class AnonymousAuthenticator:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._numbers: OrderedDict[str, int] = OrderedDict()
+        self._names: dict[str, str] = {}
         self._given = 0
 
     def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
         """Return the page of a cookie; a client without a cookie is a program."""
         if not _CLIENT_ID.fullmatch(cookie):
             return Visitor(name="a program", role=Role.ADMIN, client_id="program", logged_in=False)
+        number = self._number(cookie)
         return Visitor(
-            name=f"console {self._number(cookie)}",
+            name=self._unique(cookie, _own_name(headers) or f"console {number}", number),
             role=Role.ADMIN,
             client_id=f"page {cookie}",
             logged_in=False,
@@ -65,13 +84,21 @@ class AnonymousAuthenticator:
     def refresh(self) -> None:
         """Do nothing: there are no users."""
 
+    def _unique(self, cookie: str, name: str, number: int) -> str:
+        """Return the name of a page; one that another page has gets a number."""
+        with self._lock:
+            taken = {other for page, other in self._names.items() if page != cookie}
+            self._names[cookie] = f"{name} ({number})" if name in taken else name
+            return self._names[cookie]
+
     def _number(self, cookie: str) -> int:
         with self._lock:
             if cookie not in self._numbers:
                 self._given += 1
                 self._numbers[cookie] = self._given
                 while len(self._numbers) > MAX_CLIENTS:
-                    self._numbers.popitem(last=False)
+                    old, _ = self._numbers.popitem(last=False)
+                    self._names.pop(old, None)
             return self._numbers[cookie]
 
 

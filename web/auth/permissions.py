@@ -24,7 +24,7 @@ _BY_ANYONE = {
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
 _OPERATORS = re.compile(rf"{_API}/audit(/|$)")
 _DRIVES = re.compile(
-    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue))/?"
+    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue)|sites/.+/choose)/?"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """Stopping is always allowed."""

@@ -20,15 +20,18 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from navcore.errors import (
+    AlreadyThere,
     BadConfiguration,
     BadGeometry,
     BewareNavError,
     BlockedGoal,
+    CrossedOutline,
     NotKnown,
     Outdated,
     Refused,
     StorageFailed,
 )
+from web.gateway.sentences import sentence_of
 from web.schemas.problem import Problem, ProblemBody
 
 log = logging.getLogger(__name__)
@@ -43,6 +46,7 @@ _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
     (BadConfiguration, HTTPStatus.UNPROCESSABLE_ENTITY, "bad_value"),
     (NotKnown, HTTPStatus.NOT_FOUND, "not_known"),
     (Outdated, HTTPStatus.CONFLICT, "outdated"),
+    (AlreadyThere, HTTPStatus.CONFLICT, "already_there"),
     (Refused, HTTPStatus.CONFLICT, "refused"),
     (StorageFailed, HTTPStatus.SERVICE_UNAVAILABLE, "storage_failed"),
 )
@@ -140,11 +144,18 @@ def refusal(error: BewareNavError) -> ProblemResponse:
 
 
 def _more(error: BewareNavError) -> dict[str, Any] | None:
-    """Return the nearest free position for a blocked goal."""
-    if not isinstance(error, BlockedGoal) or error.nearest is None:
-        return None
-    x_m, y_m = error.nearest
-    return {"nearest": {"x_m": round(x_m, 3), "y_m": round(y_m, 3)}}
+    """Return the nearest free position for a blocked goal, the crossing of an outline."""
+    if isinstance(error, BlockedGoal) and error.nearest is not None:
+        return {"nearest": _position(error.nearest)}
+    if isinstance(error, AlreadyThere):
+        return {"there": list(error.names)}
+    if isinstance(error, CrossedOutline):
+        return {"crossing": _position(error.crossing)}
+    return None
+
+
+def _position(point: tuple[float, float]) -> dict[str, float]:
+    return {"x_m": round(point[0], 3), "y_m": round(point[1], 3)}
 
 
 def install(app: FastAPI) -> None:
@@ -180,7 +191,7 @@ def _invalid(errors: Sequence[Any]) -> ProblemResponse:
     first = details[0] if details else {"where": "body", "message": "is not valid"}
     where = _clean(str(first["where"]), MAX_WHERE)
     unreadable = errors and errors[0].get("type") == "json_invalid"
-    message = "the body is not JSON" if unreadable else f"{where}: {first['message']}"
+    message = "The request is not JSON." if unreadable else str(first["message"])
     return problem(
         422, "invalid", message, where, extra={"details": details} if len(details) > 1 else None
     )
@@ -188,13 +199,12 @@ def _invalid(errors: Sequence[Any]) -> ProblemResponse:
 
 def _reason(error: Mapping[str, Any]) -> str:
     kind, place = error.get("type"), _parts(error.get("loc", ()))
-    if kind == "extra_forbidden":
-        return "unknown key"
-    if place == ["body"] and kind != "missing":
+    if place == ["body"] and kind not in ("missing", "value_error"):
         return (
-            "must be a JSON object of text that is Unicode, sent as Content-Type: application/json"
+            "The request must be a JSON object of Unicode text, sent as Content-Type: "
+            "application/json."
         )
-    return _clean(str(error.get("msg", "")), 200)
+    return _clean(sentence_of(error, place), 200)
 
 
 def _where(location: Sequence[Any]) -> str:

@@ -9,35 +9,37 @@ from starlette.responses import Response
 from starlette.types import Message, Receive, Scope
 
 from web.gateway.problems import problem
+from web.interface.sites import MAX_ARCHIVE_BYTES
 
 MAX_BODY_BYTES = 1_000_000
 """Largest body in bytes."""
 BODY_TIMEOUT_S = 10.0
 """Time limit of the arrival of a body, seconds."""
+LARGE_BODIES = {"/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0)}
+"""Path → largest body in bytes and its time limit in seconds, where these differ."""
 
 
 async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
     """Return the whole body, or the refusal of one that is too large or too slow."""
     if scope["method"] in ("GET", "HEAD", "OPTIONS"):
         return b""
-    too_large = problem(413, "too_large", f"a body may have at most {MAX_BODY_BYTES} bytes", "body")
+    at_most, limit_s = LARGE_BODIES.get(scope["path"], (MAX_BODY_BYTES, BODY_TIMEOUT_S))
+    too_large = problem(413, "too_large", f"a body may have at most {at_most} bytes", "body")
     length = Headers(scope=scope).get("content-length", "0")
-    if not length.isdigit() or len(length) > 12 or int(length) > MAX_BODY_BYTES:
+    if not length.isdigit() or len(length) > 12 or int(length) > at_most:
         return too_large
     body = bytearray()
     try:
-        async with asyncio.timeout(BODY_TIMEOUT_S):
+        async with asyncio.timeout(limit_s):
             while True:
                 message = await receive()
                 body += message.get("body", b"")
-                if len(body) > MAX_BODY_BYTES:
+                if len(body) > at_most:
                     return too_large
                 if message["type"] != "http.request" or not message.get("more_body"):
                     return bytes(body)
     except TimeoutError:
-        return problem(
-            408, "too_slow", f"the body did not arrive within {BODY_TIMEOUT_S:g} s", "body"
-        )
+        return problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
 
 
 def replayed(body: bytes, receive: Receive) -> Receive:

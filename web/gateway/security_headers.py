@@ -7,8 +7,8 @@ from starlette.types import Message, Scope, Send
 
 _OWN_CSP = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
-    "connect-src 'self'; frame-src 'self'; font-src 'self'; form-action 'self'; base-uri 'none'; "
-    "frame-ancestors 'self'"
+    "connect-src 'self'; manifest-src 'self'; frame-src 'self'; font-src 'self'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
 # viser's page is one file with inline scripts, workers made from blobs, and WebAssembly.
 _VIEWER_CSP = (

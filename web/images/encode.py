@@ -1,5 +1,4 @@
-"""Values of the navigation as files: map as PNG and in Nav2's format, point cloud as PLY, camera
-image as JPEG."""
+"""Values of the navigation as files: map as PNG and in Nav2's format, point cloud as PLY."""
 
 from __future__ import annotations
 
@@ -16,14 +15,12 @@ from navcore.formats.nav2_map import description_of, map_from_cells, yaml_text
 from navcore.geometry.camera import pixel_rays
 from navcore.grid.grid import OccupancyGrid
 from navcore.mission.beware_list import BewareList
-from navcore.perception.labels import Labels
 from web.images import palette
 from web.interface.snapshots import Cloud, TickSnapshot
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
-JPEG_QUALITY = 80
 PNG_OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 3]
 KNOWN_ALPHA, UNKNOWN_ALPHA = 235, 110
 """Opacity of known and unknown cells of the floor in the 3D view, 0 to 255."""
@@ -108,7 +105,7 @@ def _unpacked(tick: TickSnapshot, part: Part) -> tuple[OccupancyGrid, Mask, Mask
 def map_png(tick: TickSnapshot, beware: BewareList, part: Part | None = None) -> bytes:
     """Return the painted map, or a part of it, as PNG."""
     image = cv2.cvtColor(paint_map(tick, beware, part), cv2.COLOR_RGBA2BGRA)
-    return _encoded(".png", image, PNG_OPTIONS)
+    return encoded(".png", image, PNG_OPTIONS)
 
 
 def cells_png(tick: TickSnapshot, part: Part | None = None) -> bytes:
@@ -129,7 +126,7 @@ def cells_png(tick: TickSnapshot, part: Part | None = None) -> bytes:
         second = mask & (cells[..., 1] > 0)
         cells[..., 2][second] = class_id
         cells[..., 1][mask & ~second] = class_id
-    return _encoded(".png", cv2.cvtColor(cells[::-1], cv2.COLOR_RGB2BGR), PNG_OPTIONS)
+    return encoded(".png", cv2.cvtColor(cells[::-1], cv2.COLOR_RGB2BGR), PNG_OPTIONS)
 
 
 def floor_view(tick: TickSnapshot) -> npt.NDArray[np.float64]:
@@ -149,9 +146,14 @@ def floor_view(tick: TickSnapshot) -> npt.NDArray[np.float64]:
     )
 
 
-def map_pgm(tick: TickSnapshot) -> bytes:
-    """Return Nav2's trinary image, row 0 at the top: occupied or zone 0, free 254, unknown 205."""
-    occupied = tick.grid.occupied() | _zones(tick.grid)
+def map_pgm(tick: TickSnapshot, *, zones: bool = False) -> bytes:
+    """Return Nav2's trinary image, row 0 at the top: occupied 0, free 254, unknown 205; with
+    `zones` the keep-out zones are occupied, too."""
+    occupied = tick.grid.geometric.copy()
+    for layer in tick.grid.beware.values():
+        occupied |= layer
+    if zones:
+        occupied |= _zones(tick.grid)
     return encode(map_from_cells(occupied=occupied, known=tick.seen, spec=tick.grid.spec).image)
 
 
@@ -173,60 +175,6 @@ def cloud_ply(cloud: Cloud) -> bytes:
         f"element vertex {len(points)}\n"
     )
     return f"{head}{axes}{colours}end_header\n".encode() + points.tobytes()
-
-
-def camera_jpg(image: Image) -> bytes:
-    """Return an RGB image (H, W, 3) as JPEG."""
-    return _encoded(
-        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    )
-
-
-def with_overlay(tick: TickSnapshot, beware: BewareList) -> Image:
-    """Return the camera image (H, W, 3) with the objects of the enabled classes tinted by their
-    confidence, outlined and named."""
-    image, binding = tick.rgb.copy(), beware_mask(tick, beware)
-    for entry in beware.enabled:
-        mask, colour = (
-            binding & (tick.labels == entry.class_id),
-            palette.class_colour(entry.class_id),
-        )
-        if not mask.any():
-            continue
-        opacity = (0.25 + 0.45 * tick.confidence[mask])[:, None]
-        image[mask] = ((1 - opacity) * image[mask] + opacity * np.array(colour)).astype(np.uint8)
-        outlines, _ = cv2.findContours(
-            mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
-        )
-        cv2.drawContours(image, outlines, -1, colour, 2)
-        left, top, _, _ = cv2.boundingRect(max(outlines, key=cv2.contourArea))
-        _name(image, f"{entry.name} {tick.confidence[mask].mean():.0%}", left, top)
-    return image
-
-
-def beware_mask(tick: TickSnapshot, beware: BewareList) -> Mask:
-    """Return (H, W) the pixels of the enabled classes with sufficient confidence."""
-    return Labels(class_ids=tick.labels, confidence=tick.confidence).mask(beware)
-
-
-def _name(image: Image, text: str, left: int, top: int) -> None:
-    """Write white text with a black rim above a position, or just below it at the upper edge;
-    OpenCV draws ASCII only."""
-    text = text.encode("ascii", "replace").decode()
-    (wide, high), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
-    at = min(left, max(image.shape[1] - wide - 2, 0)), top - 4 if top > high + 6 else top + high + 6
-    for x, y, level in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 255)):
-        corner = at[0] + x, at[1] + y
-        cv2.putText(
-            image,
-            text,
-            corner,
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.4,
-            (level, level, level),
-            1,
-            cv2.LINE_AA,
-        )
 
 
 def class_colours() -> npt.NDArray[np.uint8]:
@@ -292,9 +240,8 @@ def _mixed(colour: palette.Rgb, other: palette.Rgb, share: float) -> palette.Rgb
     return r, g, b
 
 
-def _encoded(
-    suffix: str, image: npt.NDArray[np.integer | np.floating], options: list[int]
-) -> bytes:
+def encoded(suffix: str, image: npt.NDArray[np.integer | np.floating], options: list[int]) -> bytes:
+    """Return an image in the format of a file name's suffix."""
     ok, data = cv2.imencode(suffix, image, options)
     if not ok:
         raise RuntimeError(f"OpenCV could not encode {suffix} of shape {image.shape}")

@@ -84,6 +84,8 @@ class PathPreview:
     """Length of the path in metres; None without one."""
     time_s: float | None
     """Estimated travel time in seconds; None without a path."""
+    unseen_m: float | None = None
+    """Length of the path over floor that was not seen yet, metres; None without a path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

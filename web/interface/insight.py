@@ -20,7 +20,16 @@ from navcore.planning.path_explanation import Stretch
 from web.interface.wire import DOCUMENTED, Polyline, Position, WholePolyline
 
 Kind = Literal[
-    "mission", "goal", "replanned", "stopped", "released", "seen", "zone", "beware", "labelled"
+    "mission",
+    "goal",
+    "replanned",
+    "stopped",
+    "released",
+    "seen",
+    "zone",
+    "beware",
+    "labelled",
+    "place",
 ]
 """Subject of an entry of the event log."""
 
@@ -96,9 +105,14 @@ class Explanation:
     stretches: tuple[Stretch, ...]
     """Consecutive parts of the path with the rule that each one touches."""
     rules: tuple[ExplainedRule, ...]
-    """Rules along the path and all rules that can be removed, costliest first."""
+    """All rules that can be removed, and obstacles along the path, costliest first."""
     all_cost_m: float | None
     """Length in metres by which the path is shorter without all rules; null when not known."""
+    main: tuple[str, ...] = ()
+    """Keys of the rules that make the path longer: one rule, or a few that do so together; empty
+    when no rule does."""
+    main_cost_m: float = 0.0
+    """Length in metres by which the path is shorter without the rules in `main`."""
     lift: Removal | None
     """Smallest set of rules whose removal opens a path; null when there is a path."""
 

@@ -29,8 +29,13 @@ from web.interface.drafts import (
     ZoneHistory,
 )
 from web.interface.insight import Diagnostics
+from web.interface.localisation import PlaceEdits
+from web.interface.sites import Sites
 from web.interface.snapshots import Cloud, State, TickSnapshot
 
+Existing = Literal["ask", "replace", "keep", "skip"]
+"""What happens to an imported zone with the outline of a stored one: a refusal that names them, the
+stored one gets its properties, both are kept, or it is left out."""
 MissionAction = Literal["start", "pause", "resume", "cancel", "leave"]
 
 
@@ -38,8 +43,8 @@ class GoalList(Protocol):
     """Waiting goals and saved missions."""
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """Queue a goal, with a heading or for any; refused outside the map and inside a known
-        obstacle or zone (`BlockedGoal`, which names the nearest free position)."""
+        """Queue a goal, with a heading or for any; refused where the map cannot grow to, and inside
+        a known obstacle or zone (`BlockedGoal`, which names the nearest free position)."""
 
     def change(self, goal_id: int, changes: GoalChanges) -> Goal:
         """Change `x_m`, `y_m`, `yaw_rad` (None for any heading) or `name` of a waiting goal."""
@@ -56,8 +61,9 @@ class GoalList(Protocol):
     def missions(self) -> Mapping[str, SavedMission]:
         """Return the saved missions by name."""
 
-    def save(self, name: str) -> None:
-        """Save the waiting goals under a name, replacing a mission of that name."""
+    def save(self, name: str, *, replace: bool = True) -> None:
+        """Save the waiting goals under a name; `AlreadyThere` for the name of a saved mission
+        unless it is to be replaced."""
 
     def load(self, name: str) -> None:
         """Replace the waiting goals by those of a saved mission; refused while driving."""
@@ -80,8 +86,9 @@ class ZoneEdits(Protocol):
     def add(self, draft: ZoneDraft) -> Zone:
         """Store a zone."""
 
-    def add_all(self, drafts: Sequence[ZoneDraft]) -> tuple[Zone, ...]:
-        """Store many zones as one edit, all or nothing."""
+    def add_all(self, drafts: Sequence[ZoneDraft], existing: Existing = "keep") -> tuple[Zone, ...]:
+        """Store many zones as one edit, all or nothing, and return them. `existing` says what
+        happens to those with the outline of a stored zone; "ask" raises `AlreadyThere`."""
 
     def replace(
         self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None
@@ -165,6 +172,14 @@ class RobotService(Protocol):
         """Objects that must not be touched."""
 
     @property
+    def place(self) -> PlaceEdits:
+        """Where the robot is in the map."""
+
+    @property
+    def sites(self) -> Sites:
+        """Sites: named places with their maps, zones and missions."""
+
+    @property
     def insight(self) -> Diagnostics:
         """Explanations, detections and measurements."""
 
@@ -185,6 +200,10 @@ class RobotService(Protocol):
     def drive(self, twist: Twist | None) -> None:
         """Drive by hand: a velocity for at most 0.25 s, through the safety gate; None ends it. A
         driving mission is paused."""
+
+    def back_off(self) -> None:
+        """Drive half a metre straight back, through the safety gate; a driving mission goes on
+        afterwards."""
 
     def stop(self, source: str) -> None:
         """Latch the emergency stop; `source` names its origin, such as `console button`."""

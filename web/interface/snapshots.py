@@ -3,7 +3,7 @@ newest tick."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -18,7 +18,9 @@ from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.mission import Goal, Phase
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
+from navcore.planning.unseen_parts import Parts, unseen_m
 from navcore.safety.gate import Cause, StopReason
+from web.interface.localisation import PlaceOut
 from web.interface.wire import DOCUMENTED
 
 
@@ -32,10 +34,13 @@ class ReasonOut:
     """Stable word for programs."""
     text: str
     """Sentence for the operator."""
+    offer: Literal["back-off"] | None = None
+    """Action below `mission/` that may help; null for none."""
 
 
 def _reason_out(reason: StopReason) -> ReasonOut:
-    return ReasonOut(code=reason.cause, text=reason.text)
+    offer: Literal["back-off"] | None = "back-off" if reason.cause is Cause.BOXED_IN else None
+    return ReasonOut(code=reason.cause, text=reason.text, offer=offer)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +55,8 @@ class State:
     """Time of the snapshot by the robot's monotonic clock, seconds."""
     scenario: str
     """Name of the world, or of a real robot."""
+    site: str = "default"
+    """Name of the site in use."""
     robot: str
     """Name of the platform."""
     phase: Phase
@@ -64,7 +71,9 @@ class State:
     """Reasons why the robot stands during a mission, the worst first; empty when nothing holds
     it."""
     pose: Pose2
-    """T_map_base by odometry."""
+    """T_map_base as the robot estimates it."""
+    place: PlaceOut = field(default_factory=PlaceOut)
+    """How well the robot knows its pose."""
     twist: Twist
     """Velocity by odometry."""
     command: Twist
@@ -77,6 +86,8 @@ class State:
     """Remaining length of the planned path in metres; null without a path."""
     travelled_m: float
     """Distance driven since the start, metres."""
+    unseen_m: float | None = None
+    """Length of the planned path over floor that was not seen yet, metres; null without a path."""
     explored_m2: float
     """Area of the floor seen since the start, square metres."""
     replans: int
@@ -108,6 +119,9 @@ class State:
     first."""
     grid_version: int | None = None
     """Version of the map in the newest tick, which `map.png` shows; null before the first."""
+    grid_spec: GridSpec | None = None
+    """Position and size of the map in the newest tick, which grows with robot and goals; null
+    before the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,6 +152,8 @@ class TickSnapshot:
     """(N, 2) planned path in metres of the map frame; (0, 2) without one."""
     waypoints: npt.NDArray[np.float64]
     """(M, 2) corners and end of the path in metres of the map frame."""
+    unseen: Parts = ()
+    """(first, last) points of each part of `path` over floor that was not seen yet."""
     driven: npt.NDArray[np.float64]
     """(K, 2) past positions of the robot in metres of the map frame."""
     people: tuple[Track, ...] = ()
@@ -149,6 +165,11 @@ class TickSnapshot:
     kept."""
     prior: CellMask | None = None
     """Cells that are occupied on a prior map and were not seen free; None without a prior map."""
+
+    @property
+    def unseen_m(self) -> float | None:
+        """Length in metres of `path` over floor that was not seen yet; None without a path."""
+        return unseen_m(self.path, self.unseen) if len(self.path) else None
 
     @property
     def grid_spec(self) -> GridSpec:

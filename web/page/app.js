@@ -1,33 +1,41 @@
 // The wiring of the page: the robot's state arrives by websocket, the rest follows its versions.
 
 import "./access/account.js";
+import * as ownName from "./access/own_name.js";
 import * as bewareList from "./beware/beware_list.js";
-import { showLegend } from "./beware/legend.js";
 import { connect, get } from "./core/api.js";
 import * as connection from "./core/connection.js";
-import { element } from "./core/dom.js";
+import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
+import { delivered } from "./core/stop.js";
 import { notify } from "./core/toasts.js";
 import { oneAtATime, setMoving } from "./core/updates.js";
 import * as camera from "./insight/camera.js";
 import * as drawer from "./insight/drawer.js";
 import * as freshness from "./insight/freshness.js";
+import { showMapBy, swap } from "./insight/swap.js";
 import { switchViewBy } from "./keys.js";
 import { showLayers } from "./map/layers.js";
 import * as map from "./map/map.js";
 import * as mapUpdates from "./map/updates.js";
 import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./map/view.js";
+import { lightRows } from "./map/selection.js";
 import { showViewer, webgl } from "./map/viewer.js";
 import { look, mark, onLinkOpen } from "./map/viewer_link.js";
+import { enableButtons } from "./mission/buttons.js";
+import { showFigures } from "./mission/figures.js";
 import { showGoals } from "./mission/goals.js";
+import { onProposal, showPlace } from "./localisation/place.js";
 import { showStatus } from "./mission/status.js";
 import "./mission/teleop.js";
+import * as sites from "./sites/sites.js";
 import { isDrawing, numberZonesBy, onDraft, setMode } from "./zones/draft.js";
 import "./zones/draft_input.js";
 import * as zoneFiles from "./zones/files.js";
 import "./zones/from_camera.js";
 import * as zoneList from "./zones/zones.js";
 
+const VIEW_KEY = "console.view";
 const ZOOM_FACTOR = 1.3;
 const versions = { zones: null, beware: null };
 let state = null;
@@ -39,13 +47,13 @@ const loadZones = oneAtATime(async () => {
   const collection = await get("/zones");
   zones = collection.features;
   zoneList.show(collection);
+  lightRows();
   map.update({ zones });
 });
 
 const loadBeware = oneAtATime(async () => {
   const beware = await get("/beware");
   bewareList.show(beware);
-  showLegend(beware.classes);
   showLayers(beware.classes);
   map.update({ classes: beware.classes });
   drawer.update({ beware });
@@ -53,10 +61,17 @@ const loadBeware = oneAtATime(async () => {
 
 function showState(next) {
   state = next;
+  // What belongs to a site is loaded again, whatever its version.
+  if (sites.update(state)) Object.assign(versions, { zones: null, beware: null });
   connection.stateArrived();
   setMoving(state.moving);
+  if (state.stop_latched) delivered();
   showStatus(state);
+  showPlace(state);
+  enableButtons(state);
+  showFigures(state);
   showGoals(state);
+  lightRows();
   follow();
   map.update({ state });
   freshness.stateArrived(state, mapUpdates.versionOf(state), isOnMap());
@@ -80,6 +95,7 @@ function follow() {
 }
 
 function showView(name) {
+  if (name === "3d") swap(false);
   document.body.dataset.view = name;
   for (const tab of viewTabs) tab.setAttribute("aria-selected", String(tab.dataset.view === name));
   element("panel-3d").hidden = name !== "3d";
@@ -87,10 +103,18 @@ function showView(name) {
   showViewer(name === "3d");
   mapUpdates.setShown(name === "map", state);
   history.replaceState(null, "", `#${name}`);
+  saveSetting(VIEW_KEY, name); // the login forgets the address
 }
+
+// After a click on a tool by mouse or finger the keys belong to the map again.
+document.querySelector(".tools").addEventListener("click", (event) => {
+  if (event.detail > 0 && isOnMap() && event.target.closest("button:not([popovertarget])"))
+    element("map").focus({ preventScroll: true });
+});
 
 const viewTabs = document.querySelectorAll("[data-view][role=tab]");
 for (const tab of viewTabs) tab.onclick = () => showView(tab.dataset.view);
+showMapBy(() => showView("map"));
 switchViewBy(() => showView(isOnMap() ? "3d" : "map"));
 
 for (const button of document.querySelectorAll("[data-mode]"))
@@ -103,6 +127,7 @@ const zooms = {
 };
 for (const button of document.querySelectorAll("[data-zoom]"))
   button.onclick = () => zooms[button.dataset.zoom]();
+onProposal(map.redraw);
 onView(() =>
   document
     .querySelector("[data-zoom=follow]")
@@ -112,13 +137,19 @@ onView(() =>
 bewareList.build(loadBeware);
 zoneList.build(loadZones);
 zoneFiles.build(loadZones);
-numberZonesBy(() => zones.length + 1);
+numberZonesBy(() => {
+  const names = new Set(zones.map((zone) => zone.properties.name));
+  let number = zones.length + 1;
+  while (names.has(`Zone ${number}`)) number += 1;
+  return number;
+});
 drawer.start({
   look: (place) => {
     centreOn(place);
     look("place", place);
   },
   mark,
+  showSightings: (sightings) => map.update({ sightings }),
 });
 onLinkOpen(drawer.resendMarks);
 
@@ -136,4 +167,5 @@ connect("/events", { onMessage: showState, onClose: mapUpdates.forget });
 setMode("navigate");
 // A processor would be slow at drawing the 3D view: there it waits until it is asked for.
 const asked = { "#map": "map", "#3d": "3d" }[location.hash];
-showView(asked ?? (webgl === "hardware" && !isNarrow() ? "3d" : "map"));
+showView(asked ?? loadSetting(VIEW_KEY, null) ?? (webgl === "hardware" && !isNarrow() ? "3d" : "map"));
+ownName.start().catch(() => {}); // a lost connection has its own banner

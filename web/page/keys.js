@@ -1,13 +1,14 @@
 // The keys of the page, and the list of them. Space means stop and nothing else, whatever the focus.
 
 import { togglePanel } from "./access/admin_panel.js";
-import { stop } from "./core/api.js";
 import { element, make } from "./core/dom.js";
 import { closeOverlay } from "./core/menus.js";
+import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
-import { attempt } from "./core/toasts.js";
+import { swap } from "./insight/swap.js";
 import { fit, redraw } from "./map/map.js";
 import { cancelPress } from "./map/pointer.js";
+import { select } from "./map/selection.js";
 import { follow, view, zoom } from "./map/view.js";
 import { driveByKey, togglePad } from "./mission/teleop.js";
 import {
@@ -45,10 +46,12 @@ const LISTED = [
   ["Ctrl Z", "undo: in the draft, else the last edit of the zones"],
   ["Ctrl Shift Z", "redo"],
   ["M", "map or 3D view"],
+  ["C", "camera image and map change places"],
   ["B", "drive by hand: the pad, and the arrow keys while it is open"],
   ["F", "follow the robot"],
-  ["W", "the whole map"],
+  ["W", "fit what is known; again for the whole map"],
   ["+ −", "zoom the map"],
+  ["Shift F10", "menu of what is selected on the map, as by right click"],
   ["D", "dark or light"],
   ["U", "for admins: users and audit log"],
   ["?", "this list"],
@@ -61,10 +64,12 @@ const BLANK_FIELDS =
   "input:is(:not([type]), [type=text], [type=search], [type=password], [type=url], [type=email]), textarea";
 const matches = (node, selector) => node?.matches?.(selector) ?? false;
 const isStop = (event) => event.code === "Space" && !matches(event.target, BLANK_FIELDS);
+// A letter is a shortcut while the map, the page or the 3D view has the focus: typed on a button it
+// was meant for a field.
+const takesLetters = (node) => !matches(node, "button, summary, a, input") || matches(node, "[data-drive]");
 const isControl = (event) => matches(event.target, "button, summary, a, input");
 let switchView = () => {};
 
-const pressStop = (source) => attempt(() => stop(source));
 // Set the function that switches between map and 3D view.
 export const switchViewBy = (act) => {
   switchView = act;
@@ -90,9 +95,11 @@ function moveBy(dx, dy, event) {
 const ALWAYS = {
   Escape: () => {
     cancelPress();
+    if (draft.mode === "navigate") select(null);
     setMode("navigate");
   },
   m: () => switchView(),
+  c: () => swap(),
   f: () => {
     follow(!view.follows);
     redraw();
@@ -127,7 +134,7 @@ export function onKeyDown(event) {
   if (isStop(event)) {
     event.preventDefault();
     event.stopPropagation();
-    if (!event.repeat) pressStop("console key");
+    if (!event.repeat) stop("console key");
     return;
   }
   if (event.key === "Escape" && closeOverlay()) {
@@ -155,6 +162,7 @@ export function onKeyDown(event) {
     event.target.click();
     return;
   }
+  if (event.key.length === 1 && event.key !== "?" && !takesLetters(event.target)) return;
   const act = () => ((isDrawing() ? WHILE_DRAWING[key] : ELSEWHERE[key]) ?? ALWAYS[key])?.(event);
   if (pendingStore()) pendingStore().then(act);
   else act();
@@ -174,6 +182,6 @@ element("help-keys").append(
     make("dd", {}, words),
   ]),
 );
-element("stop").onclick = () => pressStop("console button");
+element("stop").onclick = () => stop("console button");
 window.addEventListener("keydown", onKeyDown, true);
 window.addEventListener("keyup", onKeyUp, true);

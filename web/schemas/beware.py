@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field, StrictBool
+from typing_extensions import TypedDict
 
 from navcore.mission.beware_list import LARGEST_CLASS_ID, OPTIONAL, BewareClass, BewareList
 from web.images import palette
@@ -30,6 +32,8 @@ class BewareListIn(Closed):
     """Ignored; `If-Match` guards against lost edits."""
     can_undo: StrictBool | None = None
     """Ignored."""
+    limits: Mapping[str, object] | None = None
+    """Ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +48,23 @@ class ListedClass(BewareClass):
     """Part of the segmenter that detects the class."""
 
 
+class Limits(TypedDict):
+    """Range of a number, both ends included."""
+
+    low: float
+    """Smallest value."""
+    high: float
+    """Largest value."""
+
+
+LIMITS: dict[str, Limits] = {
+    field.name: {"low": field.metadata["low"], "high": field.metadata["high"]}
+    for field in dataclasses.fields(BewareClass)
+    if "low" in field.metadata
+}
+"""Ranges of the numbers of a class."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BewareOut:
     """Beware list in force; its version is the ETag."""
@@ -56,6 +77,8 @@ class BewareOut:
     """Classes in the operator's order."""
     can_undo: bool
     """Whether `beware/undo` has an edit to undo."""
+    limits: Mapping[str, Limits]
+    """Smallest and largest value of each number of a class, by its key."""
 
     @staticmethod
     def of(beware: BewareList, editor: BewareEdits) -> BewareOut:
@@ -68,4 +91,6 @@ class BewareOut:
             )
             for entry in beware.classes
         )
-        return BewareOut(version=beware.version, classes=classes, can_undo=editor.can_undo)
+        return BewareOut(
+            version=beware.version, classes=classes, can_undo=editor.can_undo, limits=LIMITS
+        )

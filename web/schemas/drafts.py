@@ -67,6 +67,8 @@ class PathPreviewOut(BaseModel):
     """Length of the path in metres; null without one."""
     time_s: float | None
     """Estimated travel time in seconds; null without a path."""
+    unseen_m: float | None
+    """Length of the path over floor that was not seen yet, metres; null without a path."""
     path: list[Position]
     """Points (x, y) of the path in metres of the map frame."""
 

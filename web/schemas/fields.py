@@ -37,8 +37,10 @@ MAX_ANGLE_RAD = 100.0
 
 def _printable(text: str) -> str:
     """Refuse control characters and lone surrogates: they break logs, labels and later answers."""
-    if not text.isprintable() or not text.strip():
-        raise ValueError("must be printable text and not blank")
+    if not text.strip():
+        raise ValueError("a blank text is none")
+    if not text.isprintable():
+        raise ValueError("expected printable text")
     return text
 
 

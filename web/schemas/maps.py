@@ -28,6 +28,32 @@ class MapOut(GridSpec):
     """Width of the robot in metres."""
 
 
+class CameraLabelOut(BaseModel):
+    """Object of the beware list in the camera image."""
+
+    model_config = DOCUMENTED
+
+    name: str
+    """Name of its class."""
+    class_id: int
+    """Id of its class in the beware list."""
+    confidence: float
+    """Mean confidence of its pixels, 0 to 1."""
+    box: tuple[float, float, float, float]
+    """Left, top, right and bottom edge as shares of the image's width and height."""
+
+
+class CameraLabelsOut(BaseModel):
+    """Objects of the beware list in the camera image of a tick."""
+
+    model_config = DOCUMENTED
+
+    serial: int
+    """Serial number of the tick."""
+    labels: list[CameraLabelOut]
+    """Objects, by class."""
+
+
 class PersonOut(BaseModel):
     """Tracked person."""
 
@@ -73,6 +99,8 @@ class PathOut(BaseModel):
     """Serial number of the tick."""
     path: list[Position]
     """Points (x, y) of the planned path."""
+    unseen: list[list[Position]]
+    """Points (x, y) of each part of the planned path over floor that was not seen yet."""
     waypoints: list[Position]
     """Corners and end of the planned path."""
     driven: list[Position]

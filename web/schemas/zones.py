@@ -10,7 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StrictBool,
+    StrictStr,
+    Tag,
+    model_validator,
+)
 
 from navcore.mission.beware_list import MAX_MARGIN_M
 from navcore.mission.zone import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, Zone, ZoneKind
@@ -213,6 +222,13 @@ class ZoneImportIn(_Open):
     """Type of the object."""
     features: Annotated[list[ImportedFeatureIn], Field(min_length=1, max_length=MAX_IMPORT)]
     """Zones to add."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_collection(cls, value: Any) -> Any:
+        if not isinstance(value, dict) or value.get("type") != "FeatureCollection":
+            raise ValueError("This is no GeoJSON of zones: expected a FeatureCollection.")
+        return value
 
 
 class MaskImportIn(Closed):

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from navcore.grid.grid import GridSpec
 from web.images import palette
 from web.viewer.layers.geometry import closed_ring, handle_mesh, polyline_segments
 from web.viewer.messages import Draft, Highlight
-from web.viewer.picking import Point, clamped, floor_point
+from web.viewer.picking import Point, floor_point
 
 log = logging.getLogger(__name__)
 
@@ -33,10 +32,8 @@ Post = Callable[[dict[str, Any]], None]
 class DraftOverlay:
     """Draft in one client's scene."""
 
-    def __init__(
-        self, client: viser.ClientHandle, post: Post, spec: Callable[[], GridSpec | None]
-    ) -> None:
-        self._client, self._post, self._spec = client, post, spec
+    def __init__(self, client: viser.ClientHandle, post: Post) -> None:
+        self._client, self._post = client, post
         self._handles: Any = None
         self._highlighted: Any = None
         self._count = 0
@@ -137,11 +134,8 @@ class DraftOverlay:
             self._report({"type": "drag", "phase": str(event.phase), "index": index}, point)
 
     def _report(self, message: dict[str, Any], point: Point | None) -> None:
-        spec = self._spec()
-        if point is None or spec is None:
-            return
-        on_map = clamped(point, spec)
-        self._post({**message, "x_m": point[0], "y_m": point[1], "on_map": list(on_map)})
+        if point is not None:
+            self._post({**message, "x_m": point[0], "y_m": point[1]})
 
 
 def _rgb(colour: str) -> npt.NDArray[np.uint8]:

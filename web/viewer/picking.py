@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navcore.grid.grid import GridSpec
-
 Point = tuple[float, float]
 
 FARTHEST_M = 1e4
@@ -37,14 +35,3 @@ def floor_point(origin: Sequence[float], direction: Sequence[float]) -> Point | 
     if not distance > 0 or not np.abs(point).max() < FARTHEST_M:
         return None
     return float(point[0]), float(point[1])
-
-
-def clamped(point: Point, spec: GridSpec) -> Point:
-    """Return the nearest point on the map, slightly inside its border."""
-    inset = spec.resolution_m * 0.05
-    right = spec.origin_x_m + spec.cols * spec.resolution_m
-    top = spec.origin_y_m + spec.rows * spec.resolution_m
-    return (
-        min(max(point[0], spec.origin_x_m + inset), right - inset),
-        min(max(point[1], spec.origin_y_m + inset), top - inset),
-    )

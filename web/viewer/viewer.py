@@ -131,9 +131,7 @@ class Viewer:
 
     async def _joined(self, client: viser.ClientHandle) -> None:
         page_id = self._page_of(client)
-        overlay = DraftOverlay(
-            client, lambda message: self.links.post(page_id, message), self._spec
-        )
+        overlay = DraftOverlay(client, lambda message: self.links.post(page_id, message))
         with self._lock:
             self._clients[client.client_id] = client
             self._overlays[client.client_id] = (page_id, overlay)
@@ -157,10 +155,6 @@ class Viewer:
         client without a page."""
         page_id = request_header(self._server, client, PAGE_ID_HEADER)
         return page_id if PAGE_ID.fullmatch(page_id) else ""
-
-    def _spec(self) -> GridSpec | None:
-        tick = self._operations.picture()
-        return None if tick is None else tick.grid_spec
 
     # Feeding
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from navcore.config.perception import DEFAULT_PERCEPTION, PersonTrackConfig
 from navcore.geometry.arrays import Floats
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.perception.people.detector import Cells, Cluster
 
 _DEFAULT = DEFAULT_PERCEPTION.people.track
@@ -23,13 +25,14 @@ class Track:
     id: int
     """Number of the person, constant while the person is followed."""
     x_m: float
-    """x of the middle of the body in metres of the map frame."""
+    """x of the middle of the body in metres; the tracker follows people in odometry's frame,
+    everything after localisation has them in the map frame."""
     y_m: float
-    """y of the middle of the body in metres of the map frame."""
+    """y of the middle of the body in metres of the same frame."""
     vx_mps: float
-    """Velocity along x in metres per second of the map frame; exactly 0 for a standing person."""
+    """Velocity along x in metres per second of the same frame; exactly 0 for a standing person."""
     vy_mps: float
-    """Velocity along y in metres per second of the map frame; exactly 0 for a standing person."""
+    """Velocity along y in metres per second of the same frame; exactly 0 for a standing person."""
     radius_m: float
     """Radius in metres of the disc that the person covers."""
     age_s: float
@@ -55,6 +58,22 @@ class Track:
         """Return whether the person walks at more than this share of the walking speed; a slower
         one is about to stop or turn."""
         return self.speed_mps > brisk_share * self.walking_speed_mps
+
+    def placed(self, T_map_odom: Pose2) -> Track:
+        """Return the track of odometry's frame in the map frame."""
+        if T_map_odom == IDENTITY:
+            return self
+        position = T_map_odom @ Pose2(x_m=self.x_m, y_m=self.y_m, yaw_rad=self.course_rad)
+        turned = Pose2(x_m=0.0, y_m=0.0, yaw_rad=T_map_odom.yaw_rad)
+        vx_mps, vy_mps = turned.to_parent(np.array([self.vx_mps, self.vy_mps])).tolist()
+        return dataclasses.replace(
+            self,
+            x_m=position.x_m,
+            y_m=position.y_m,
+            vx_mps=vx_mps,
+            vy_mps=vy_mps,
+            course_rad=position.yaw_rad,
+        )
 
     def at(self, t_s: float) -> tuple[float, float]:
         """Return (x, y) in metres of the map frame, predicted `t_s` seconds after the frame."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareList
 from navcore.perception.labels import Labels
@@ -57,7 +58,7 @@ class PeopleTracker:
             self._note_cells(one)
         return tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
 
-    def trail(self, spec: GridSpec) -> Indices:
+    def trail(self, spec: GridSpec, T_map_odom: Pose2 = IDENTITY) -> Indices:
         """Return the (N,) cells of the map, row · cols + col, of walking people."""
         if not self._trail:
             return np.empty(0, dtype=np.int64)
@@ -70,14 +71,16 @@ class PeopleTracker:
             coarse[:, axis, None] * cell_m + (np.arange(per_cell) + 0.5) / per_cell * cell_m
             for axis in (0, 1)
         )
-        rows = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)[:, :, None]
-        cols = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)[:, None, :]
+        points = np.stack(np.broadcast_arrays(x[:, None, :], y[:, :, None]), axis=-1)
+        x, y = np.moveaxis(T_map_odom.to_parent(points.reshape(-1, 2)), -1, 0)
+        rows = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
+        cols = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
         return np.unique((rows * spec.cols + cols)[inside])
 
     def is_free_floor(self, positions: Floats) -> Bools:
-        """Return (N,) at which of (N, 2) positions in metres of the map frame no person stands: the
-        newest frame shows their floor."""
+        """Return (N,) at which of (N, 2) positions in metres of odometry's frame no person stands:
+        the newest frame shows their floor."""
         return self._detector.is_free_floor(positions)
 
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:

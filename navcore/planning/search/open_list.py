@@ -53,19 +53,20 @@ class SearchWorkspace:
         # One walk away from the goal lengthens a path's estimate by less than three times the
         # grid's sides.
         self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
-        self._sides, self._cells = (space.rows, space.cols), cells
+        self._sides, self.cells = (space.rows, space.cols), cells
+        """Number of cells that a search may reach before the memory has to grow."""
         self.memory = self._new()
 
     def grow(self) -> None:
         """Make the memory four times as large, and forget everything."""
-        self._cells *= 4
+        self.cells *= 4
         self.memory = self._new()
 
     def _new(self) -> Memory:
         table = HEADS + self._ring + (self._ring >> 6)
-        queue = table + 2 * self._cells * 4
-        memory = np.zeros(queue + 2 * self._cells, dtype=np.int64)
-        memory[RING], memory[SLOTS], memory[ROOM] = self._ring, 2 * self._cells, 2 * self._cells
+        queue = table + 2 * self.cells * 4
+        memory = np.zeros(queue + 2 * self.cells, dtype=np.int64)
+        memory[RING], memory[SLOTS], memory[ROOM] = self._ring, 2 * self.cells, 2 * self.cells
         memory[TABLE], memory[QUEUE] = table, queue
         memory[ROWS], memory[COLS] = self._sides
         return memory

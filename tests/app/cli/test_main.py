@@ -34,11 +34,11 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "empty_room", "--goal", "here"), "--goal 'here'"),
         (
             ("drive", "--scenario", "empty_room", "--goal", "100,0", "--segmenter", "colour"),
-            "outside the map",
+            "outside the world",
         ),
         (
             ("drive", "--scenario", "empty_room", "--goal", "nan,0", "--segmenter", "colour"),
-            "outside the map",
+            "outside the world",
         ),
         (
             (
@@ -59,8 +59,14 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
         (("evaluate", "barn", "--random"), "suite of its own"),
+        (("evaluate", "barn", "--gnss", "rtk"), "suite of its own"),
+        (("evaluate", "finding", "--odometry", "poor"), "--odometry"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
         (("compare", "/no/such/folder"), "summary.json"),
+        # Refused before the weights are opened, and before an engine is tried.
+        (("drive", "--goal", "99,99", "--weights", "/no/such.onnx"), "outside the world"),
+        (("drive", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
+        (("console", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
         (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
         (
             ("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"),
@@ -82,6 +88,16 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
     assert last.startswith("bewarenav: ")
     assert words in last
     assert "Traceback" not in answer.stderr
+
+
+@pytest.mark.parametrize("option", ["--odometry", "--gnss"])
+@pytest.mark.parametrize("command", [("console",), ("drive",), ("evaluate", "office")])
+def test_a_sensor_that_the_simulated_robot_does_not_have_is_refused(
+    command: tuple[str, ...], option: str
+) -> None:
+    answer = bewarenav(*command, option, "good")
+    assert answer.returncode == 2
+    assert option in answer.stderr and "'good'" in answer.stderr
 
 
 def test_a_world_with_an_unknown_key_is_refused_by_key(tmp_path: Path) -> None:

@@ -19,9 +19,9 @@ from tests.app.console.state import PlainHolder
 
 def editor_of(store: Store) -> BewareEditor:
     """An editor as the console starts it."""
-    beware = store.beware() or default_beware_list()
+    beware = store.site.beware() or default_beware_list()
     holder = PlainHolder(OperatorState(mission=Mission(), beware=beware))
-    return BewareEditor(holder, store=store, segmenter=ColourSegmenter())
+    return BewareEditor(holder, store=store.site, segmenter=ColourSegmenter())
 
 
 def test_an_edit_of_an_earlier_start_can_be_undone(tmp_path: Path) -> None:
@@ -31,7 +31,7 @@ def test_an_edit_of_an_earlier_start_can_be_undone(tmp_path: Path) -> None:
     first.edit("cup", {"margin_m": 0.4})
     again = editor_of(store)
     assert again.can_undo and again.undo().named("cup").margin_m == 0.3
-    assert again.list == store.beware() and again.list.version == 3
+    assert again.list == store.site.beware() and again.list.version == 3
     with pytest.raises(Refused, match="no edit"):
         again.undo()
     store.close()

@@ -7,6 +7,7 @@ from typing import Any
 
 from app.episode.episode import Episode, EpisodeSettings
 from navcore.mission.beware_list import BewareList, default_beware_list
+from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
 
@@ -51,10 +52,16 @@ def driven(
     seed: int = 0,
     beware: BewareList | None = None,
     goals: tuple[tuple[float, float], ...] = (),
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
 ) -> dict[str, Any]:
     episode = Episode(
         scenario,
-        EpisodeSettings(beware=beware or default_beware_list(), goals=goals, max_time_s=240.0),
+        EpisodeSettings(
+            beware=beware or default_beware_list(),
+            goals=goals,
+            max_time_s=240.0,
+            odometry=odometry,
+        ),
         seed=seed,
     )
     try:
@@ -127,7 +134,8 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
 
 
 def test_the_office_mission_is_driven_without_contact() -> None:
-    report = driven(load_scenario("office"), seed=2)
+    report = driven(load_scenario("office"), seed=2, odometry=OdometryGrade.IDEAL)
+    assert report["odometry"] == "ideal" and report["gnss"] == "none"
     assert report["goals_reached"] == 3
     assert (report["collisions"], report["beware_intrusions"]) == (0, 0)
     assert report["success"] is True

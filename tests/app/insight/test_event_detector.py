@@ -17,9 +17,11 @@ from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Mission
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone
+from navcore.mission.zone_cells import rasterise
 from navcore.navigator import TickResult
 from navcore.perception.labels import Labels
 from navcore.planning.path import Path
@@ -76,6 +78,7 @@ def decision(
         twist=STANDSTILL,
     )
     return TickResult(
+        place=LocalisationEstimate(),
         frame=frame,
         labels=Labels(
             class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)
@@ -157,7 +160,7 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
         and said[1].endswith("was switched off.")
         and said[2].endswith("was deleted.")
     )
-    assert "need not be kept away from" in said[3] and "Goal 1 at (3.0, 0.0) is reached." in said
+    assert "need not be kept away from" in said[3] and "The goal (3.0, 0.0) is reached." in said
 
 
 def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:

@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from app.runtime.map_persistence import load_map, save_map
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
+from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map
 from navcore.formats.nav2_map import map_from_cells
+from navcore.grid.grid import GridSpec
+from navcore.grid.growth import growth_to
 from navcore.mapping.map_file import load
 from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
@@ -65,3 +69,36 @@ def test_an_obstacle_of_the_prior_map_that_was_seen_to_be_gone_stays_gone(
         observe_scene(cloud)
         assert not layer_grid(cloud, EMPTY, ()).geometric[row, col]
         save_map(cloud, EMPTY, tmp_path / "kept.map")
+
+
+def test_a_map_that_had_grown_and_a_prior_map_beyond_it_are_loaded_as_a_whole(
+    tmp_path: Path,
+) -> None:
+    grown, growth = PointMap(SPEC, MappingConfig()), growth_to(SPEC, (-5, 0, 1, SPEC.cols + 300))
+    assert growth is not None
+    grown.grow(growth)
+    observe_scene(grown, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+    save_map(grown, RED_LIST, tmp_path / "kept.map")
+    far = SPEC.part(0, 0, SPEC.rows, SPEC.cols + 700)
+    before = np.zeros((far.rows, far.cols), dtype=np.bool_)
+    before[3, far.cols - 1] = True
+    nav2_map.save(
+        map_from_cells(occupied=before, known=np.ones_like(before), spec=far),
+        tmp_path / "prior.yaml",
+    )
+    cloud = PointMap(SPEC, MappingConfig())
+    load_map(cloud, RED_LIST, prior=tmp_path / "prior.yaml", kept=tmp_path / "kept.map")
+    layers, spec = layer_grid(cloud, RED_LIST, ()), cloud.spec
+    assert spec.rows == SPEC.rows + 256 and spec.cols == SPEC.cols + 3 * 256
+    assert layers.geometric[spec.cell(*far.centre(3, far.cols - 1))]
+    was = layer_grid(grown, RED_LIST, ()).beware[RED_ID]
+    assert was.any()
+    np.testing.assert_array_equal(layers.beware[RED_ID][: was.shape[0], : was.shape[1]], was)
+    assert len(cloud.points.points_map) == len(grown.points.points_map)
+
+
+def test_a_map_of_another_world_is_refused(tmp_path: Path) -> None:
+    other = GridSpec.centred(size_m=(10.0, 10.0), resolution_m=0.1)
+    save_map(PointMap(other, MappingConfig()), RED_LIST, tmp_path / "kept.map")
+    with pytest.raises(BadConfiguration, match="begins with"):
+        load_map(PointMap(SPEC, MappingConfig()), EMPTY, prior=None, kept=tmp_path / "kept.map")

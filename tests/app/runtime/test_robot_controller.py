@@ -35,6 +35,13 @@ SECOND = 1_000_000_000
 OPEN = picture(stamp_ns=SECOND)
 NAN = dataclasses.replace(OPEN, depth_m=np.full_like(OPEN.depth_m, math.nan))
 ACROSS = Zone(id="z", name="across", polygon=((1.5, -7.9), (2.0, -7.9), (2.0, 7.9), (1.5, 7.9)))
+HALL = Zone(
+    id="hall",
+    name="hall",
+    kind=ZoneKind.STAY_INSIDE,
+    polygon=((-8.0, -8.0), (8.0, -8.0), (8.0, 8.0), (-8.0, 8.0)),
+)
+"""Without a boundary the map grows, and the path runs round the zone."""
 
 
 def navigator(stages: Stages | None = None) -> Navigator:
@@ -170,7 +177,7 @@ def test_an_arrived_goal_gives_way_to_the_next_and_the_last_ends_the_mission() -
 def test_without_a_path_the_robot_has_not_arrived_whatever_the_local_planner_says() -> None:
     arrived = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)
     driver = controller((3.0, 0.0), stages=Stages(control=lambda *_: arrived))
-    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS, HALL)))
     think(driver)
     before = len(driver.intent.mission.reached)
     driver.change(lambda intent: dataclasses.replace(intent, zones=()))
@@ -253,12 +260,12 @@ def test_an_edit_that_is_refused_changes_nothing() -> None:
 
 def test_a_zone_across_the_path_leaves_no_path_and_the_robot_says_so() -> None:
     driver = controller((5.0, 0.0))
-    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS,)))
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(ACROSS, HALL)))
     think(driver)
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.NO_PATH])
     driver.change(
         lambda intent: dataclasses.replace(
-            intent, zones=(dataclasses.replace(ACROSS, enabled=False),)
+            intent, zones=(dataclasses.replace(ACROSS, enabled=False), HALL)
         )
     )
     think(driver)

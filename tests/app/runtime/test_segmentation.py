@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 import torch
 
+from app.runtime.engine_memory import ChosenEngine, EngineMemory, key_of
 from app.runtime.segmentation import CAMERA, colour_perception, compose, measure_segmenter
 from app.runtime.segmenter_choice import SegmenterChoice
+from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
@@ -153,3 +155,56 @@ def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
         "app.runtime.segmentation.open_inference", lambda *_, **__: (engine, trials)
     )
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title
+
+
+def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_when_too_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    # However busy the machine is meanwhile, it is not too slow.
+    monkeypatch.setattr("app.runtime.segmentation.SLOWER", 1e9)
+    memory = EngineMemory(tmp_path / "cache" / "engines.json")
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1)
+    first = compose(choice, memory=memory)
+    assert first.trials
+    again = compose(choice, memory=EngineMemory(tmp_path / "cache" / "engines.json"))
+    assert (again.title, again.trials) == (first.title, ())
+    asked = compose(choice, memory=memory, inference=InferenceConfig(trial_s=0.0))
+    assert asked.trials
+    other = compose(SegmenterChoice(weights=weights(tmp_path, 1), threads=1), memory=memory)
+    assert other.trials, "the memory of one network is none of another"
+    monkeypatch.setattr("app.runtime.segmentation.SLOWER", 0.0)
+    with caplog.at_level(logging.WARNING):
+        assert compose(choice, memory=memory).trials
+    assert "when it was chosen: measuring again" in caplog.text
+
+
+def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    memory = EngineMemory(tmp_path / "engines.json")
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
+    with monkeypatch.context() as slow:
+        slow.setattr("app.runtime.segmentation.SLOW_MS", 0.0)
+        assert "320 × 192" in compose(choice, memory=memory).title
+    again = compose(choice, memory=memory)
+    assert "320 × 192" in again.title and not again.trials
+    key = key_of(open_network(weights(tmp_path), camera=CAMERA).sha256, live=True, threads=1)
+    memory.remember(key, ChosenEngine(name="absent f32", p99_ms=1.0, smaller=False))
+    assert compose(choice, memory=memory).trials
+    assert "absent f32 does not run any more" in caplog.text
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"k": 3}', '{"k": {"name": "x"}}', "{"])
+def test_a_memory_that_cannot_be_read_or_written_is_an_empty_one(
+    tmp_path: Path, content: str
+) -> None:
+    file = tmp_path / "engines.json"
+    file.write_text(content, encoding="utf-8")
+    memory = EngineMemory(file)
+    assert memory.recall("k") is None
+    engine = ChosenEngine(name="torch f32", p99_ms=5.0, smaller=False)
+    memory.remember("k", engine)
+    assert memory.recall("k") == engine
+    nowhere = EngineMemory(file / "below a file" / "engines.json")
+    nowhere.remember("k", engine)
+    assert nowhere.recall("k") is None

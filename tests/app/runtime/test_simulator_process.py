@@ -7,10 +7,14 @@ import signal
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
-from app.runtime.simulator_process import SimulatorFailed, SimulatorProcess
-from navcore.geometry.transform import Twist
+from app.runtime.simulator_process import SimulatorFailed, SimulatorProcess, _decode, _encode
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.fix import FixSource, PositionFix
+from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 
 AHEAD = Twist(v_mps=0.4, w_radps=0.0)
@@ -66,3 +70,38 @@ def test_a_simulator_that_hangs_blocks_no_sender(robot: SimulatorProcess) -> Non
 def test_a_world_that_does_not_come_up_is_told_and_leaves_nothing_behind() -> None:
     with pytest.raises(SimulatorFailed, match="no frame"):
         SimulatorProcess("nowhere", seed=0, profile=HUSKY)
+
+
+def test_roll_pitch_and_fixes_cross_the_link_with_stamps_of_the_machine() -> None:
+    fixes = tuple(
+        PositionFix(
+            stamp_ns=900 + i,
+            x_m=1.5,
+            y_m=-2.0,
+            yaw_rad=None if i == 0 else 0.5,
+            covariance=np.eye(2 if i == 0 else 3),
+            source=FixSource.GNSS if i == 0 else FixSource.TAG,
+            source_id=None if i == 0 else 7,
+        )
+        for i in range(2)
+    )
+    lens = Intrinsics(width=4, height=2, fx=2.0, fy=2.0, cx=1.5, cy=0.5)
+    sent = Frame(
+        stamp_ns=1000,
+        rgb=np.zeros((2, 4, 3), dtype=np.uint8),
+        depth_m=np.ones((2, 4), dtype=np.float32),
+        intrinsics=lens,
+        T_base_camera=HUSKY.camera.T_base_camera,
+        pose=Pose2(x_m=1.0, y_m=2.0, yaw_rad=3.0),
+        twist=AHEAD,
+        roll_rad=0.1,
+        pitch_rad=-0.05,
+        fixes=fixes,
+    )
+    got, _ = _decode(_encode(sent, 5000, {}))
+    assert (got.roll_rad, got.pitch_rad, got.stamp_ns) == (0.1, -0.05, 5000)
+    for before, after in zip(fixes, got.fixes, strict=True):
+        assert after.stamp_ns == before.stamp_ns + 4000
+        assert np.array_equal(after.covariance, before.covariance)
+        assert (after.x_m, after.y_m, after.yaw_rad) == (before.x_m, before.y_m, before.yaw_rad)
+        assert after.source is before.source and after.source_id == before.source_id

@@ -24,27 +24,27 @@ def test_zones_come_back_exactly_and_in_order(tmp_path: Path) -> None:
     stored = (zone(2, enabled=False), zone(1, margin_m=0.25, version=7))
     store = Store(tmp_path)
     for one in stored:
-        store.save_zone(one)
+        store.site.save_zone(one)
     store.close()
     store = Store(tmp_path)
-    assert store.zones() == stored
-    store.save_zone(zone(2, name="renamed", version=2))
-    assert [one.name for one in store.zones()] == ["renamed", "zone 1"]
-    store.change_zones([], ["z2"])
-    assert store.zones() == stored[1:]
+    assert store.site.zones() == stored
+    store.site.save_zone(zone(2, name="renamed", version=2))
+    assert [one.name for one in store.site.zones()] == ["renamed", "zone 1"]
+    store.site.change_zones([], ["z2"])
+    assert store.site.zones() == stored[1:]
     store.close()
 
 
 def test_the_beware_list_comes_back_with_its_version(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert store.beware() is None
+    assert store.site.beware() is None
     edited = default_beware_list().edited("cup", enabled=False, margin_m=0.3)
     edited = edited.replaced(entry for entry in edited.classes if entry.name != "spill")
     assert edited.retired == (("spill", 9),)
-    store.save_beware(edited)
+    store.site.save_beware(edited)
     store.close()
     store = Store(tmp_path)
-    assert store.beware() == edited
+    assert store.site.beware() == edited
     store.close()
 
 
@@ -61,16 +61,16 @@ def test_runs_are_listed_newest_first_and_an_unknown_one_is_named(tmp_path: Path
 
 def test_a_locked_database_refuses_the_save_and_keeps_what_was_stored(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.save_zone(zone(1))
+    store.site.save_zone(zone(1))
     other = sqlite3.connect(store.path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     with pytest.raises(StorageFailed, match="not saved"):
-        store.save_zone(zone(2))
-    assert [one.id for one in store.zones()] == ["z1"]
+        store.site.save_zone(zone(2))
+    assert [one.id for one in store.site.zones()] == ["z1"]
     other.execute("ROLLBACK")
     other.close()
-    store.save_zone(zone(2))
-    assert [one.id for one in store.zones()] == ["z1", "z2"]
+    store.site.save_zone(zone(2))
+    assert [one.id for one in store.site.zones()] == ["z1", "z2"]
     store.close()
 
 
@@ -91,7 +91,7 @@ def test_a_data_folder_that_is_a_file_is_refused_by_name(tmp_path: Path) -> None
 def test_polygons_are_stored_as_plain_json(tmp_path: Path) -> None:
     """Nothing that is read back could be executed."""
     store = Store(tmp_path)
-    store.save_zone(zone(1))
+    store.site.save_zone(zone(1))
     store.close()
     database = sqlite3.connect(tmp_path / "console.sqlite")
     (stored,) = database.execute("SELECT zone FROM zones").fetchone()

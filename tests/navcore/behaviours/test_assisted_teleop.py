@@ -15,7 +15,8 @@ from navcore.behaviours.assisted_teleop import stays_out
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec, OccupancyGrid
-from navcore.mission.zone import Zone, ZoneKind, rasterise
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.mission.zone_cells import rasterise
 from navcore.robot.profile import HUSKY
 
 SPEC = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05)

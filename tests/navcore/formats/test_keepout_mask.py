@@ -18,7 +18,7 @@ SPEC = GridSpec.centred(size_m=(3.0, 2.0), resolution_m=0.05)
 
 def zones_of(mask: BoolGrid) -> list[Zone]:
     return [
-        Zone(id=str(i), name="z", polygon=check_polygon(ring, SPEC))
+        Zone(id=str(i), name="z", polygon=check_polygon(ring))
         for i, ring in enumerate(polygons_of(mask, SPEC))
     ]
 
@@ -73,7 +73,7 @@ def test_a_comb_becomes_zones_in_both_directions_and_a_finer_one_is_refused(acro
 
     mask, spec = comb(520, 2)
     zones = [
-        Zone(id=str(i), name="z", polygon=check_polygon(ring, spec))
+        Zone(id=str(i), name="z", polygon=check_polygon(ring))
         for i, ring in enumerate(polygons_of(mask, spec))
     ]
     assert 1 < len(zones) < 20

@@ -26,7 +26,9 @@ def step(cloud: PointMap, seed: int) -> None:
     frame, observation = random_step(rng, confident=False)
     cloud.insert(observation, frame)
     cloud.explored.integrate_rays(frame, ObservationConfig(min_support=1))
-    cloud.explored.mark_driven(rng.normal(size=2) + np.array([[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]))
+    cloud.explored.mark_driven(
+        rng.normal(size=2) + np.array([[0.0, 0.0], [0.5, 0.1], [0.2, 0.6]]), frame.pose
+    )
 
 
 def prior() -> BoolGrid:
@@ -87,15 +89,15 @@ def test_a_state_is_a_snapshot_that_later_frames_do_not_change() -> None:
     assert_same(again.state(), third.state())
 
 
-def test_a_map_of_another_grid_is_refused_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_a_map_with_cells_of_another_size_is_refused_and_nothing_is_lost(tmp_path: Path) -> None:
     cloud, other = (
         PointMap(SMALL, MappingConfig()),
-        PointMap(GridSpec.centred(size_m=(5.0, 5.0), resolution_m=0.1), MappingConfig()),
+        PointMap(GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.2), MappingConfig()),
     )
     step(cloud, 1)
     save(tmp_path / "m", cloud.state(), {})
     with pytest.raises(
-        BadConfiguration, match=r"the stored map covers x -3 to 3 m.*this one x -2\.5 to 2\.5 m"
+        BadConfiguration, match=r"the stored map .* in cells of 0\.1 m, this one .* of 0\.2 m"
     ):
         other.restore(load(tmp_path / "m").state)
     assert other.version == 0

@@ -23,7 +23,8 @@ from navcore.mapping.observation import Observation, observe
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.voxels import BIN_M, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone
+from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
@@ -56,6 +57,12 @@ Layers = dict[int, BoolGrid]
 
 def random_step(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Observation]:
     """Return a random frame from a random pose, often the pose before."""
+    frame, labels = random_frame(rng, confident=confident)
+    return frame, observe(frame, labels, ALL, SMALL, ObservationConfig(min_support=1))
+
+
+def random_frame(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Labels]:
+    """Return a random frame from a random pose, often the pose before, and random labels."""
     pose = Pose2(
         x_m=float(rng.choice([0.0, 0.1, 1.0])),
         y_m=float(rng.choice([0.0, -1.0])),
@@ -77,7 +84,7 @@ def random_step(rng: np.random.Generator, *, confident: bool) -> tuple[Frame, Ob
         class_ids=rng.choice([0, 0, 1, 2], (12, 16)).astype(np.uint8),
         confidence=(np.ones((12, 16)) if confident else rng.random((12, 16))).astype(np.float32),
     )
-    return frame, observe(frame, labels, ALL, SMALL, ObservationConfig(min_support=1))
+    return frame, labels
 
 
 def layers(cloud: PointMap, beware: BewareList) -> Layers:
@@ -89,21 +96,19 @@ def rebuilt(cloud: PointMap, beware: BewareList) -> Layers:
     """Return the same layers, rebuilt from the public points alone."""
     points, spec = cloud.points, cloud.spec
     xyz = points.points_map.astype(np.float64)
-    cols = np.clip(
-        np.floor((xyz[:, 0] - spec.origin_x_m) / spec.resolution_m).astype(int), 0, spec.cols - 1
-    )
-    rows = np.clip(
-        np.floor((xyz[:, 1] - spec.origin_y_m) / spec.resolution_m).astype(int), 0, spec.rows - 1
-    )
+    low = np.array([spec.origin_x_m, spec.origin_y_m])
+    size = np.array([spec.cols, spec.rows]) * spec.resolution_m
+    on_grid = ((xyz[:, :2] >= low - 1e-3) & (xyz[:, :2] <= low + size + 1e-3)).all(axis=1)
+    cells = np.floor((xyz[:, :2] - low) / spec.resolution_m).astype(int)
+    cols, rows = np.clip(cells, 0, [spec.cols - 1, spec.rows - 1]).T
     made = {}
     for class_id, least in [
         (NOTHING, 0.0),
         *((entry.class_id, entry.min_confidence) for entry in beware.enabled),
     ]:
         mask = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
-        chosen = (points.class_ids == class_id) & np.greater_equal(
-            points.confidence, np.float32(least)
-        )
+        chosen = on_grid & (points.class_ids == class_id)
+        chosen &= np.greater_equal(points.confidence, np.float32(least))
         mask[rows[chosen], cols[chosen]] = True
         made[class_id] = mask
     return made
@@ -309,6 +314,50 @@ def test_the_same_pose_id_replaces_its_points_and_a_new_one_appends() -> None:
         0,
         1,
     }
+
+
+AWAY = tuple(Pose2(x_m=-0.6 * k, y_m=0.0, yaw_rad=2.5) for k in range(1, 5))
+
+
+def test_a_place_seen_again_much_later_is_the_pose_id_it_was_and_its_points_are_replaced() -> None:
+    cloud = drive(picture(TALL, WALL), *(picture(WALL, pose=pose) for pose in AWAY))
+    known, before = len(cloud.poses), cloud.points
+    near = Pose2(x_m=0.1, y_m=0.0, yaw_rad=-0.05)
+    drive(picture(TALL, WALL, pose=near), cloud=cloud)
+    assert len(cloud.poses) == known
+    after = cloud.points
+    assert np.count_nonzero(after.pose_ids == 0) > 0.7 * np.count_nonzero(before.pose_ids == 0)
+    assert len(after.pose_ids) < 1.2 * len(before.pose_ids)
+    for other in range(1, known):  # what other poses measured stays theirs
+        np.testing.assert_array_equal(
+            after.points_map[after.pose_ids == other], before.points_map[before.pose_ids == other]
+        )
+
+
+def test_driving_to_and_fro_grows_neither_the_pose_ids_nor_the_points() -> None:
+    path = [Pose2(x_m=0.2 * k, y_m=0.0, yaw_rad=0.0) for k in range(6)]
+    path += [dataclasses.replace(pose, yaw_rad=math.pi) for pose in reversed(path)]
+    cloud, sizes = PointMap(SPEC, MappingConfig()), list[tuple[int, int]]()
+    for _ in range(5):
+        drive(*(picture(TALL, WALL, PATCH, pose=pose) for pose in path), cloud=cloud)
+        sizes.append((len(cloud.poses), len(cloud.points.class_ids)))
+    assert len({poses for poses, _ in sizes}) == 1
+    assert sizes[-1][1] <= 1.05 * sizes[0][1]
+
+
+def test_what_left_while_the_robot_was_away_is_cleared_at_the_known_pose() -> None:
+    cloud = drive(picture(TALL, WALL), *(picture(WALL, pose=pose) for pose in AWAY))
+    drive(picture(WALL), cloud=cloud)
+    assert layer_grid(cloud, RED_LIST, ()).geometric[:, : SPEC.cell(3.0, 0.0)[1]].sum() == 0
+
+
+def test_at_a_known_pose_a_hidden_point_and_a_floor_marking_stay() -> None:
+    cloud = drive(picture(WALL, PATCH), *(picture(pose=pose) for pose in AWAY))
+    before = layer_grid(cloud, RED_LIST, ())
+    drive(picture(Box(x=(1.0, 1.1), y=(-2, 2), z=(0, 2))), cloud=cloud)
+    after = layer_grid(cloud, RED_LIST, ())
+    assert not (before.geometric & ~after.geometric).any()
+    np.testing.assert_array_equal(before.beware[RED_ID], after.beware[RED_ID])
 
 
 @pytest.mark.parametrize("then", [(WALL,), ()], ids=["a wall behind", "bare floor behind"])

@@ -23,10 +23,31 @@ def test_goals_are_queued_in_the_order_they_were_added_with_ids_of_their_own() -
     assert EMPTY.queue == ()
 
 
-@pytest.mark.parametrize(("x", "y"), [(5.0, 0.0), (0.0, -5.1), (math.nan, 0.0), (0.0, math.inf)])
-def test_a_goal_off_the_map_is_refused(x: float, y: float) -> None:
-    with pytest.raises(BadGeometry, match="outside the map"):
+@pytest.mark.parametrize(("x", "y"), [(5.0, 0.0), (0.0, -5.1), (2000.0, 0.0), (-300.0, 300.0)])
+def test_a_goal_off_the_map_is_queued_as_the_map_grows_to_it(x: float, y: float) -> None:
+    assert EMPTY.add(x, y, SPEC).queue[0] == Goal(id=1, x_m=x, y_m=y)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "word"),
+    [
+        (math.nan, 0.0, "not finite"),
+        (0.0, math.inf, "not finite"),
+        (7000.0, 0.0, "too far away: the map would grow to 100 × 70244 cells"),
+        (-2000.0, 2000.0, "too far away"),
+        (0.0, -1e308, "out of range"),
+    ],
+)
+def test_a_goal_to_which_the_map_cannot_grow_is_refused(x: float, y: float, word: str) -> None:
+    with pytest.raises(BadGeometry, match=word):
         EMPTY.add(x, y, SPEC)
+
+
+def test_goals_that_only_together_are_too_far_apart_are_refused() -> None:
+    far = EMPTY.add(2000.0, 0.0, SPEC)
+    EMPTY.add(0.0, 2000.0, SPEC)
+    with pytest.raises(BadGeometry, match="too far away"):
+        far.add(0.0, 2000.0, SPEC)
 
 
 def test_a_full_queue_is_refused() -> None:
@@ -117,8 +138,8 @@ def test_queued_goals_are_named_turned_moved_and_ordered() -> None:
     for wrong in ([1], [1, 1], [1, 2, 3]):
         with pytest.raises(Refused, match="every queued goal once"):
             moved.reorder(wrong)
-    with pytest.raises(BadGeometry, match="outside the map"):
-        moved.change(Goal(id=1, x_m=99.0, y_m=0.0), SPEC)
+    with pytest.raises(BadGeometry, match="too far away"):
+        moved.change(Goal(id=1, x_m=9900.0, y_m=0.0), SPEC)
     with pytest.raises(BadGeometry, match="heading"):
         moved.change(Goal(id=1, x_m=0.0, y_m=0.0, yaw_rad=math.inf), SPEC)
     with pytest.raises(NotKnown, match="id 9"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from shapely.geometry import Polygon
 
 from navcore.errors import BadGeometry
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mission.zone import MAX_CORNERS, check_polygon, rasterise, rasterise_box
+from navcore.mission import zone_cells
+from navcore.mission.zone import MAX_CORNERS, Zone, ZoneKind, check_polygon, forbidden_cells
+from navcore.mission.zone_cells import rasterise
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
@@ -30,30 +33,30 @@ HAIR = 0.02
         ([(0, 0)], "1 distinct corners"),
         ([(0, 0), (1, 1)], "2 distinct corners"),
         ([(0, 0), (1, 1), (0, 0), (1, 1), (0, 0)], "2 distinct corners"),
-        ([(0, 0), (1, 1), (1, 0), (0, 1)], "not simple"),
-        ([(0, 0), (1, 0), (2, 0)], "not simple|covers"),
+        ([(0, 0), (1, 1), (1, 0), (0, 1)], "crosses itself"),
+        ([(0, 0), (1, 0), (2, 0)], "crosses itself|covers"),
         ([(0, 0), (1, 0), (math.nan, 1)], "not finite"),
         ([(0, 0), (1, 0), (1, math.inf)], "not finite"),
-        ([(0, 0), (1, 0), (1, 2.5)], r"\(1, 2.5\) lies outside"),
-        ([(0, 0), (1, 0), (1e200, 1e200)], "outside|not simple"),
+        ([(0, 0), (1, 0), (1, 10_001)], r"\(1, 10001\) is out of range"),
+        ([(0, 0), (1, 0), (1e200, 1e200)], "out of range|crosses itself"),
         ([(0, 0), (0.001, 0), (0, 0.001)], "covers"),
         ([(0, 0), (1, 0, 0), (1, 1)], "pairs"),
         ([(0, 0), (1,), (1, 1)], "pairs"),
         ([(0.001 * i, 0.0) for i in range(MAX_CORNERS + 1)], f"{MAX_CORNERS + 1} corners"),
     ],
 )
-def test_a_polygon_that_does_not_fit_on_the_map_is_refused_with_the_reason(
+def test_a_bad_polygon_is_refused_with_the_reason(
     corners: Sequence[Sequence[float]], word: str
 ) -> None:
     with pytest.raises(BadGeometry, match=word):
-        check_polygon(corners, SPEC)
+        check_polygon(corners)
 
 
 def test_a_good_polygon_passes_unchanged_and_a_closing_corner_is_dropped() -> None:
     """Control for the refusals above."""
-    assert check_polygon(SQUARE, SPEC) == SQUARE
-    assert check_polygon([*SQUARE, SQUARE[0]], SPEC) == SQUARE
-    assert check_polygon(SQUARE[::-1], SPEC) == SQUARE[::-1]
+    assert check_polygon(SQUARE) == SQUARE
+    assert check_polygon([*SQUARE, SQUARE[0]]) == SQUARE
+    assert check_polygon(SQUARE[::-1]) == SQUARE[::-1]
 
 
 def overlaps(polygon: Sequence[Sequence[float]], *, deeper_than: float) -> BoolGrid:
@@ -85,7 +88,7 @@ def star(seed: int, corners: int) -> list[tuple[float, float]]:
 def test_every_cell_that_a_zone_overlaps_by_more_than_a_hair_is_marked(
     seed: int, corners: int
 ) -> None:
-    polygon = check_polygon(star(seed, corners), SPEC)
+    polygon = check_polygon(star(seed, corners))
     missing = overlaps(polygon, deeper_than=HAIR) & ~rasterise(polygon, SPEC)
     assert not missing.any(), (
         f"{int(missing.sum())} cells, first {np.argwhere(missing)[0]}, of {polygon}"
@@ -125,14 +128,70 @@ def test_the_test_of_lost_cells_sees_a_lost_cell() -> None:
     assert (overlaps(polygon, deeper_than=HAIR) & ~by_centre).any()
 
 
-def test_only_the_bounding_box_of_a_small_zone_on_a_large_map_is_cached() -> None:
+def test_only_the_bounding_box_of_a_small_zone_on_a_large_map_is_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn, draw = [], zone_cells._drawn
+
+    def noted(*of: Any) -> BoolGrid:
+        drawn.append(draw(*of))
+        return drawn[-1]
+
+    monkeypatch.setattr(zone_cells, "_drawn", noted)
     large = GridSpec.centred(size_m=(150.0, 150.0), resolution_m=0.05)
-    corners = ((10.0, 10.0), (11.0, 10.0), (10.5, 11.0))
-    _, _, cells = rasterise_box(corners, large.resolution_m, 0.0, 0.0)
-    assert cells.size < 1000
-    whole = rasterise(corners, large)
+    whole = rasterise(((10.0, 10.0), (11.0, 10.0), (10.5, 11.0)), large)
     assert whole.shape == (large.rows, large.cols)
+    (cells,) = drawn
+    assert cells.size < 1000
     assert whole.sum() == cells.sum() > 150
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1), st.integers(3, 12))
+def test_what_lies_in_a_stay_inside_zone_as_a_whole_is_all_that_it_permits(
+    seed: int, corners: int
+) -> None:
+    polygon = star(seed, corners)
+    zone = Zone(id="s", name="site", polygon=tuple(polygon), kind=ZoneKind.STAY_INSIDE)
+    shape = Polygon(polygon)
+    rows, cols = np.mgrid[: SPEC.rows, : SPEC.cols]
+    x, y = SPEC.origin_x_m + cols * 0.1, SPEC.origin_y_m + rows * 0.1
+    hair = 1e-9
+    held = shapely.covers(shape, shapely.box(x - hair, y - hair, x + 0.1 + hair, y + 0.1 + hair))
+    nearly = shapely.covers(shape, shapely.box(x + hair, y + hair, x + 0.1 - hair, y + 0.1 - hair))
+    permitted = ~forbidden_cells(zone, SPEC)
+    assert not (held & ~permitted).any() and not (permitted & ~nearly).any()
+
+
+@law(20)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_a_zone_too_large_to_be_drawn_at_once_is_the_same_in_parts(seed: int, whole: bool) -> None:
+    rng = np.random.default_rng(seed)
+    polygon = np.array(star(seed, 9)) * 60.0
+    spec = GridSpec(
+        resolution_m=0.05,
+        rows=1500,
+        cols=1400,
+        origin_x_m=float(rng.uniform(-80, 10)),
+        origin_y_m=float(rng.uniform(-80, 10)),
+    )
+    cells = rasterise(polygon.tolist(), spec, whole=whole)
+    small = rasterise(polygon.tolist(), spec.part(500, 300, 900, 1000), whole=whole)
+    np.testing.assert_array_equal(small, cells[500:900, 300:1000])
+    shape = Polygon(polygon)
+    shapely.prepare(shape)
+    for row, col in rng.integers(0, [spec.rows, spec.cols], (400, 2)).tolist():
+        x_m, y_m = spec.centre(row, col)
+        inner, outer = (
+            shapely.box(*(np.array([x_m, y_m] * 2) + side * np.array([-1, -1, 1, 1])))
+            for side in (0.024, 0.026)
+        )
+        if whole:
+            assert cells[row, col] or not shape.covers(outer)
+            assert not cells[row, col] or shape.covers(inner)
+        else:
+            assert cells[row, col] or not shape.intersects(inner)
+            assert not cells[row, col] or shape.distance(shapely.Point(x_m, y_m)) < 0.1
 
 
 @law(60)

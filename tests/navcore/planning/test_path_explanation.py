@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from navcore.config.planning import ConstraintRemovalConfig
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
-from navcore.mission.zone import Zone, rasterise
+from navcore.mission.zone import Zone
+from navcore.mission.zone_cells import rasterise
 from navcore.planning.constraint_removal import minimum_removal
 from navcore.planning.path import NoPath, Path
 from navcore.planning.path_explanation import Rule, Rules, path_without, rules_of, stretches

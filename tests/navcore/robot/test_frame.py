@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navcore.errors import BadFrame
 from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame, check_frame
 from tests.navcore.scene import LENS, MOUNT, ORIGIN, Box, picture
 
@@ -26,6 +30,11 @@ def test_a_good_frame_passes() -> None:
     """Control for every refusal below."""
     check_frame(GOOD)
     check_frame(with_depth(0.0, share=0.3))
+
+
+def a_fix(**changes: Any) -> PositionFix:
+    fix = PositionFix(stamp_ns=0, x_m=0.0, y_m=0.0, covariance=np.eye(2), source=FixSource.GNSS)
+    return dataclasses.replace(fix, **changes)
 
 
 BAD = {
@@ -72,6 +81,17 @@ BAD = {
         dataclasses.replace(GOOD, T_base_camera=np.full_like(MOUNT, np.nan)),
         "mount",
     ),
+    "a roll of NaN": (dataclasses.replace(GOOD, roll_rad=math.nan), "roll"),
+    "a robot on its nose": (dataclasses.replace(GOOD, pitch_rad=1.6), "pitch"),
+    "a fix of NaN": (dataclasses.replace(GOOD, fixes=(a_fix(x_m=math.nan),)), "fix by gnss"),
+    "a fix with yaw and no covariance of it": (
+        dataclasses.replace(GOOD, fixes=(a_fix(yaw_rad=0.0),)),
+        r"expected \(3, 3\) with yaw",
+    ),
+    "a fix that is certain": (
+        dataclasses.replace(GOOD, fixes=(a_fix(covariance=np.zeros((2, 2))),)),
+        "positive definite",
+    ),
     "a lens without focal length": (
         dataclasses.replace(GOOD, intrinsics=dataclasses.replace(LENS, fx=0.0)),
         "intrinsics|focal",
@@ -94,3 +114,17 @@ def test_the_camera_is_where_robot_and_mount_put_it() -> None:
     turned = dataclasses.replace(GOOD, pose=Pose2(x_m=1.0, y_m=2.0, yaw_rad=math.pi / 2))
     np.testing.assert_allclose(turned.T_map_camera[:3, 3], [1.0, 2.3, 0.6], atol=1e-12)
     np.testing.assert_allclose(dataclasses.replace(GOOD, pose=ORIGIN).T_map_camera, MOUNT)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+def test_a_level_frame_has_its_z_axis_along_gravity(roll_rad: float, pitch_rad: float) -> None:
+    """A body that is pitched front down looks at the floor; rolled with its left side up, its left
+    rises."""
+    tilted = dataclasses.replace(GOOD, roll_rad=roll_rad, pitch_rad=pitch_rad)
+    rotation = tilted.T_level_base[:3, :3]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    assert rotation[2, 0] == pytest.approx(-math.sin(pitch_rad))
+    assert rotation[2, 1] == pytest.approx(math.cos(pitch_rad) * math.sin(roll_rad))
+    assert rotation[1, 0] == 0.0  # the heading stays
+    np.testing.assert_allclose(tilted.T_map_camera, GOOD.T_map_camera)
+    np.testing.assert_allclose(tilted.T_level_camera, tilted.T_level_base @ MOUNT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -34,6 +35,16 @@ def zone(left: float, right: float, *, kind: ZoneKind = ZoneKind.KEEP_OUT) -> Zo
     )
 
 
+def site(right: float) -> Zone:
+    """A site whose boundary lies across the robot's path at a distance from its middle."""
+    return Zone(
+        id="s",
+        name="Yard",
+        polygon=((-30.0, -30.0), (right, -30.0), (right, 30.0), (-30.0, 30.0)),
+        kind=ZoneKind.STAY_INSIDE,
+    )
+
+
 def share(keep_outs: KeepOuts, twist: Twist = AHEAD) -> float:
     return permitted_share(keep_outs, twist, HUSKY, frame_age_s=0.05)[0]
 
@@ -47,6 +58,33 @@ def test_far_zones_permit_full_speed_and_near_ones_less_until_none_is_left() -> 
     assert shares == sorted(shares, reverse=True)
     assert 0.0 < shares[2] < 1.0
     assert shares[-1] == 0.0
+
+
+def test_a_far_boundary_permits_full_speed_and_a_near_one_less_until_none_is_left() -> None:
+    shares = [
+        share(KeepOuts(pose=HERE, zones=(site(FRONT_M + gap),))) for gap in (3.0, 0.3, 0.06, 0.01)
+    ]
+    assert shares[0] == 1.0 and shares[-1] == 0.0
+    assert shares == sorted(shares, reverse=True)
+    stopped = permitted_share(
+        KeepOuts(pose=HERE, zones=(site(FRONT_M + 0.01),)), AHEAD, HUSKY, frame_age_s=0.0
+    )
+    assert stopped == (0.0, "zone 'Yard'")
+    # Away from it, and along it, the robot may drive.
+    assert share(KeepOuts(pose=HERE, zones=(site(FRONT_M + 0.01),)), BACK) == 1.0
+
+
+def test_a_robot_outside_a_site_may_go_back_and_no_farther_out() -> None:
+    half_out = KeepOuts(pose=HERE, zones=(site(0.2),))
+    assert share(half_out, BACK) == 1.0
+    assert share(half_out) == 0.0
+    assert share(KeepOuts(pose=HERE, zones=(site(0.2),), leaving=True)) == 1.0
+
+
+def test_a_boundary_that_is_switched_off_does_not_count() -> None:
+    """Control for the boundaries above."""
+    off = dataclasses.replace(site(FRONT_M + 0.01), enabled=False)
+    assert share(KeepOuts(pose=HERE, zones=(off,))) == 1.0
 
 
 def test_the_area_is_named_and_zones_that_are_not_closed_do_not_count() -> None:
@@ -105,11 +143,12 @@ def test_the_gate_slows_then_stops_with_the_reason() -> None:
     w_radps=st.floats(-1.5, 1.5),
     yaw_rad=st.floats(-math.pi, math.pi),
     gap_m=st.floats(0.0, 1.0),
+    bounded=st.booleans(),
 )
-def test_braking_from_the_permitted_velocity_never_enters_the_zone(
-    v_mps: float, w_radps: float, yaw_rad: float, gap_m: float
+def test_braking_from_the_permitted_velocity_never_enters_the_zone_or_leaves_the_site(
+    v_mps: float, w_radps: float, yaw_rad: float, gap_m: float, bounded: bool
 ) -> None:
-    keep_out = zone(1.0, 4.0)
+    keep_out = site(1.0) if bounded else zone(1.0, 4.0)
     start = Pose2(x_m=1.0 - gap_m - HUSKY.circumscribed_radius_m, y_m=0.0, yaw_rad=yaw_rad)
     asked = Twist(v_mps=v_mps, w_radps=w_radps)
     permitted = share(KeepOuts(pose=start, zones=(keep_out,)), asked)
@@ -127,12 +166,16 @@ def test_braking_from_the_permitted_velocity_never_enters_the_zone(
         )
         pose = pose @ Pose2(x_m=v * step_s, y_m=0.0, yaw_rad=w * step_s)
         body = Polygon(pose.to_parent(HUSKY.footprint()))
-        assert body.intersection(Polygon(keep_out.polygon)).area < 1e-4
+        area = Polygon(keep_out.polygon)
+        entered = body.difference(area) if bounded else body.intersection(area)
+        assert entered.area < 1e-4
 
 
+@pytest.mark.parametrize("keep_out", [zone(3.0, 5.0), site(3.0)], ids=["zone", "site"])
 @pytest.mark.parametrize("skid", [False, True])
-def test_a_broken_planner_does_not_bring_the_robot_into_a_zone(skid: bool) -> None:
-    keep_out = zone(3.0, 5.0)
+def test_a_broken_planner_does_not_bring_the_robot_into_a_zone_or_out_of_a_site(
+    skid: bool, keep_out: Zone
+) -> None:
     pose, sent, now_ns = HERE, STANDSTILL, 0
     for _ in range(200):
         now_ns += 50_000_000
@@ -148,3 +191,26 @@ def test_a_broken_planner_does_not_bring_the_robot_into_a_zone(skid: bool) -> No
         pose = pose @ Pose2(x_m=grip * sent.v_mps * 0.05, y_m=0.0, yaw_rad=0.0)
         assert pose.x_m + FRONT_M < 3.0
     assert pose.x_m + FRONT_M > 2.7  # it came near, and stopped
+
+
+def test_zones_grow_with_the_uncertainty_of_the_position_across_their_edge() -> None:
+    near = (zone(FRONT_M + 0.35, FRONT_M + 2.0),)
+    along, across = np.diag([0.1**2, 0.0]), np.diag([0.0, 0.1**2])
+    certain = share(KeepOuts(pose=HERE, zones=near))
+    uncertain_along = share(KeepOuts(pose=HERE, zones=near, covariance=along))
+    assert uncertain_along < certain
+    assert share(KeepOuts(pose=HERE, zones=near, covariance=across)) > uncertain_along
+    # The covariance relative to this very zone counts, where it is known.
+    relative = KeepOuts(
+        pose=HERE, zones=near, covariance=along, covariances={"z": np.zeros((2, 2))}
+    )
+    assert share(relative) == certain
+
+
+def test_too_uncertain_a_position_keeps_half_a_metre_and_says_so() -> None:
+    beside = KeepOuts(
+        pose=HERE, zones=(zone(FRONT_M + 0.8, FRONT_M + 2.0),), covariance=np.diag([0.2**2, 0.0])
+    )
+    permitted, reason = permitted_share(beside, AHEAD, HUSKY, frame_age_s=0.05)
+    assert permitted == 0.0
+    assert "uncertain by 0.4 m" in reason

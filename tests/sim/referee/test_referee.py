@@ -258,8 +258,8 @@ def test_stops_are_intervals_with_their_reason() -> None:
             t_s=(step + 1) * PERIOD_S, pose=here, rolling=STANDSTILL, people=(), period_s=PERIOD_S
         )
     assert referee.stops == [
-        {"t_s": 0.25, "duration_s": 0.25, "reason": "camera"},
-        {"t_s": 0.5, "duration_s": 0.25, "reason": "plan"},
+        {"t_s": 0.25, "duration_s": 0.25, "reason": "camera", "count": 1, "until_s": 0.5},
+        {"t_s": 0.5, "duration_s": 0.25, "reason": "plan", "count": 1, "until_s": 0.75},
     ]
 
 

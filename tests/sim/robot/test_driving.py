@@ -6,15 +6,21 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
-from navcore.geometry.transform import Twist
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.profile import HUSKY
 from sim.robot.husky import HUSKY_CHASSIS
+from sim.robot.odometry import Odometry
+from sim.robot.odometry_grade import ODOMETRY_ERRORS, OdometryGrade
 from sim.robot.skid_steer import COMMAND_TIMEOUT_NS, Driver
 from sim.scenario.load import load_scenario
+from sim.scenario.schema import Furniture, Item
+from sim.scenario.variation import Source, generator
 from sim.simulator import PERIOD_S, Simulator
-from tests.sim.worlds import blind, drive, open_floor, turned_by, wait
+from tests.sim.worlds import blind, drive, open_floor, shifted, turned_by, wait
 
 
 @pytest.mark.parametrize("v_mps", [0.0, 0.5])
@@ -83,7 +89,7 @@ def test_the_driver_ramps_with_the_platforms_acceleration() -> None:
 def odometry_errors(seed: int) -> tuple[float, float]:
     """Return the errors of odometry in position (m) and heading (rad) after loops of 24 m on the
     open floor."""
-    with blind(open_floor(start=(0.0, -3.0, 0.0)), seed) as simulator:
+    with blind(open_floor(start=(0.0, -3.0, 0.0)), seed, odometry="ideal") as simulator:
         for _ in range(4):
             drive(simulator, 1.0, 0.0, 4.0)
             drive(simulator, 0.5, 0.5, math.pi)
@@ -93,7 +99,7 @@ def odometry_errors(seed: int) -> tuple[float, float]:
         )
 
 
-def test_odometry_drifts_a_little_and_differently_in_each_run() -> None:
+def test_ideal_odometry_drifts_a_little_and_differently_in_each_run() -> None:
     errors = [odometry_errors(seed) for seed in (0, 1)]
     for position_m, heading_rad in errors:
         assert 1e-4 < position_m < 0.12
@@ -122,3 +128,77 @@ def test_the_same_seed_gives_the_same_run_bit_for_bit_also_beside_another_simula
         first = track(one)
         assert track(same) == first
         assert track(other) != first
+
+
+def test_with_ideal_odometry_the_figures_do_not_depend_on_the_other_grades() -> None:
+    """The ideal grade draws from the same sources as before there were others."""
+    pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    errors = ODOMETRY_ERRORS[OdometryGrade.IDEAL]
+    one, other = (
+        Odometry(
+            pose, errors, generator(0, Source.ENCODER), 0.1, slip_rng=generator(seed, Source.SLIP)
+        )
+        for seed in (1, 2)
+    )
+    for step in range(100):
+        for odometry in (one, other):
+            odometry.update(0.05 * step, 0.06 * step, 0.1, (0.1, -0.1))
+    assert one.pose == other.pose
+
+
+def test_the_robot_starts_where_it_is_put_and_odometry_where_it_is_told_to() -> None:
+    start, origin = Pose2(x_m=2.0, y_m=1.0, yaw_rad=1.0), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    with blind(open_floor(), start=start, odometry_origin=origin, odometry="ideal") as simulator:
+        assert simulator.scenario.start_pose == start
+        assert simulator.true_pose().distance_to(2.0, 1.0) < 0.01
+        assert simulator.odometry() == origin
+        first = simulator.true_pose()
+        drive(simulator, 0.5, 0.3, 2.0)
+        true, believed = first.inverse() @ simulator.true_pose(), simulator.odometry()
+        assert believed.x_m > 0.5
+        assert true.distance_to(believed.x_m, believed.y_m) < 0.01
+
+
+@pytest.mark.parametrize(
+    "x_m, y_m, why",
+    [
+        (3.0, 0.0, r"furniture\[0\]"),
+        (9.8, 0.0, "outside the world"),
+        (math.nan, 0.0, "finite"),
+        (-3.0, 0.0, r"items\[0\]"),
+    ],
+)
+def test_a_pose_in_which_the_robot_cannot_stand_is_refused(
+    x_m: float, y_m: float, why: str
+) -> None:
+    world = open_floor(
+        furniture=(Furniture(kind="desk", at=(3.0, 0.0)),), items=(Item(kind="box", at=(-3.0, 0)),)
+    )
+    bad = Pose2(x_m=x_m, y_m=y_m, yaw_rad=0.0)
+    with pytest.raises(BadConfiguration, match=f"start.*{why}"):
+        blind(world, start=bad)
+    with blind(world) as simulator:
+        before = simulator.true_pose()
+        with pytest.raises(BadConfiguration, match=f"teleport.*{why}"):
+            simulator.teleport(bad)
+        assert simulator.true_pose() == before
+
+
+def test_a_teleported_robot_knows_nothing_of_it() -> None:
+    """Odometry and driven distance go on; a zone that the robot lands in counts once left."""
+    with blind(open_floor(start=(-5.0, 0.0, 0.0))) as simulator:
+        drive(simulator, 0.5, 0.0, 2.0)
+        wait(simulator, 1.0)
+        believed, driven_m = simulator.odometry(), simulator.referee.distance_m
+        simulator.referee.set_zones([np.array(shifted(5.0, 5.0))])
+        simulator.teleport(Pose2(x_m=5.0, y_m=5.0, yaw_rad=2.0))
+        wait(simulator, 1.0)
+        here, after = simulator.true_pose(), simulator.odometry()
+        assert here.distance_to(5.0, 5.0) < 0.02 and abs(turned_by(here.yaw_rad, 2.0)) < 0.01
+        assert believed.distance_to(after.x_m, after.y_m) < 0.01
+        assert abs(turned_by(believed.yaw_rad, after.yaw_rad)) < 0.01
+        assert simulator.referee.distance_m - driven_m < 0.05
+        drive(simulator, 0.5, 0.0, 2.0)
+        assert simulator.referee.distance_m - driven_m == pytest.approx(0.9, abs=0.15)
+        assert after.distance_to(simulator.odometry().x_m, simulator.odometry().y_m) > 0.7
+        assert simulator.referee.violations() == 0

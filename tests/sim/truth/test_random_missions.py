@@ -92,16 +92,22 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
     with seeing(scenario) as simulator:
         for _ in range(3):
             frame = simulator.capture()
-            score.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
+            person = Pose2(x_m=-4.0, y_m=0.0, yaw_rad=0.0)
+            score.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera, [person])
     nothing = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
     red, cup = nothing.copy(), nothing.copy()
     red[spec.cell(2.5, 1.5)] = True
     cup[spec.cell(-6.0, 6.0)] = cup[spec.cell(-6.05, 6.05)] = cup[spec.cell(6.0, 6.0)] = True
-    found = score.counts_by_class({"red floor": red, "cup": cup}, spec)
-    assert found["red floor"] == {"there": 1, "seen": 1, "missed": 0, "false": 0}
-    assert found["cup"] == {"there": 1, "seen": 1, "missed": 1, "false": 2}
-    assert found["bottle"] == {"there": 1, "seen": 0, "missed": 0, "false": 0}  # behind the box
-    assert found["book"]["seen"] == 0  # behind the robot
+    people = nothing.copy()
+    people[spec.cell(-4.3, 0.2)] = people[spec.cell(4.0, -4.0)] = True  # one where a person was
+    found = score.counts_by_class({"red floor": red, "cup": cup, "person": people}, spec)
+    none = {"there": 0, "seen": 0, "not_passed": 0, "missed": 0, "false": 0}
+    assert found["red floor"] == {**none, "there": 1, "seen": 1}
+    assert found["cup"] == {**none, "there": 1, "seen": 1, "missed": 1, "false": 2}
+    assert found["bottle"] == {**none, "there": 1, "not_passed": 1}  # behind the box
+    assert found["book"]["not_passed"] == 1  # behind the robot
+    assert found["person"] == {**none, "false": 1}
+    assert all(one["there"] == one["seen"] + one["not_passed"] for one in found.values())
 
 
 @pytest.mark.parametrize("name", ["cup", "red floor", "person", "spill"])

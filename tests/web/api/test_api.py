@@ -14,13 +14,17 @@ import httpx
 import numpy as np
 import pytest
 import trimesh
+from pydantic import TypeAdapter
 from websockets.sync.client import connect
 
 from navcore.errors import StorageFailed
+from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList, load_beware_list
 from navcore.mission.zone import OWN_COLOUR, Zone
+from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_operations import SPEC, FakeOperations
-from web.images.encode import beware_mask, with_overlay
+from web.images.camera import beware_mask, with_overlay
+from web.interface.snapshots import State
 from web.server import ConsoleServer
 
 SQUARE = [[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]]
@@ -90,7 +94,7 @@ def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(
     [
         ("start", 409, "no goal"),
         ("pause", 409, "only a driving mission"),
-        ("fly", 422, "path.action"),
+        ("fly", 422, "Action: expected "),
     ],
 )
 def test_an_action_that_does_not_fit_is_refused_in_words(
@@ -100,7 +104,7 @@ def test_an_action_that_does_not_fit_is_refused_in_words(
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "says"), [(99, 0, "outside the map"), (4.0, 2.5, "inside an obstacle")]
+    ("x", "y", "says"), [(9900, 0, "too far away"), (4.0, 2.5, "inside an obstacle")]
 )
 def test_a_goal_that_is_no_place_to_stand_is_refused_and_the_queue_stays(
     client: httpx.Client, x: float, y: float, says: str
@@ -170,9 +174,9 @@ def test_the_second_of_two_editors_is_refused_and_gets_the_stored_zone(
     ("body", "says"),
     [
         (zone(corners=[[1, 1]]), "corners"),
-        (zone(corners=[[0, 0], [1, 1], [1, 0], [0, 1]]), "not simple"),
-        (zone(corners=[[0, 0], [99, 1], [1, 0]]), "outside the map"),
-        (zone(paint="red"), "body.properties.paint: unknown key"),
+        (zone(corners=[[0, 0], [1, 1], [1, 0], [0, 1]]), "crosses itself"),
+        (zone(corners=[[0, 0], [10100, 1], [1, 0]]), "out of range"),
+        (zone(paint="red"), "body.properties.paint: “paint” is not known here."),
         (zone(colour="red"), "body.properties.colour"),
         (zone(name=" "), "body.properties.name"),
         (zone(margin_m=-1), "body.properties.margin_m"),
@@ -192,7 +196,8 @@ def test_a_bad_zone_is_refused_by_name_and_the_stored_ones_stay(
         client.post("/api/v1/zones", json=body),
         client.put("/api/v1/zones/z1", json=body),
     ):
-        assert says in wrong(answer, 422)["message"]
+        told = wrong(answer, 422)
+        assert says in f"{told['where']}: {told['message']}"
     kept = client.get("/api/v1/zones").json()["features"]
     assert [(entry["properties"]["name"], entry["properties"]["version"]) for entry in kept] == [
         ("kept", 1)
@@ -487,6 +492,23 @@ def test_the_camera_shows_what_was_recognised_only_when_asked(client: httpx.Clie
     wrong(client.get("/api/v1/camera.jpg?overlay=everything"), 422)
 
 
+def test_the_objects_in_the_camera_image_are_listed_with_their_boxes_for_a_page_that_names_them(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    answer = client.get("/api/v1/camera/labels").json()
+    (label,) = answer["labels"]
+    assert (label["name"], label["class_id"]) == ("red floor", 1)
+    assert label["confidence"] == pytest.approx(0.9)
+    assert label["box"] == pytest.approx((120 / 320, 110 / 180, 220 / 320, 150 / 180))
+    tinted, named = (
+        client.get(f"/api/v1/camera.jpg?overlay={overlay}").content
+        for overlay in ("tint", "segmentation")
+    )
+    assert tinted != named
+    operations.beware.edit("red floor", {"enabled": False})
+    assert client.get("/api/v1/camera/labels").json()["labels"] == []
+
+
 def test_before_the_first_tick_every_file_is_refused_with_the_reason(
     client: httpx.Client, operations: FakeOperations
 ) -> None:
@@ -626,3 +648,57 @@ def test_every_field_of_a_served_dataclass_is_described(client: httpx.Client) ->
     for name in ("State", "Goal", "ListedClass", "MapOut", "SightingOut", "Page", "Explanation"):
         for field in schemas[name]["properties"].values():
             assert "description" in field
+
+
+def test_a_robot_that_is_boxed_in_is_offered_to_back_off(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    assert client.post("/api/v1/mission/back-off").status_code == 200
+    assert operations.backed_off == 1
+    reasons = TypeAdapter(State).dump_python(
+        dataclasses.replace(
+            operations.state(),
+            reasons=(
+                StopReason(cause=Cause.BOXED_IN, text="boxed in"),
+                StopReason(cause=Cause.PAUSED, text="paused"),
+            ),
+        ),
+        mode="json",
+    )["reasons"]
+    assert [reason["offer"] for reason in reasons] == ["back-off", None]
+
+
+def test_a_map_that_grows_says_so_in_the_state_the_map_and_all_its_tiles(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    def spec_of(answer: dict[str, Any]) -> GridSpec:
+        return GridSpec(**{name: answer[name] for name in SPEC.__dataclass_fields__})
+
+    tiles = client.get("/api/v1/map/tiles").json()
+    assert spec_of(client.get("/api/v1/state").json()["grid_spec"]) == SPEC
+    operations.grow(-30.0, 3.0)
+    now = spec_of(client.get("/api/v1/state").json()["grid_spec"])
+    assert (now.cols, now.rows) == (SPEC.cols + 256, SPEC.rows) and now.contains(-30.0, 3.0)
+    assert spec_of(client.get("/api/v1/map").json()) == now
+    later = client.get(f"/api/v1/map/tiles?since={tiles['version']}").json()
+    assert (later["rows"], later["cols"]) == (now.rows, now.cols)
+    assert {(row, col) for row, col, _ in later["changed"]} == {(0, 0), (0, 1)}
+    # What was in the first tile is in the second one now.
+    image = client.get("/api/v1/map/tiles/0/1.png").content
+    cells = cv2.imdecode(np.frombuffer(image, dtype=np.uint8), cv2.IMREAD_COLOR)
+    assert cells is not None and cells.shape == (SPEC.rows, SPEC.cols, 3)
+    assert (np.asarray(cells, dtype=np.uint8)[..., 2] & 2).any()
+    assert client.get("/api/v1/map.yaml").text.count(f"{now.origin_x_m:g}") == 1
+    assert client.post("/api/v1/goals", json={"x_m": -30.0, "y_m": 3.0}).status_code == 201
+
+
+def test_a_goal_beyond_the_map_and_a_site_to_stay_in_are_taken(client: httpx.Client) -> None:
+    assert client.post("/api/v1/goals", json={"x_m": 500.0, "y_m": -3.0}).status_code == 201
+    site = zone("site", [[-900.0, -900.0], [900.0, -900.0], [900.0, 900.0]], kind="stay-inside")
+    stored = client.post("/api/v1/zones", json=site)
+    assert stored.status_code == 201
+    assert stored.json()["properties"]["kind"] == "stay-inside"
+    limited = zone("site", kind="stay-inside", max_speed_mps=0.3)
+    assert (
+        "other zones have none" in wrong(client.post("/api/v1/zones", json=limited), 422)["message"]
+    )

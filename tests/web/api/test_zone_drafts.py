@@ -47,7 +47,7 @@ def test_circles_and_corridors_come_back_as_polygons_that_remember_what_they_wer
     ("body", "says"),
     [
         ({"name": "a", "geometry": geometry("Point", [0, 0], radius_m=0)}, "radius"),
-        ({"name": "a", "geometry": geometry("Point", [7.9, 0], radius_m=1)}, "outside the map"),
+        ({"name": "a", "geometry": geometry("Point", [9999.5, 0], radius_m=1)}, "out of range"),
         ({"name": "a", "geometry": geometry("LineString", [[0, 0]], width_m=1)}, "at least 2"),
         (
             {"name": "a", "geometry": geometry("LineString", [[0, 0], [1, 1]])},
@@ -62,7 +62,8 @@ def test_circles_and_corridors_come_back_as_polygons_that_remember_what_they_wer
 def test_shapes_and_rules_that_are_none_are_refused_by_name(
     client: httpx.Client, body: dict[str, Any], says: str
 ) -> None:
-    assert says in wrong(client.post("/api/v1/zones", json=body), 422)["message"]
+    told = wrong(client.post("/api/v1/zones", json=body), 422)
+    assert says in f"{told['where']}: {told['message']}"
     assert client.get("/api/v1/zones").json()["features"] == []
 
 
@@ -133,7 +134,8 @@ def test_what_is_exported_can_be_imported_and_a_file_with_one_bad_zone_changes_n
     )
     assert names(client.get("/api/v1/zones")) == ["a", "b"]
     added = client.post(
-        "/api/v1/zones/import", json={"type": "FeatureCollection", "features": [foreign]}
+        "/api/v1/zones/import?existing=keep",
+        json={"type": "FeatureCollection", "features": [foreign]},
     )
     assert names(added)[-1] == "Imported zone"
 
@@ -222,7 +224,8 @@ def test_a_goal_that_is_refused_comes_with_the_nearest_place_and_that_one_is_tak
     refused = client.post("/api/v1/goals", json={"x_m": 4.5, "y_m": 0.9})
     assert "inside a beware zone" in wrong(refused, 422)["message"]
     nearest = refused.json()["nearest"]
-    assert np.hypot(nearest["x_m"] - 4.5, nearest["y_m"] - 0.9) < 1.0
+    assert np.hypot(nearest["x_m"] - 4.5, nearest["y_m"] - 0.9) < 1.2
+    assert nearest["x_m"] < 5.0  # the floor beyond has not been seen
     assert client.post("/api/v1/goals", json=nearest).status_code == 201
 
 
@@ -271,3 +274,77 @@ def test_a_name_with_a_slash_is_a_name(name: str, client: httpx.Client) -> None:
     )
     edited = client.patch(f"/api/v1/beware/{at}", json={"enabled": False})
     assert edited.status_code == 200 and edited.json()["classes"][0]["enabled"] is False
+
+
+def test_the_unseen_part_of_path_and_preview_is_sent(client: httpx.Client) -> None:
+    assert client.post("/api/v1/goals", json={"x_m": 6.5, "y_m": 4.0}).status_code == 201
+    state, path = client.get("/api/v1/state").json(), client.get("/api/v1/path").json()
+    assert 0.5 < state["unseen_m"] < state["distance_to_goal_m"]
+    (part,) = path["unseen"]
+    assert part[-1] == path["path"][-1] and 4.9 < part[0][0] < 5.2
+    near, far = (
+        client.post("/api/v1/preview", json={"goal": {"x_m": x, "y_m": 4.0}}).json()["unseen_m"]
+        for x in (-5.0, 6.5)
+    )
+    assert near == 0.0 and far == pytest.approx(state["unseen_m"], abs=0.2)
+
+
+def test_an_outline_that_crosses_itself_is_refused_with_the_crossing(client: httpx.Client) -> None:
+    bow_tie = [[3.0, -1.0], [4.0, 1.0], [4.0, -1.0], [3.0, 1.0]]
+    refused = client.post("/api/v1/zones", json=zone(corners=bow_tie))
+    assert wrong(refused, 422)["message"] == (
+        "the outline of the zone crosses itself at (3.50, 0.00); move a corner"
+    )
+    assert refused.json()["crossing"] == {"x_m": 3.5, "y_m": 0.0}
+
+
+def test_an_import_says_which_zones_are_there_and_replaces_keeps_or_skips_them(
+    client: httpx.Client,
+) -> None:
+    client.post("/api/v1/zones", json=zone("old"))
+    features = [zone("new name", margin_m=0.3), zone("other", [[-1, -1], [0, -1], [0, 0]])]
+    file = {"type": "FeatureCollection", "features": features}
+
+    def names() -> list[str]:
+        stored = client.get("/api/v1/zones").json()["features"]
+        return [entry["properties"]["name"] for entry in stored]
+
+    def imported(existing: str) -> list[str]:
+        address = f"/api/v1/zones/import?existing={existing}"
+        assert client.post(address, json=file).status_code == 201
+        after = names()
+        client.post("/api/v1/zones/undo")
+        assert names() == ["old"], "an import is one edit"
+        return after
+
+    asked = client.post("/api/v1/zones/import", json=file)
+    assert wrong(asked, 409)["code"] == "already_there"
+    assert wrong(asked, 409)["message"] == "2 zones: 1 is here already (“old”)"
+    assert asked.json()["there"] == ["old"] and names() == ["old"]
+    assert imported("keep") == ["old", "new name", "other"]
+    assert imported("skip") == ["old", "other"]
+    assert imported("replace") == ["new name", "other"]
+    only = {"type": "FeatureCollection", "features": features[:1]}
+    assert client.post("/api/v1/zones/import?existing=skip", json=only).status_code == 201
+    assert names() == ["old"]
+
+
+def test_a_mission_under_a_name_that_exists_is_replaced_only_when_that_is_asked_for(
+    client: httpx.Client,
+) -> None:
+    client.post("/api/v1/goals", json={"x_m": -3.0, "y_m": 0.0})
+    assert client.put("/api/v1/missions/round").status_code == 204
+    client.post("/api/v1/goals", json={"x_m": -4.0, "y_m": 0.0})
+    refused = client.put("/api/v1/missions/round")
+    assert wrong(refused, 409)["code"] == "already_there"
+    assert "“round” already, with 1 goal;" in wrong(refused, 409)["message"]
+    assert [entry["goals"] for entry in client.get("/api/v1/missions").json()] == [1]
+    assert client.put("/api/v1/missions/round?replace=true").status_code == 204
+    assert [entry["goals"] for entry in client.get("/api/v1/missions").json()] == [2]
+
+
+def test_the_beware_list_comes_with_the_limits_of_its_numbers(client: httpx.Client) -> None:
+    listed = client.get("/api/v1/beware").json()
+    assert listed["limits"]["margin_m"] == {"low": 0.0, "high": 2.0}
+    assert listed["limits"]["min_confidence"] == {"low": 0.0, "high": 1.0}
+    assert client.put("/api/v1/beware", json=listed).status_code == 200

@@ -426,3 +426,20 @@ def test_an_admins_change_is_not_undone_by_one_that_began_before_it(accounts: Ac
             "operator", password_hash=before.password_hash, instead_of=before.password_hash
         )
     assert users.change("operator", token_hash="f" * 64).password_hash == after.password_hash
+
+
+def test_a_page_has_the_name_of_its_cookie_and_no_two_have_the_same(
+    server: ConsoleServer,
+) -> None:
+    def name_of(cookie: str | None) -> str:
+        with httpx.Client(base_url=server.url, trust_env=False, timeout=60.0) as page:
+            page.get("/")
+            if cookie is not None:
+                page.cookies.set("bewarenav-name", cookie)
+            assert page.get("/api/v1/me").json()["name"] == page.get("/api/v1/me").json()["name"]
+            return str(page.get("/api/v1/me").json()["name"])
+
+    assert name_of("V%C3%A9ra") == "Véra"
+    assert name_of("V%C3%A9ra") == "Véra (2)"
+    for refused in (None, "", "a" * 41, "%00", "in%0Ajected"):
+        assert name_of(refused).startswith("console ")

@@ -11,7 +11,7 @@ import numpy as np
 from navcore.costmap.costmap import Costmap
 from navcore.formats.nav2_map import Nav2Map, State, load
 from navcore.grid.grid import GridSpec, OccupancyGrid
-from navcore.mission.zone import rasterise
+from navcore.mission.zone_cells import rasterise
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.images.encode import map_pgm, map_yaml
 from web.interface.snapshots import TickSnapshot
@@ -59,17 +59,19 @@ def test_the_map_over_http_is_read_back_cell_by_cell(
     ]  # control: it is not upside down
 
 
-def test_a_zone_with_a_margin_of_its_own_is_on_the_map_too(
+def test_zones_are_on_the_map_only_when_they_are_asked_for(
     tmp_path: Path, operations: FakeOperations
 ) -> None:
     picture = operations.picture()
     assert picture is not None
     mask = rasterise(CORNERS, SPEC)
-    picture = with_grid(picture, dataclasses.replace(picture.grid, wide_zones=((0.3, mask),)))
-    nav2_map = handed_out(tmp_path, map_pgm(picture), map_yaml(picture))
-    assert mask.any()
-    assert nav2_map.cells(State.OCCUPIED)[mask].all()
-    assert_says_the_same(nav2_map, picture)
+    for own in ({"wide_zones": ((0.3, mask),)}, {"zones": mask}):
+        zoned = with_grid(picture, dataclasses.replace(picture.grid, **own))
+        plain = handed_out(tmp_path, map_pgm(zoned), map_yaml(zoned))
+        assert_says_the_same(plain, picture)
+        with_zones = handed_out(tmp_path, map_pgm(zoned, zones=True), map_yaml(zoned))
+        assert mask.any() and with_zones.cells(State.OCCUPIED)[mask].all()
+        assert_says_the_same(with_zones, zoned)
 
 
 def test_an_origin_that_is_not_a_round_number_is_exported_exactly(

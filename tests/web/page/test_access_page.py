@@ -51,7 +51,7 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     with pytest.raises(Error, match="Timeout"):
         viewer.get_by_test_id("pause").click(timeout=500)
     viewer.get_by_test_id("stop").click()
-    expect(operator.get_by_test_id("reasons")).to_contain_text("viewer (console button)")
+    expect(operator.get_by_test_id("state-text")).to_contain_text("viewer (console button)")
     viewer.get_by_test_id("log-out").click()
     expect(viewer.get_by_test_id("login-name")).to_be_visible()
     assert [
@@ -67,7 +67,7 @@ def test_control_is_asked_for_and_taken_over_and_both_pages_say_so(
     first.get_by_test_id("goal-input").fill("3, 0")
     first.get_by_test_id("goal-add").click()
     expect(first.get_by_test_id("control-text")).to_have_text("● You have control")
-    expect(second.get_by_test_id("control-text")).to_contain_text("console")
+    expect(second.get_by_test_id("control-text")).to_have_text("▲ Chrome on computer has control")
     second.get_by_test_id("start").click()
     expect(second.get_by_test_id("toasts")).to_contain_text("is in control")
     second.get_by_test_id("control-ask").click()

@@ -167,6 +167,7 @@ def test_zones_are_saved_in_sets_and_files_and_an_import_is_undone_with_one_key(
         == "desk"
     )
     page.get_by_test_id("zones-file").set_input_files(tmp_path / "zones.geojson")
+    page.get_by_test_id("toast-action").filter(has_text="Keep both").click()
     expect(page.get_by_test_id("zone")).to_have_count(2)
     page.get_by_test_id("map-canvas").focus()
     page.keyboard.press("Control+z")
@@ -206,6 +207,7 @@ def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page
     page.get_by_test_id("map-layers-menu").click()
     assert page.get_by_test_id("map-canvas").screenshot() != shot
     theme = page.evaluate("document.documentElement.dataset.theme")
+    page.get_by_test_id("map-canvas").focus()
     page.keyboard.press("d")
     assert page.evaluate("document.documentElement.dataset.theme") != theme
     page.keyboard.press("?")

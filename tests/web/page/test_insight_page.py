@@ -16,6 +16,7 @@ from tests.web.page.chromium import await_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
+LETTERS = str.maketrans("0123456789", "abcdefghij")
 HERE = (-3.0, 1.0)
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
 
@@ -26,7 +27,8 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(
     await_map(page)
     operations.insight.event_log.note(1.0, "stopped", "A person is close.", (-3.0, 1.0))
     operations.insight.event_log.note(2.0, "seen", "First sight of “cup” here.", (2.5, 1.5))
-    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 2 new")
+    # A first sight is a detail, which the badge does not count.
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
     page.get_by_test_id("tab-log").click()
     expect(page.get_by_test_id("log-entry")).to_have_count(2)
     page.get_by_test_id("filter-seen").click()
@@ -41,6 +43,31 @@ def test_the_log_is_filtered_and_a_click_goes_to_the_place(
     expect(page.get_by_test_id("log-entry")).to_have_count(2)
 
 
+def test_repeats_are_one_row_with_a_count_and_the_log_is_searched(
+    page: Page, operations: FakeOperations
+) -> None:
+    log = operations.insight.event_log
+    for tenth in range(14):
+        log.note(tenth / 10, "stopped", f"The newest command is 0.{20 + tenth} s old.")
+        log.note(tenth / 10, "released", f"After 0.{tenth} s the robot drives on.")
+    log.note(2.0, "goal", "Nurse station is reached.", (-3.0, 1.0))
+    # Late commands are in the status line; the badge counts what is nowhere else.
+    expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
+    page.get_by_test_id("tab-log").click()
+    rows = page.get_by_test_id("log-entry")
+    expect(rows).to_have_count(3)
+    late = rows.filter(has_text="newest command")
+    expect(late).to_contain_text("0.33 s old")
+    expect(late.get_by_test_id("log-count")).to_contain_text("× 14 in")
+    page.get_by_test_id("log-search").fill("nurse")
+    expect(rows.filter(visible=True)).to_have_count(1)
+    page.get_by_test_id("log-search").fill("no such words")
+    expect(page.get_by_test_id("pane-log")).to_contain_text("No event matches.")
+    page.get_by_test_id("log-search").fill("")
+    page.get_by_test_id("log-level").select_option("notice")
+    expect(rows.filter(visible=True)).to_have_count(1)
+
+
 def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     page: Page,
     operations: FakeOperations,
@@ -49,7 +76,8 @@ def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     store = Store(tmp_path)
     past = EventLog(store.events)
     for number in range(320):
-        past.note(float(number), "seen", f"earlier {number}")
+        # Letters: rows that differ in figures only are folded.
+        past.note(float(number), "seen", "earlier " + str(number).translate(LETTERS))
     past.write()
     operations.insight.event_log = EventLog(store.events)
     operations.insight.event_log.note(0.0, "stopped", "A person is close.", HERE)
@@ -66,7 +94,7 @@ def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     expect(page.locator("[data-before]")).to_have_count(1)
     page.get_by_test_id("log-older").click()
     expect(entries).to_have_count(321)
-    expect(entries.last).to_contain_text("earlier 0")
+    expect(entries.last).to_contain_text("earlier a")
     expect(page.get_by_test_id("log-older")).to_be_hidden()
     store.close()
 
@@ -80,7 +108,10 @@ def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     operations.goals.add(4.4, -0.5)
     rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
     expect(rule).to_contain_text(re.compile(r"Wet floor.*costs \d"))
-    rule.get_by_test_id("why-without").click()
+    expect(page.get_by_test_id("why-words")).to_have_text(
+        re.compile(r"The path is [\d.]+ m long; “Wet floor” makes it [\d.]+ m longer\.")
+    )
+    page.get_by_test_id("why-main").get_by_role("button").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
     operations.zones.add(
         ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7)))

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import await_map, click_map
+from tests.web.page.chromium import await_map, click_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
@@ -26,7 +26,6 @@ def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> 
         "goals",
         "zones",
         "beware",
-        "legend",
         "camera",
         "state-text",
     ):
@@ -87,7 +86,7 @@ def test_the_stop_is_one_key_or_one_click_gives_a_reason_and_lasts_until_a_reset
     # The space key stops even while another button has the focus, and does not press that button.
     page.get_by_test_id("pause").focus()
     page.keyboard.press("Space")
-    expect(page.get_by_test_id("reasons")).to_contain_text("emergency stop by console key")
+    expect(page.get_by_test_id("state-text")).to_contain_text("Emergency stop by console key")
     assert operations.state().phase is Phase.DRIVING
     page.get_by_test_id("reset").click()
     expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")
@@ -106,7 +105,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
     page: Page, operations: FakeOperations
 ) -> None:
     for typed, words in (
-        ("99, 0", "outside the map"),
+        ("9900, 0", "too far away"),
         ("4, 2.5", "inside an obstacle"),
         ("here", "is no goal"),
     ):
@@ -117,7 +116,7 @@ def test_refusals_are_shown_in_words_and_typed_input_does_the_whole_job(
     page.get_by_test_id("mode-draw").click()
     page.get_by_test_id("zone-corners").fill("0, 3\n1, 4\n1, 3\n0, 4")
     page.get_by_test_id("zone-finish").click()
-    expect(page.get_by_test_id("draft-note")).to_contain_text("not simple")
+    expect(page.get_by_test_id("draft-note")).to_contain_text("crosses itself")
     page.get_by_test_id("zone-corners").fill("0, 3; 1, 3; 1, 4; 0, 4")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
@@ -200,6 +199,19 @@ def test_the_beware_list_is_edited_in_place_and_names_classes_without_a_detector
     cup.get_by_label("Least confidence for cup in percent").press("Enter")
     expect(cup).to_have_attribute("data-version", "1")
     assert operations.beware.list.named("cup").min_confidence == 0.8
+    margin, said = cup.get_by_label("Margin around cup in metres"), cup.get_by_role("alert")
+    stored = margin.input_value()
+    for wrong in ("99", "-1", ""):
+        margin.fill(wrong)
+        margin.press("Enter")
+        expect(said).to_have_text("Margin around cup in metres: 0 to 2 m.")
+        expect(margin).to_have_value(stored)
+        expect(margin).to_have_attribute("aria-invalid", "true")
+    margin.fill("0.4")
+    margin.press("Enter")
+    expect(said).to_be_hidden()
+    expect(cup).to_have_attribute("data-version", "2")
+    assert operations.beware.list.named("cup").margin_m == 0.4
 
 
 def test_a_beware_list_without_a_class_gives_a_warning_and_defaults_and_undo_are_one_click(
@@ -243,12 +255,14 @@ def test_a_lost_connection_is_reported_and_the_page_reconnects(
     page.goto(f"{console.url}/#map")
     expect(page.get_by_test_id("connection")).to_have_text("live")
     console.stop()
-    expect(page.get_by_test_id("stale")).to_contain_text("NO CONNECTION")
+    expect(page.get_by_test_id("state-badge")).to_have_text("? UNKNOWN")
+    expect(page.get_by_test_id("state-text")).to_contain_text("NO CONNECTION")
+    expect(page.get_by_test_id("control-text")).to_have_text("? Control unknown")
     again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
     again.start()
     try:
         expect(page.get_by_test_id("connection")).to_have_text("live")
-        expect(page.get_by_test_id("stale")).to_be_hidden()
+        expect(page.get_by_test_id("state-badge")).to_have_text("● IDLE")
     finally:
         again.stop()
         context.close()
@@ -294,3 +308,39 @@ def test_the_stop_aborts_the_pending_requests_of_the_page(
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
     page.wait_for_function("() => window.failed === 8")
     assert operations.stops[0] == "console key"
+
+
+def test_the_whole_map_stays_in_view_while_it_grows_and_a_chosen_view_stays_where_it_is(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    canvas = page.get_by_test_id("map-canvas")
+    known = map_view(page)
+    page.get_by_test_id("fit").click()  # from what is known to the whole map
+    expect(canvas).not_to_have_attribute("data-place", re.compile(f"^{known[0]} "))
+    before = map_view(page)
+    operations.grow(-30.0, 0.0)
+    expect(canvas).not_to_have_attribute("data-place", re.compile(f"^{before[0]} "))
+    grown = map_view(page)
+    assert grown[0] < before[0] and grown[1] < before[1] - 5.0
+    canvas.hover()
+    page.mouse.wheel(0, -300)
+    expect(canvas).not_to_have_attribute("data-place", re.compile(f"^{grown[0]} "))
+    chosen = map_view(page)
+    with page.expect_response(lambda answer: answer.url.endswith("/api/v1/map")):
+        operations.grow(60.0, 0.0)
+    assert map_view(page) == chosen
+
+
+def test_a_goal_beyond_the_map_is_picked_where_it_was_clicked(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    canvas = page.get_by_test_id("map-canvas")
+    canvas.hover()
+    page.mouse.wheel(0, 400)
+    page.get_by_test_id("mode-goal").click()
+    click_map(page, 11.0, 0.5)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    (goal,) = operations.state().queue
+    assert abs(goal.x_m - 11.0) < 0.1 and abs(goal.y_m - 0.5) < 0.1

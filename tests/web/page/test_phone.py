@@ -25,7 +25,7 @@ TABS = {
     "camera": ["camera", "start", "teleop-open"],
     "goals": ["start", "teleop-open", "goal-input", "missions"],
     "zones": ["zones-undo", "zone-sets"],
-    "more": ["beware", "legend"],
+    "more": ["beware"],
 }
 Opener = Callable[[int, int], Page]
 

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from tests.web.fake_operations import SPEC
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
 from web.viewer.layers.cloud import (
@@ -22,7 +21,7 @@ from web.viewer.layers.cloud import (
 )
 from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
 from web.viewer.layers.primitives import primitive_segments
-from web.viewer.picking import clamped, floor_point
+from web.viewer.picking import floor_point
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 sensible = st.floats(-50, 50)
@@ -49,14 +48,6 @@ def test_rays_that_meet_no_floor_give_nothing() -> None:
     for way in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (float("nan"), 0.0, -1.0)):
         assert floor_point((0.0, 0.0, 2.0), way) is None
     assert floor_point((0.0, 0.0), (0.0, 0.0, -1.0)) is None
-
-
-@given(st.tuples(sensible, sensible))
-def test_a_point_beside_the_map_is_clamped_onto_it_even_rounded_to_millimetres(
-    point: tuple[float, float],
-) -> None:
-    x, y = clamped(point, SPEC)
-    assert SPEC.contains(round(x, 3), round(y, 3))
 
 
 @given(st.lists(st.tuples(sensible, sensible), min_size=3, max_size=12, unique=True))

@@ -82,18 +82,18 @@ function itemOf(entry) {
       : typeof entry.detail === "string"
         ? entry.detail
         : JSON.stringify(entry.detail);
-  const what = `${entry.method ?? ""} ${(entry.path ?? "").replace("/api/v1", "")}`;
+  const address = `${entry.method ?? ""} ${entry.path ?? ""} ${detail}`;
   return make(
     "li",
     { "data-testid": "audit-entry", "data-id": entry.id },
     make("time", { datetime: entry.at }, time.toLocaleString([], { hour12: false })),
     make("b", { title: entry.role ?? entry.from ?? "" }, entry.who ?? "–"),
-    make("span", { class: "what", title: detail }, what, make("small", {}, detail)),
+    make("span", { class: "what", title: address }, entry.text),
     make("span", { class: entry.status >= 400 ? "refused" : "outcome" }, outcome(entry.status)),
   );
 }
 
 function outcome(status) {
   if (status === undefined) return "";
-  return status < 400 ? "✓ done" : `✕ refused, ${status}`;
+  return status < 400 ? "✓ done" : "✕ refused";
 }

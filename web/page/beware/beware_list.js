@@ -1,11 +1,12 @@
 // The beware list: classes switched on and off, their margins and confidences.
 
 import { post, request } from "../core/api.js";
-import { element, make, reconcile, setText, setValue } from "../core/dom.js";
+import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
 import { swatchOf } from "./swatch.js";
 
 let refresh = () => {};
+let limits = {};
 
 // `onNewList` loads and shows the list again after a change.
 export function build(onNewList) {
@@ -19,6 +20,7 @@ export function build(onNewList) {
 }
 
 export function show(beware) {
+  limits = beware.limits;
   reconcile(
     element("beware"),
     beware.classes,
@@ -29,6 +31,11 @@ export function show(beware) {
       if (child.isPending) return;
       const [check, margin, confidence] = child.querySelectorAll("input");
       check.checked = entry.enabled;
+      set(margin, { min: String(limits.margin_m.low), max: String(limits.margin_m.high) });
+      set(confidence, {
+        min: String(100 * limits.min_confidence.low),
+        max: String(100 * limits.min_confidence.high),
+      });
       setValue(margin, entry.margin_m);
       setValue(confidence, Math.round(100 * entry.min_confidence));
       child.classList.toggle("off", !entry.enabled);
@@ -65,27 +72,23 @@ function itemOf(entry) {
     "data-testid": `beware-${entry.class_id}`,
   });
   check.onchange = () => patch({ enabled: check.checked });
-  const margin = make("input", {
-    class: "margin",
-    type: "number",
-    min: 0,
-    max: 2,
-    step: 0.05,
-    title: "Margin kept around it, metres",
-    "aria-label": `Margin around ${entry.name} in metres`,
-  });
-  margin.onchange = () => patch({ margin_m: margin.value === "" ? null : Number(margin.value) });
-  const confidence = make("input", {
-    class: "margin",
-    type: "number",
-    min: 0,
-    max: 100,
-    step: 5,
-    title: "Least confidence of a detection, percent",
-    "aria-label": `Least confidence for ${entry.name} in percent`,
-  });
-  confidence.onchange = () =>
-    patch({ min_confidence: confidence.value === "" ? null : Number(confidence.value) / 100 });
+  const refused = make("small", { class: "refused", role: "alert", hidden: "" });
+  const margin = numberInput(`Margin around ${entry.name} in metres`, 0.05);
+  const confidence = numberInput(`Least confidence for ${entry.name} in percent`, 5);
+  // A figure that is refused gives way to the stored one, so that the field shows what is in force.
+  const send = async (input, key, scale, unit) => {
+    const { low, high } = limits[key] ?? { low: 0, high: 0 };
+    const value = input.value === "" ? NaN : Number(input.value) / scale;
+    const fits = value >= low && value <= high;
+    set(refused, { hidden: fits });
+    input.setAttribute("aria-invalid", String(!fits));
+    if (fits) return patch({ [key]: value });
+    input.value = Math.round(1000 * scale * item.item[key]) / 1000;
+    setText(refused, `${input.title}: ${scale * low} to ${scale * high} ${unit}.`);
+    return undefined;
+  };
+  margin.onchange = () => send(margin, "margin_m", 1, "m");
+  confidence.onchange = () => send(confidence, "min_confidence", 100, "%");
   const label = make(
     "span",
     { class: "label", title: entry.name },
@@ -100,6 +103,11 @@ function itemOf(entry) {
     make("span", { class: "unit" }, "m"),
     confidence,
     make("span", { class: "unit" }, "%"),
+    refused,
   );
   return item;
+}
+
+function numberInput(title, step) {
+  return make("input", { class: "margin", type: "number", step, title, "aria-label": title });
 }

@@ -1,28 +1,47 @@
-// What the colours and patterns of the map mean.
+// What the colours and patterns of the map mean: a swatch for each of its layers, as it is drawn in
+// the present theme.
 
 import { element, make } from "../core/dom.js";
+import { isLight } from "../core/theme.js";
+import { paletteOf } from "../map/cells.js";
+import { COLOURS } from "../map/strokes.js";
 import { swatch, swatchOf } from "./swatch.js";
 
-// Colour, pattern, shape, text.
-const FIXED = [
-  ["#ced6e2", null, "", "floor, seen"],
-  ["#3e4757", "unknown", "", "not seen (free)"],
-  ["#78869e", null, "", "too close"],
-  ["#0c0f14", null, "", "obstacle"],
-  ["#d63384", "stripes falling", "", "zone"],
-  ["#0a84ff", null, "line", "planned path"],
-  ["#57647a", null, "line dashed", "driven path"],
-  ["#00a86b", null, "", "goal ⚑"],
-  ["#ffb703", null, "line", "draft, camera"],
+// Layer → its colour, pattern and shape.
+const SIGNS = {
+  unknown: (palette) => [palette.unknown, "unknown"],
+  free: (palette) => [palette.free],
+  obstacle: (palette) => [palette.obstacle],
+  inflation: (palette) => [palette.inflation],
+  prior: (palette) => [palette.prior],
+  zones: () => ["#d63384", "stripes falling"],
+  path: () => [COLOURS.path, null, "line"],
+  waypoints: () => [COLOURS.path, null, "line"],
+  driven: () => [COLOURS.driven, null, "line dashed"],
+  people: () => [COLOURS.person],
+  view: () => [COLOURS.draft, null, "line dashed"],
+  motion: () => [COLOURS.robot, null, "line"],
+  candidates: () => [COLOURS.goal, null, "line"],
+};
+const OTHERS = [
+  [COLOURS.goal, "goal ⚑"],
+  [COLOURS.draft, "what is drawn"],
+  ["#b7791f", "speed limit"],
 ];
+const css = (colour) => (Array.isArray(colour) ? `rgb(${colour.join(" ")})` : colour);
 
-export function showLegend(classes) {
-  const rows = FIXED.map(([colour, pattern, shape, text]) => [
-    swatch(colour, pattern, shape),
-    text,
-  ]);
-  for (const entry of classes) rows.push([swatchOf(entry), entry.name]);
-  element("legend").replaceChildren(
-    ...rows.map(([mark, text]) => make("li", {}, mark, make("span", {}, text))),
-  );
+export function signOf(layer, classes) {
+  if (!SIGNS[layer])
+    return swatchOf(classes.find((entry) => `class-${entry.class_id}` === layer));
+  const palette = paletteOf(isLight());
+  const [colour, pattern = null, shape = ""] = SIGNS[layer](palette);
+  const node = swatch(css(colour), pattern, shape);
+  node.style.setProperty("--dot", css(palette.dot));
+  return node;
 }
+
+element("legend").append(
+  ...OTHERS.map(([colour, text]) =>
+    make("li", {}, swatch(colour, text === "speed limit" ? "dots" : null), make("span", {}, text)),
+  ),
+);

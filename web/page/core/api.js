@@ -63,38 +63,9 @@ function parsed(text) {
 export const get = (path) => request("GET", path);
 export const post = (path, body) => request("POST", path, body);
 
-const STOP_ATTEMPTS = 3;
-const STOP_TIMEOUT_MS = 1500;
-const SECOND_CHANNEL_AFTER_MS = 300;
-const stopChannels = [];
-
-// Register a second, open channel for the stop, used where no answer comes soon.
-export const addStopChannel = (send) => stopChannels.push(send);
-
-// Send the stop until it is answered: a bad link may swallow one request.
-export async function stop(source) {
-  const message = "cancelled to let the stop through; check whether it took effect";
+// Abort every request that waits, with a message for those who asked.
+export function abortAll(message) {
   for (const abort of pending) abort.abort(new Refusal(0, { error: { message } }));
-  const timer = setTimeout(
-    () => stopChannels.forEach((send) => send(source)),
-    SECOND_CHANNEL_AFTER_MS,
-  );
-  for (let attempt = 0; attempt < STOP_ATTEMPTS; attempt += 1) {
-    try {
-      const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(source)}`, {
-        method: "POST",
-        keepalive: true,
-        signal: AbortSignal.timeout(STOP_TIMEOUT_MS),
-      });
-      if (response.ok) {
-        clearTimeout(timer);
-        return;
-      }
-    } catch {
-      // try again
-    }
-  }
-  throw new Error("THE STOP DID NOT REACH THE ROBOT. Use the stop on the robot itself.");
 }
 
 const RECONNECT_MS = 500;

@@ -3,8 +3,14 @@
 import { element, set, setText } from "./dom.js";
 
 const STALE_MS = 1000;
+const CHECKED_MS = 200;
+const WORDS = { live: "live", stale: "no connection", waiting: "connecting" };
+const listeners = [];
 let arrivedMs = performance.now();
 let hasState = false;
+
+// Called with the seconds since the last state while there is no connection.
+export const onStale = (listener) => listeners.push(listener);
 
 export function stateArrived() {
   arrivedMs = performance.now();
@@ -14,16 +20,8 @@ export function stateArrived() {
 setInterval(() => {
   const ageMs = performance.now() - arrivedMs;
   const isStale = ageMs > STALE_MS;
-  set(document.body.dataset, { connection: isStale ? "stale" : hasState ? "live" : "waiting" });
-  setText(
-    element("connection").lastElementChild,
-    isStale ? "no connection" : hasState ? "live" : "connecting",
-  );
-  set(element("stale"), { hidden: !isStale });
-  if (!isStale) return;
-  setText(
-    element("stale"),
-    `NO CONNECTION for ${(ageMs / 1000).toFixed(0)} s: everything below is out of date. ` +
-      "STOP is still sent; the robot stops by itself when it loses its own link.",
-  );
-}, 200);
+  const connection = isStale ? "stale" : hasState ? "live" : "waiting";
+  set(document.body.dataset, { connection });
+  setText(element("connection").lastElementChild, WORDS[connection]);
+  if (isStale) for (const listener of listeners) listener(ageMs / 1000);
+}, CHECKED_MS);

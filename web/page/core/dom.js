@@ -75,8 +75,11 @@ export function saveSetting(key, value) {
   }
 }
 
+// A number that rounds to zero has no sign.
 export const formatNumber = (value, digits, unit) =>
-  value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`.trim();
+  value === null || value === undefined
+    ? "–"
+    : `${value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1")} ${unit}`.trim();
 export const formatTime = (unixS) =>
   new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
 export const formatSigned = (value, digits, unit) =>

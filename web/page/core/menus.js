@@ -30,20 +30,21 @@ function positionMenu(menu) {
 }
 
 for (const popover of document.querySelectorAll("[popover]")) {
-  const isMenu = popover.classList.contains("menu");
+  const isMenu = buttonOf(popover) !== null && popover.classList.contains("menu");
   popover.addEventListener("beforetoggle", (event) => {
     if (event.newState === "open" && isMenu) positionMenu(popover);
   });
   popover.addEventListener("toggle", (event) => {
     if (event.newState === "closed" && document.activeElement === document.body)
-      buttonOf(popover).focus();
+      (buttonOf(popover) ?? element("map")).focus();
   });
 }
 for (const change of ["resize", "scroll"]) {
   window.addEventListener(
     change,
     () => {
-      if (openPopover()?.matches(".menu")) positionMenu(openPopover());
+      const open = openPopover();
+      if (open?.matches(".menu") && buttonOf(open)) positionMenu(open);
     },
     true,
   );

@@ -1,9 +1,12 @@
-// Tabs of a narrow window: one column, of which they show a part. A larger screen shows all parts.
+// Tabs of a narrow window or a tablet: they choose the part that is shown, on a tablet beside the map.
+// A larger screen shows all parts.
 
 const parts = [...document.querySelectorAll("[data-on]")];
 const tabs = [...document.querySelectorAll(".page-tabs [data-tab]")];
 
-export const isNarrow = () => matchMedia("(max-width: 940px)").matches; // as in small_screens.css
+// As in small_screens.css.
+const NARROW = "(max-width: 940px), (pointer: coarse) and (max-width: 1180px)";
+export const isNarrow = () => matchMedia(NARROW).matches;
 
 export function selectTab(name) {
   for (const tab of tabs) tab.setAttribute("aria-selected", String(tab.dataset.tab === name));

@@ -2,11 +2,11 @@
 
 import { get, request } from "./api.js";
 import { clearSent, make } from "./dom.js";
-import { attempt } from "./toasts.js";
+import { attempt, notify } from "./toasts.js";
 
 // `action` is the last part of the address that loads an entry, `verb` its button, `describe` the
-// entry in words; `onLoaded` is called after one was loaded.
-export function savedList(menu, { path, action, verb, placeholder, describe, onLoaded }) {
+// entry in words; `onLoaded` is called after one was loaded; `nothing` says what can be saved here.
+export function savedList(menu, { path, action, verb, placeholder, describe, onLoaded, nothing }) {
   const list = make("ul", { class: "list" });
   const name = make("input", {
     maxlength: 80,
@@ -14,8 +14,8 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     "aria-label": placeholder,
     "data-testid": `${menu.id}-name`,
   });
-  const save = make("button", { "data-testid": `${menu.id}-save` }, "Save");
-  const form = make("form", { class: "row", autocomplete: "off" }, name, save);
+  const saveButton = make("button", { "data-testid": `${menu.id}-save` }, "Save");
+  const form = make("form", { class: "row", autocomplete: "off" }, name, saveButton);
   menu.append(list, form);
   const addressOf = (entryName) => `${path}/${encodeURIComponent(entryName)}`;
 
@@ -55,19 +55,35 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
   async function refresh() {
     const entries = await get(path);
     list.replaceChildren(...entries.map(itemOf));
-    if (!entries.length) list.append(make("li", { class: "empty" }, "Nothing saved yet"));
+    if (!entries.length) list.append(make("li", { class: "empty" }, nothing));
   }
 
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const typed = name.value;
-    if (!typed.trim()) return;
+    if (!typed.trim()) {
+      notify("Give it a name first.");
+      return;
+    }
     attempt(async () => {
-      await request("PUT", addressOf(typed.trim()));
-      clearSent(name, typed);
-      refresh();
+      await save(typed, addressOf(typed.trim()));
     });
   });
+
+  // A name that is taken is replaced only when the operator says so.
+  async function save(typed, address) {
+    try {
+      await request("PUT", address);
+    } catch (error) {
+      if (!error.body?.there) throw error;
+      const replace = () => attempt(() => save(typed, `${address}?replace=true`));
+      notify(error.message, { action: { label: "Replace", run: replace } });
+      return;
+    }
+    notify(`“${typed.trim()}” is saved.`, { good: true });
+    clearSent(name, typed);
+    refresh();
+  }
   menu.addEventListener("toggle", (event) => {
     if (event.newState === "open") attempt(refresh);
   });

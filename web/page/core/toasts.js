@@ -7,8 +7,12 @@ const MAX_SHOWN = 4;
 const GOOD_MS = 2500;
 const BAD_MS = 9000;
 
-// `action` is what the operator can do about it with one click: `{ label, run }`.
-export function notify(text, { good = false, action = null } = {}) {
+// `actions` are what the operator can do about it with one click: `{ label, run }`. A message that
+// `stays` is removed by the caller, to whom it is returned, or by the operator.
+export function notify(
+  text,
+  { good = false, action = null, actions = action ? [action] : [], stays = false } = {},
+) {
   for (const old of box.children) if (old.dataset.text === text) old.remove();
   const close = make("button", { "aria-label": "Dismiss", onclick: () => toast.remove() }, "✕");
   const toast = make(
@@ -18,10 +22,11 @@ export function notify(text, { good = false, action = null } = {}) {
     make("span", {}, text),
     close,
   );
-  if (action) close.before(actionButton(action, toast));
+  close.before(...actions.map((one) => actionButton(one, toast)));
   box.append(toast);
   while (box.children.length > MAX_SHOWN) box.firstChild.remove();
-  setTimeout(() => toast.remove(), good ? GOOD_MS : BAD_MS);
+  if (!stays) setTimeout(() => toast.remove(), good && !actions.length ? GOOD_MS : BAD_MS);
+  return toast;
 }
 
 function actionButton({ label, run }, toast) {

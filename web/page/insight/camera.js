@@ -1,15 +1,25 @@
-// The camera image, with the detections over it.
+// The camera image; what was detected is tinted in it and named by the page, so that the names are
+// readable at every size.
 
-import { element } from "../core/dom.js";
+import { get } from "../core/api.js";
+import { element, make, reconcile, setText } from "../core/dom.js";
 import { oneAtATime, pause } from "../core/updates.js";
 
 const IMAGE_MS = 250;
+const ROW_SHARE = 0.07; // of the image's height, between names that would cover each other
 const image = element("camera");
+const names = element("camera-labels");
 let serial = null;
 
 const load = oneAtATime(async () => {
-  const overlay = element("overlay").checked ? "segmentation" : "none";
-  image.src = await loaded(`/api/v1/camera.jpg?overlay=${overlay}&v=${serial}`);
+  const isNamed = element("overlay").checked;
+  const overlay = isNamed ? "tint" : "none";
+  const [source, { labels }] = await Promise.all([
+    loaded(`/api/v1/camera.jpg?overlay=${overlay}&v=${serial}`),
+    isNamed ? get("/camera/labels") : { labels: [] },
+  ]);
+  image.src = source;
+  showNames(labels);
   await pause(IMAGE_MS);
 });
 
@@ -21,6 +31,30 @@ function loaded(source) {
     loader.onerror = () => reject(new Error("no camera image"));
     loader.src = source;
   });
+}
+
+const percent = (share) => `${(100 * share).toFixed(1)}%`;
+
+function showNames(labels) {
+  const rows = [];
+  const placed = labels.map((label, i) => {
+    const [left, top] = label.box;
+    let row = Math.max(top, ROW_SHARE);
+    while (rows.some((other) => Math.abs(other - row) < ROW_SHARE)) row += ROW_SHARE;
+    rows.push(row);
+    return { ...label, key: i, left: Math.min(left, 0.7), row };
+  });
+  reconcile(
+    names,
+    placed,
+    ({ key }) => key,
+    () => make("span", { "data-testid": "camera-label" }),
+    (node, { name, confidence, left, row }) => {
+      setText(node, `${name} ${Math.round(100 * confidence)} %`);
+      node.style.left = percent(left);
+      node.style.top = percent(row);
+    },
+  );
 }
 
 export function follow(state) {

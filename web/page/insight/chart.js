@@ -1,6 +1,8 @@
-// A chart of one or two curves over time, drawn as SVG.
+// A chart of one or two curves over time, drawn as SVG: round ticks, marks of events, and the value
+// below the pointer, in all charts of a group at once.
 
 import { make } from "../core/dom.js";
+import { clockText, durationText, ticksOf, tickText } from "./ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 // Column of the time series → title, unit, digits.
@@ -12,46 +14,64 @@ export const COLUMNS = {
   tick_ms: ["Tick", "ms", 0],
 };
 const DASHES = ["", "6 4"];
-// The plot area within a view box of 300 × 120.
-const [LEFT, RIGHT, TOP, BOTTOM] = [34, 294, 10, 100];
+// Margins of the plot area and its height in pixels: a chart is as wide as its box, so that its text
+// is as large as the page's.
+const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT] = [40, 8, 8, 106, 130];
+const FEWEST_PX = 140;
+const widthOf = (svg) => Math.max(svg.clientWidth, FEWEST_PX);
 
 export function makeChart(name) {
   const [title, unit] = COLUMNS[name];
-  const svg = shape("svg", { viewBox: "0 0 300 120", role: "img" });
+  const svg = shape("svg", { height: HEIGHT, role: "img" });
   const caption = make("figcaption", {}, make("span", {}, `${title}, ${unit}`), make("b"));
-  return make("figure", { class: "chart", "data-testid": `chart-${name}` }, caption, svg);
+  const figure = make("figure", { class: "chart", "data-testid": `chart-${name}` }, caption, svg);
+  svg.onpointermove = (event) => pointAt(figure, event);
+  svg.onpointerleave = () => forGroup(figure, (chart) => showAt(chart, null));
+  return figure;
 }
 
 // `curves`: [{ t, values }], at most two; the second is dashed. Times count from each curve's start.
-export function plot(figure, name, curves) {
+// `startUnixS`: wall time of the first start, for a clock below the chart; `marks`: [{ t, text }],
+// events in the times of the first curve.
+export function plot(figure, name, curves, { startUnixS = null, marks = [] } = {}) {
   const [title, unit, digits] = COLUMNS[name];
   const svg = figure.querySelector("svg");
   const filled = curves.filter((curve) => curve.t?.length > 1 && curve.values?.length > 1);
-  const latest = curves[0]?.values?.at(-1);
-  figure.querySelector("b").textContent =
-    curves.length === 1 && typeof latest === "number" ? latest.toFixed(digits) : "";
+  const numbers = filled.flatMap(({ values }) =>
+    values.filter((value) => value !== null && value !== undefined),
+  );
+  const width = widthOf(svg);
+  const span = width - LEFT - RIGHT;
+  figure.plot = null;
+  svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`);
   svg.replaceChildren();
-  if (!filled.length) {
-    svg.append(label("no data yet", 150, 62, "middle"));
+  if (!numbers.length) {
+    figure.querySelector("b").textContent = "";
+    svg.setAttribute("aria-label", `${title}: no data yet`);
+    svg.append(label("No data yet", width / 2, 62, "middle"));
     return;
   }
   const duration = Math.max(...filled.map(({ t }) => t[t.length - 1] - t[0]), 1);
-  const numbers = filled.flatMap(({ values }) => values.filter((value) => value !== null));
-  const [low, high] = [
-    Math.min(0, ...numbers),
-    Math.max(roundUp(Math.max(...numbers, 1e-3)), 1e-3),
-  ];
-  const x = (t) => LEFT + ((RIGHT - LEFT) * t) / duration;
+  const ticks = ticksOf(Math.min(0, ...numbers), Math.max(...numbers, 1e-3));
+  const [low, high] = [ticks[0], ticks[ticks.length - 1]];
+  const x = (t) => LEFT + (span * t) / duration;
   const y = (value) => BOTTOM - ((BOTTOM - TOP) * (value - low)) / (high - low);
-  for (const share of [0, 0.5, 1]) {
-    const value = low + share * (high - low);
+  for (const value of ticks)
     svg.append(
-      shape("line", { x1: LEFT, x2: RIGHT, y1: y(value), y2: y(value), class: "grid" }),
-      label(tickText(value), LEFT - 4, y(value) + 3, "end"),
+      shape("line", { x1: LEFT, x2: LEFT + span, y1: y(value), y2: y(value), class: "grid" }),
+      label(tickText(value), LEFT - 4, y(value) + 4, "end"),
     );
+  const ends = startUnixS === null
+    ? ["0", durationText(duration)]
+    : [clockText(startUnixS), clockText(startUnixS + duration)];
+  svg.append(label(ends[0], LEFT, 122, "start"), label(ends[1], LEFT + span, 122, "end"));
+  const [first] = filled;
+  for (const { t, text } of marks) {
+    if (t < first.t[0]) continue;
+    const mark = shape("line", { x1: x(t - first.t[0]), x2: x(t - first.t[0]), y1: TOP, y2: BOTTOM, class: "mark" });
+    mark.append(shape("title", {}, text));
+    svg.append(mark);
   }
-  const end = duration < 120 ? `${duration.toFixed(0)} s` : `${(duration / 60).toFixed(1)} min`;
-  svg.append(label("0", LEFT, 113, "start"), label(end, RIGHT, 113, "end"));
   filled.forEach(({ t, values }, i) => {
     svg.append(
       shape("path", {
@@ -61,10 +81,59 @@ export function plot(figure, name, curves) {
       }),
     );
   });
+  svg.append(shape("line", { class: "cross", y1: TOP, y2: BOTTOM, visibility: "hidden" }));
+  figure.plot = { filled, duration, digits, startUnixS, span };
+  showAt(figure, null);
   svg.setAttribute(
     "aria-label",
-    `${title} in ${unit} over ${duration.toFixed(0)} seconds, largest ${Math.max(...numbers).toFixed(digits)}`,
+    `${title} in ${unit} over ${durationText(duration)}, largest ${Math.max(...numbers).toFixed(digits)}`,
   );
+}
+
+const forGroup = (figure, act) => {
+  for (const chart of figure.parentElement?.querySelectorAll(".chart") ?? [figure]) act(chart);
+};
+
+function pointAt(figure, { clientX }) {
+  if (!figure.plot) return;
+  const box = figure.querySelector("svg").getBoundingClientRect();
+  const share = (clientX - box.left - LEFT) / figure.plot.span;
+  const seconds = Math.min(Math.max(share, 0), 1) * figure.plot.duration;
+  forGroup(figure, (chart) => showAt(chart, seconds));
+}
+
+// Show the values at a time since the start beside the title; those of the end for null.
+function showAt(figure, seconds) {
+  if (!figure.plot) return;
+  const { filled, duration, digits, startUnixS, span } = figure.plot;
+  const cross = figure.querySelector(".cross");
+  const shown = figure.querySelector("b");
+  cross.setAttribute("visibility", seconds === null ? "hidden" : "visible");
+  if (seconds === null) {
+    const latest = filled[0].values.at(-1);
+    shown.textContent = filled.length === 1 && typeof latest === "number" ? latest.toFixed(digits) : "";
+    return;
+  }
+  const x = LEFT + (span * seconds) / duration;
+  cross.setAttribute("x1", x);
+  cross.setAttribute("x2", x);
+  const at = startUnixS === null ? durationText(seconds) : clockText(startUnixS + seconds);
+  const values = filled.map(({ t, values: curve }) => {
+    const value = curve[indexAt(t, t[0] + seconds)];
+    return typeof value === "number" ? value.toFixed(digits) : "–";
+  });
+  shown.textContent = `${values.join(" / ")} at ${at}`;
+}
+
+// Index of the last time that is not later.
+function indexAt(times, time) {
+  let [low, high] = [0, times.length - 1];
+  while (low < high) {
+    const middle = Math.ceil((low + high) / 2);
+    if (times[middle] <= time) low = middle;
+    else high = middle - 1;
+  }
+  return low;
 }
 
 // A missing value interrupts the curve.
@@ -83,22 +152,13 @@ function pathOf(times, values, x, y) {
     .join("");
 }
 
-function roundUp(value) {
-  const power = 10 ** Math.floor(Math.log10(value));
-  return [1, 2, 2.5, 5, 10].map((step) => step * power).find((top) => top >= value) ?? value;
-}
-
-const tickText = (value) =>
-  Math.abs(value) >= 1000 ? `${(value / 1000).toFixed(1)}k` : String(Number(value.toPrecision(2)));
-
 function label(words, x, y, anchor) {
-  const node = shape("text", { x, y, "text-anchor": anchor });
-  node.textContent = words;
-  return node;
+  return shape("text", { x, y, "text-anchor": anchor }, words);
 }
 
-function shape(tag, attributes) {
+function shape(tag, attributes, text = "") {
   const node = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  if (text) node.textContent = text;
   return node;
 }

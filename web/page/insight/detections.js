@@ -56,6 +56,17 @@ const entryOf = (id) => shared.beware.classes.find((entry) => entry.class_id ===
 
 function show({ seen, sightings, labelling }) {
   showCounts(seen);
+  // Without the age, which would have the map painted again.
+  const onMap = sightings.filter((detection) => !detection.verdict);
+  shared.showSightings(
+    onMap.map(({ id, class_name, place, confidence, looks }) => ({
+      id,
+      class_name,
+      place,
+      confidence,
+      looks,
+    })),
+  );
   showInBewareList(seen);
   // Cards are rebuilt only when their set or a verdict changes, so that an open choice stays.
   const keys = sightings.map((detection) => `${detection.id}${detection.verdict ?? ""}`).join();

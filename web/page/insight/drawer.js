@@ -7,6 +7,7 @@ import * as eventLog from "./event_log.js";
 import * as explanation from "./explanation.js";
 import * as freshness from "./freshness.js";
 import * as plots from "./plots.js";
+import { makeSplitter } from "./splitter.js";
 
 const TABS = {
   log: ["Log", eventLog],
@@ -16,16 +17,18 @@ const TABS = {
 };
 const PERIOD_MS = 1000;
 const MARK_PX = 15;
-const shared = { state: null, beware: { classes: [] }, look: () => {}, mark: () => {} };
+const shared = { state: null, beware: { classes: [] }, look: () => {}, mark: () => {}, showSightings: () => {} };
 const marked = { lines: [], place: null };
 const buttons = {};
 const panes = {};
 let openTab = null;
+let splitter;
 let sendMarks = () => {};
 
 // `look(place)` turns map and 3D view to a point, `mark(lines, place)` marks them in the 3D view.
-export function start({ look, mark }) {
+export function start({ look, mark, showSightings }) {
   sendMarks = mark;
+  shared.showSightings = showSightings;
   shared.look = (place) => {
     look(place);
     show(marked.lines, place);
@@ -57,7 +60,9 @@ export function start({ look, mark }) {
   const tabs = make("div", { role: "tablist", "aria-label": "Insight" }, ...Object.values(buttons));
   const runs = make("a", { href: "/runs", target: "_blank", "data-testid": "runs-link" }, "Runs ↗");
   const body = make("div", { class: "drawer", id: "drawer", hidden: "" }, ...Object.values(panes));
-  element("insight").append(make("div", { class: "drawer-tabs" }, tabs, runs, ages), body);
+  splitter = makeSplitter(body);
+  const bar = make("div", { class: "drawer-tabs" }, tabs, runs, ages);
+  element("insight").append(splitter, bar, body);
   overlays.push(paintMarks);
   setInterval(() => {
     if (!document.hidden) tick();
@@ -76,7 +81,7 @@ export function resendMarks() {
 
 function open(name) {
   openTab = name;
-  element("drawer").hidden = name === null;
+  element("drawer").hidden = splitter.hidden = name === null;
   for (const [key, button] of Object.entries(buttons)) {
     button.setAttribute("aria-selected", String(key === name));
     panes[key].hidden = key !== name;
@@ -95,7 +100,7 @@ function show(lines, place) {
   redraw();
 }
 
-function paintMarks({ pen, line, tag, toPage }) {
+function paintMarks({ pen, line, placeLabel, toPage }) {
   for (const { points, colour, dashed } of marked.lines) {
     line(points, "#000000a0", 8, dashed ? [9, 7] : []);
     line(points, colour, 5, dashed ? [9, 7] : []);
@@ -104,7 +109,7 @@ function paintMarks({ pen, line, tag, toPage }) {
   for (const { points, colour, name } of marked.lines) {
     if (!name) continue;
     const [x, y] = toPage(points[Math.floor(points.length / 2)]);
-    tag(name, [x, y - 18], colour);
+    placeLabel(name, [x, y - 18], { colour });
   }
   if (marked.place) {
     paintTarget(pen, toPage(marked.place), "#fff", 4, []);

@@ -1,9 +1,10 @@
-// The event log: what happened when and where, with a filter and a jump to the place. It goes back
-// over earlier starts of the console, whose entries are marked.
+// The event log: what happened when and where, repeats in one row, with a search, filters and a jump
+// to the place. It goes back over earlier starts of the console, whose entries are marked.
 
 import { get } from "../core/api.js";
 import { formatTime, make, set, setText } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
+import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding.js";
 
 const KINDS = {
   stopped: "■ stopped",
@@ -15,7 +16,9 @@ const KINDS = {
   zone: "⬠ zone",
   beware: "▲ beware",
   labelled: "✎ labelled",
+  place: "⌖ place",
 };
+const LEVEL_NAMES = { detail: "everything", notice: "goals, zones, stops", alert: "stops" };
 const MAX_NEW = 300;
 const OLDER = 200;
 const MAX_UNREAD = 99;
@@ -23,9 +26,13 @@ const chosenKinds = new Set();
 let shared;
 let tab;
 let list;
+let nothing;
 let olderButton;
+let searchField;
+let levelField;
 let maxShown = MAX_NEW;
 let newestId = 0;
+let oldestId = null;
 let unread = 0;
 let isBusy = false;
 
@@ -33,6 +40,7 @@ export function build(pane, context, button) {
   shared = context;
   tab = button;
   list = make("ol", { class: "log", "data-testid": "log", "aria-label": "Events, newest first" });
+  nothing = make("p", { class: "empty" });
   olderButton = make(
     "button",
     {
@@ -44,21 +52,28 @@ export function build(pane, context, button) {
     },
     "Older ↓",
   );
+  searchField = make("input", {
+    type: "search",
+    placeholder: "Search",
+    "aria-label": "Search the log",
+    "data-testid": "log-search",
+    oninput: showMatching,
+  });
+  levelField = make(
+    "select",
+    { "aria-label": "Show", "data-testid": "log-level", onchange: showMatching },
+    ...LEVELS.map((level) => make("option", { value: level }, LEVEL_NAMES[level])),
+  );
   const filter = make(
     "div",
     { class: "filter", role: "group", "aria-label": "Show only" },
+    searchField,
+    levelField,
     ...Object.entries(KINDS).map(filterButton),
     olderButton,
   );
-  pane.append(
-    filter,
-    list,
-    make(
-      "p",
-      { class: "empty" },
-      "No events yet. What the robot decides appears here with time and place.",
-    ),
-  );
+  pane.append(filter, list, nothing);
+  showMatching();
 }
 
 function filterButton([kind, title]) {
@@ -70,7 +85,7 @@ function filterButton([kind, title]) {
   button.onclick = () => {
     if (!chosenKinds.delete(kind)) chosenKinds.add(kind);
     button.setAttribute("aria-pressed", String(chosenKinds.has(kind)));
-    [newestId, maxShown] = [0, MAX_NEW];
+    [newestId, oldestId, maxShown] = [0, null, MAX_NEW];
     list.replaceChildren();
     tick(true);
   };
@@ -78,6 +93,26 @@ function filterButton([kind, title]) {
 }
 
 const kindQuery = () => [...chosenKinds].map((kind) => `&kind=${kind}`).join("");
+
+// Show the rows that contain the searched words and matter enough.
+function showMatching() {
+  const words = searchField.value.trim().toLowerCase();
+  const least = LEVELS.indexOf(levelField.value);
+  let shownRows = 0;
+  for (const row of list.children) {
+    const isShown =
+      LEVELS.indexOf(row.dataset.level) >= least && row.textContent.toLowerCase().includes(words);
+    set(row, { hidden: !isShown });
+    shownRows += Number(isShown);
+  }
+  set(nothing, { hidden: shownRows > 0 });
+  setText(
+    nothing,
+    list.children.length
+      ? "No event matches."
+      : "No events yet. What the robot decides appears here with time and place.",
+  );
+}
 
 export async function tick(isOpen) {
   if (isBusy) return;
@@ -88,15 +123,18 @@ export async function tick(isOpen) {
     if (page.newest < newestId) list.replaceChildren();
     if (newestId === 0) set(olderButton, { hidden: page.entries.length < MAX_NEW });
     newestId = page.newest;
-    unread = isOpen
-      ? 0
-      : unread + page.entries.filter((entry) => entry.start === page.start).length;
-    list.prepend(...page.entries.reverse().map(itemOf));
+    const matters = (entry) => entry.start === page.start && levelOf(entry) !== "detail";
+    unread = isOpen ? 0 : unread + page.entries.filter(matters).length;
+    for (const entry of page.entries) addNewest(entry);
     while (list.children.length > maxShown) {
       list.lastChild.remove();
+      oldestId = list.lastChild.firstId;
       olderButton.hidden = false;
     }
-    if (page.entries.length) markStarts(page.start);
+    if (page.entries.length) {
+      markStarts(page.start);
+      showMatching();
+    }
     setText(tab, unread ? `Log · ${unread > MAX_UNREAD ? `${MAX_UNREAD}+` : unread} new` : "Log");
   } catch {
     // a lost connection has its own banner
@@ -104,18 +142,43 @@ export async function tick(isOpen) {
   isBusy = false;
 }
 
+function addNewest(entry) {
+  oldestId ??= entry.id;
+  const row = rowFor(entry, [...list.children]);
+  if (row) repeat(row, entry, entry);
+  list.prepend(row ?? itemOf(entry));
+}
+
+function addOldest(entry) {
+  oldestId = entry.id;
+  const row = rowFor(entry, [...list.children].slice(-1));
+  if (row) repeat(row, entry, null);
+  else list.append(itemOf(entry));
+}
+
+// Count an entry in the row that says the same; the row shows the newest words.
+function repeat(row, entry, shownEntry) {
+  fold(row.folded, entry);
+  row.firstId = Math.min(row.firstId, entry.id);
+  setText(row.querySelector(".count"), countText(row.folded));
+  if (!shownEntry) return;
+  setText(row.querySelector("time"), formatTime(shownEntry.unix_s));
+  setText(row.querySelector(".words"), shownEntry.text);
+  row.querySelector(".jump")?.replaceWith(jumpButton(shownEntry.place ?? row.place));
+}
+
 async function loadOlder() {
-  const oldestId = list.lastElementChild?.dataset.id;
-  if (isBusy || oldestId === undefined) return;
+  if (isBusy || oldestId === null) return;
   isBusy = true;
   await attempt(async () => {
+    const last = list.lastElementChild;
     const page = await get(`/journal?before=${oldestId}&limit=${OLDER}${kindQuery()}`);
-    list.append(...page.entries.reverse().map(itemOf));
+    for (const entry of page.entries.reverse()) addOldest(entry);
     maxShown = Math.max(maxShown, list.children.length);
     olderButton.hidden = page.entries.length < OLDER;
     markStarts(page.start);
-    if (page.entries.length)
-      list.querySelector(`[data-id="${oldestId}"]`).scrollIntoView({ block: "start" });
+    showMatching();
+    if (page.entries.length) last?.scrollIntoView({ block: "start" });
   });
   isBusy = false;
 }
@@ -139,14 +202,16 @@ function itemOf(entry) {
     {
       "data-testid": "log-entry",
       "data-kind": entry.kind,
-      "data-id": entry.id,
+      "data-level": levelOf(entry),
       "data-start": entry.start,
       "data-day": time.toLocaleDateString(),
     },
     make("time", { title: time.toLocaleString([], { hour12: false }) }, formatTime(entry.unix_s)),
     make("b", { class: `kind kind-${entry.kind}` }, KINDS[entry.kind] ?? entry.kind),
     make("span", { class: "words" }, entry.text),
+    make("span", { class: "count", "data-testid": "log-count" }),
   );
+  Object.assign(item, { folded: newFold(entry), firstId: entry.id, place: entry.place });
   if (entry.place) item.append(jumpButton(entry.place));
   return item;
 }

@@ -15,6 +15,7 @@ const MAX_LINES = 200;
 const MAX_POINTS = 1000;
 let shared;
 let words;
+let main; // the button that tries the path without the costliest rules
 let table;
 let explained = null; // the answer for the path that is driven
 let trial = null; // `{ keys, answer }`: the path without some rules, while the operator looks at it
@@ -25,7 +26,8 @@ export function build(pane, context) {
   shared = context;
   words = make("p", { class: "words", role: "status", "data-testid": "why-words" });
   table = make("ul", { class: "rules", "data-testid": "why-rules" });
-  pane.append(words, table);
+  main = make("span", { "data-testid": "why-main" });
+  pane.append(make("div", { class: "head" }, words, main), table);
 }
 
 export async function tick(isOpen, now = true) {
@@ -43,6 +45,7 @@ export async function tick(isOpen, now = true) {
   } catch (error) {
     explained = trial = null;
     words.textContent = error.message;
+    main.replaceChildren();
     table.replaceChildren();
     shared.mark([]);
   }
@@ -62,6 +65,9 @@ function colourOf(key) {
 function draw() {
   const { found, rules, lift } = explained;
   words.textContent = describe(explained, trial);
+  const keys = explained.main_cost_m > MIN_COST_M ? explained.main : [];
+  const title = keys.length > 1 ? "Path without them" : "Path without it";
+  main.replaceChildren(...(keys.length ? [trialButton(keys, title)] : []));
   const rows = rules.filter((rule) => !found || rule.along_m > 0 || rule.saves_m > MIN_COST_M);
   table.replaceChildren(...rows.map(ruleRow));
   if (!found && lift?.keys?.length) table.prepend(liftRow(lift.keys));

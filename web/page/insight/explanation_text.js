@@ -16,14 +16,12 @@ export function describe(explained, trial) {
   return trial ? `${length}. ${difference(explained, trial)}` : `${length}; ${costs(explained)}.`;
 }
 
-function costs({ rules, all_cost_m: allCost }) {
-  const bending = rules.filter((rule) => rule.saves_m > MIN_COST_M);
-  const all = allCost > MIN_COST_M ? `all rules together cost ${metres(allCost)}` : "";
-  if (!bending.length) return `no rule by itself makes it longer${all ? `, but ${all}` : ""}`;
-  const [first] = bending;
-  if (bending.length > 1 && all)
-    return `${all}, “${first.name}” by itself ${metres(first.saves_m)}`;
-  return `“${first.name}” costs ${metres(first.saves_m)}`;
+// One sentence: the rules that make the path longer, and by how much.
+function costs(explained) {
+  const { main, main_cost_m: cost, all_cost_m: all } = explained;
+  if (cost > MIN_COST_M)
+    return `${listOf(explained, main)} ${main.length > 1 ? "make" : "makes"} it ${metres(cost)} longer`;
+  return all === null ? "the cost of the rules is not known" : "no rule makes it longer";
 }
 
 function difference(explained, { keys, answer }) {

@@ -1,15 +1,22 @@
-// The age of what is shown: camera image, map, path, connection. What is old fades and says so.
+// The age of what is shown: camera image, map, path, connection. What is old says so, and fades while
+// the robot moves or the link is lost. What counts as old depends on what this computer reaches.
 
 import { formatAge, make, setText } from "../core/dom.js";
 
 const UPDATE_MS = 200;
 const OLD_S = { image: 1.0, map: 2.0, path: 2.0, link: 1.0 };
+const LONGEST_OLD_S = 5;
+const STANDING_OLD_S = 10;
 const TITLES = {
   image: "Age of the newest camera image",
   map: "Age of the map on this page",
   path: "Age of the path on this page",
   link: "Time since the console last heard from the robot",
 };
+const USUAL_FACTOR = 4; // old: so many times the usual age of an image
+const USUAL_GAIN = 0.01; // of the mean age, by every state
+let usualS = 0;
+let isMoving = false;
 // When each value was last known to be current, on this page's clock; null where there is none.
 const currentMs = { image: null, map: null, path: null, link: null };
 const shownVersion = { map: null, path: null };
@@ -27,6 +34,8 @@ export function build(box) {
 export function stateArrived(state, mapVersion, isOnMap) {
   const now = performance.now();
   currentMs.link = now;
+  isMoving = state.moving;
+  usualS += USUAL_GAIN * ((state.frame_age_s ?? usualS) - usualS);
   currentMs.image = state.frame_age_s === null ? null : now - 1000 * state.frame_age_s;
   if (!isOnMap) hasPath = state.distance_to_goal_m !== null;
   // Every tick confirms map and path; what this page has loaded ages until it loads the newest.
@@ -46,17 +55,21 @@ export function loaded(name, version, askedMs, isFilled = true) {
   }
 }
 
+const oldS = (name) =>
+  Math.max(OLD_S[name], name === "link" ? 0 : Math.min(USUAL_FACTOR * usualS, LONGEST_OLD_S));
+
 function show() {
   const now = performance.now();
   for (const [name, chip] of Object.entries(chips)) {
     const seconds = currentMs[name] === null ? null : Math.max(now - currentMs[name], 0) / 1000;
-    const isOld = seconds !== null && seconds > OLD_S[name];
+    const isOld = seconds !== null && seconds > oldS(name);
     // A fresh age is not counted in tenths: that would paint the page five times a second.
     const age = seconds === null ? "–" : isOld ? formatAge(seconds) : `< ${OLD_S[name]} s`;
     setText(chip, `${isOld ? "▲ " : ""}${name} ${age}`);
-    if (chip.classList.contains("old") === isOld) continue;
     chip.classList.toggle("old", isOld);
-    document.body.classList.toggle(`old-${name}`, isOld);
+    // Around a standing robot nothing has to be newer than the link.
+    const isFaded = isOld && (isMoving || name === "link" || seconds > STANDING_OLD_S);
+    document.body.classList.toggle(`old-${name}`, isFaded);
   }
 }
 

@@ -1,20 +1,50 @@
-// The plots of the running mission.
+// The plots of the running mission: the newest minutes, with the events of the log as marks.
 
 import { get } from "../core/api.js";
-import { make } from "../core/dom.js";
+import { loadSetting, make, saveSetting } from "../core/dom.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 
-const WINDOW_S = 600;
+const KEY = "console.plots_s";
+const WINDOWS_S = { 60: "1 minute", 600: "10 minutes", 3600: "1 hour" };
+const DEFAULT_S = 600;
 const MAX_ROWS = 3600;
+const MARKED = "kind=stopped&kind=goal&kind=zone";
+const MAX_MARKS = 100;
 const series = { t_s: [] };
 let charts = {};
+let choice;
+let nothing;
 let shared;
+let marks = [];
 let isBusy = false;
 
 export function build(pane, context) {
   shared = context;
   charts = Object.fromEntries(Object.keys(COLUMNS).map((name) => [name, makeChart(name)]));
-  pane.append(make("div", { class: "charts" }, ...Object.values(charts)));
+  choice = make(
+    "select",
+    { "data-testid": "plots-window", onchange: choose },
+    ...Object.entries(WINDOWS_S).map(([seconds, text]) =>
+      make("option", { value: seconds }, text),
+    ),
+  );
+  choice.value = loadSetting(KEY, DEFAULT_S);
+  nothing = make("p", { class: "empty" }, "Nothing has been driven yet: add a goal and press Start.");
+  pane.append(
+    make(
+      "div",
+      { class: "head" },
+      make("label", { class: "soft" }, "Newest ", choice),
+      make("span", { class: "soft" }, "Marks: stops, goals and zones of the log."),
+      nothing,
+    ),
+    make("div", { class: "charts in-row" }, ...Object.values(charts)),
+  );
+}
+
+function choose() {
+  saveSetting(KEY, Number(choice.value));
+  draw();
 }
 
 export async function tick(isOpen) {
@@ -22,21 +52,30 @@ export async function tick(isOpen) {
   isBusy = true;
   try {
     await loadNew();
-    const times = series.t_s;
-    const first = times.length
-      ? Math.max(
-          0,
-          times.findIndex((t) => t >= times.at(-1) - WINDOW_S),
-        )
-      : 0;
-    for (const name of Object.keys(COLUMNS))
-      plot(charts[name], name, [
-        { t: times.slice(first), values: (series[name] ?? []).slice(first) },
-      ]);
+    const { entries } = await get(`/journal?since=0&limit=${MAX_MARKS}&${MARKED}`);
+    marks = entries.map((entry) => ({ t: entry.stamp_s, unixS: entry.unix_s, text: entry.text }));
+    draw();
   } catch {
     // a lost connection has its own banner
   }
   isBusy = false;
+}
+
+function draw() {
+  const times = series.t_s;
+  nothing.hidden = times.length > 1;
+  if (times.length < 2) return;
+  const from = times.at(-1) - Number(choice.value);
+  const first = Math.max(times.findIndex((t) => t >= from), 0);
+  const t = times.slice(first);
+  // The newest row is of now, up to a second.
+  const startUnixS = Date.now() / 1000 - (t[t.length - 1] - t[0]);
+  const inTime = marks.filter((one) => Math.abs(one.unixS - startUnixS - (one.t - t[0])) < 5);
+  for (const name of Object.keys(COLUMNS))
+    plot(charts[name], name, [{ t, values: (series[name] ?? []).slice(first) }], {
+      startUnixS,
+      marks: inTime,
+    });
 }
 
 async function loadNew() {

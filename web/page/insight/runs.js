@@ -58,19 +58,18 @@ async function showChosen() {
   for (const id of ["plots", "report"]) element(id).hidden = reports.length === 0;
   element("key").textContent =
     reports.length === 2 ? `— ${reports[0].id}   ╌ ${reports[1].id}` : (reports[0]?.id ?? "");
-  element("charts").replaceChildren(
-    ...Object.keys(COLUMNS).map((name) => {
-      const chart = makeChart(name);
-      plot(
-        chart,
-        name,
-        reports.map((report) => ({
-          t: report.series?.t_s ?? [],
-          values: report.series?.[name] ?? [],
-        })),
-      );
-      return chart;
-    }),
+  const names = Object.keys(COLUMNS);
+  const charts = names.map(makeChart);
+  element("charts").replaceChildren(...charts); // a chart is as wide as its box
+  names.forEach((name, i) =>
+    plot(
+      charts[i],
+      name,
+      reports.map((report) => ({
+        t: report.series?.t_s ?? [],
+        values: report.series?.[name] ?? [],
+      })),
+    ),
   );
   const fields = [...new Set(reports.flatMap((report) => Object.keys(report)))].filter(
     (name) => name !== "series",
@@ -126,7 +125,8 @@ function textOf(name, value) {
   return typeof value === "number" ? String(rounded(value, 6)) : String(value);
 }
 
+// Reports of earlier versions have one entry for each stop, without a count.
 const stopText = (stop) =>
-  `${stop.t_s?.toFixed?.(1)} s: ${stop.reason?.replaceAll?.("_", " ")} for ${stop.duration_s?.toFixed?.(1)} s`;
+  `${stop.t_s?.toFixed?.(1)} s: ${stop.reason?.replaceAll?.("_", " ")}${stop.count > 1 ? ` × ${stop.count}` : ""} for ${stop.duration_s?.toFixed?.(1)} s`;
 
 attempt(showList);

@@ -8,6 +8,7 @@ const SEEN = 1;
 const OBSTACLE = 2;
 const BLOCKED = 4;
 const PRIOR = 16;
+export const paletteOf = (light) => (light ? LIGHT : DARK);
 const DARK = {
   stage: [10, 14, 19],
   unknown: [62, 71, 87],
@@ -78,7 +79,7 @@ export function paint(pen, { cells, left, top }, scale, colourAt) {
 
 // Return the function that gives the colour of a pixel. Colours are few: each is mixed once.
 export function colourMixer(classes, light) {
-  const palette = light ? LIGHT : DARK;
+  const palette = paletteOf(light);
   const byId = new Map(
     classes.map((entry) => [
       entry.class_id,

@@ -3,7 +3,8 @@
 import { midpoints } from "../core/geometry.js";
 import { isLight } from "../core/theme.js";
 import { draft, outline } from "../zones/draft.js";
-import { arrow, COLOURS, dot, fill, flag, line, pen, tag } from "./strokes.js";
+import { placeLabel } from "./labels.js";
+import { arrow, COLOURS, cross, dot, fill, flag, line, pen } from "./strokes.js";
 import { canvas, toPage, view } from "./view.js";
 import { sketch } from "./world.js";
 
@@ -24,6 +25,7 @@ export function drawDraft() {
   fill(ring, "#ffb70333");
   line(ring, COLOURS.draft, 2.5, [], ring.length > 2);
   if (tool === "corridor") line(corners, COLOURS.draft, 1, [4, 4]);
+  if (draft.crossing) cross([draft.crossing.x_m, draft.crossing.y_m], 9, COLOURS.bad);
   if (draft.mode === "edit")
     for (const { at } of midpoints(tool, corners)) dot(at, 4.5, COLOURS.draft, { hollow: true });
   corners.forEach((corner, i) =>
@@ -39,7 +41,7 @@ export function drawSketch() {
   if (sketch.heading !== null) arrow(sketch.goal, sketch.heading, HEADING_M, COLOURS.draft);
   if (!sketch.verdict) return;
   const [x, y] = toPage(sketch.goal);
-  tag(sketch.verdict, [x, y + 18], "#ffe3a3");
+  placeLabel(sketch.verdict, [x, y + 18], { colour: "#ffe3a3", isForced: true });
 }
 
 export function drawScale(height) {
@@ -47,7 +49,7 @@ export function drawScale(height) {
   const [x, y] = [canvas.clientWidth - metres * view.scale - 14, height - 14];
   pen.fillStyle = isLight() ? "#1d2733" : "#e6ebf2";
   pen.fillRect(x, y, metres * view.scale, 3);
-  pen.font = "11px sans-serif";
+  pen.font = "12px sans-serif";
   pen.textAlign = "left";
   pen.textBaseline = "bottom";
   pen.fillText(`${metres} m`, x, y - 2);

@@ -1,9 +1,11 @@
 // The robot, its goals, the people around it and its candidate motions on the map.
 
 import { offer } from "../mission/goals.js";
-import { arrow, COLOURS, cross, dot, flag, line, pen, tag } from "./strokes.js";
+import { placeLabel, shortened } from "./labels.js";
+import { isLit } from "./selection.js";
+import { arrow, COLOURS, cross, dot, flag, line, pen } from "./strokes.js";
 import { toPage, view } from "./view.js";
-import { world } from "./world.js";
+import { sketch, world } from "./world.js";
 
 const AHEAD_S = 2;
 const STEP_S = 0.1;
@@ -16,10 +18,12 @@ export function drawGoals() {
   for (const goal of world.state?.reached.slice(-REACHED_SHOWN) ?? [])
     dot([goal.x_m, goal.y_m], 5, COLOURS.driven);
   world.state?.queue.forEach((goal, i) => {
+    if (goal.id === sketch.movedGoal) return;
     const position = [goal.x_m, goal.y_m];
     if (goal.yaw_rad !== null) arrow(position, goal.yaw_rad, HEADING_M, COLOURS.goal);
     flag(position, String(i + 1), COLOURS.goal);
-    if (goal.name) tagBelow(goal.name, position, "#7fe3bf");
+    if (goal.name)
+      tagBelow(isLit("goal", goal.id) ? goal.name : shortened(goal.name), position, "#7fe3bf");
   });
   if (!offer.position) return;
   flag(offer.position, "?", COLOURS.draft);
@@ -28,7 +32,7 @@ export function drawGoals() {
 
 function tagBelow(text, position, colour) {
   const [x, y] = toPage(position);
-  tag(text, [x, y + 17], colour);
+  placeLabel(text, [x, y + 18], { colour });
 }
 
 export function drawPeople() {

@@ -4,7 +4,7 @@
 import { draft } from "../zones/draft.js";
 import { colourOf } from "../zones/zones.js";
 import { drawLayer } from "./layers.js";
-import { COLOURS, drawGrid, drawOn, fill, line, pen, tag, texture } from "./strokes.js";
+import { COLOURS, drawGrid, drawOn, fill, line, pen, texture } from "./strokes.js";
 import * as tiles from "./tiles.js";
 import { canvas, toPage, view, viewKey } from "./view.js";
 import { world } from "./world.js";
@@ -50,19 +50,11 @@ function drawCells() {
 
 function drawZone(zone) {
   const corners = zone.geometry.coordinates[0].slice(0, -1);
-  const { enabled, name, kind, max_speed_mps: limit } = zone.properties;
+  const { enabled, kind } = zone.properties;
   const isLimit = kind === "speed-limit";
   const colour = colourOf(zone);
-  if (enabled) fill(corners, texture(colour, isLimit));
+  // What a zone to stay in forbids lies outside of it, where the cells show it.
+  if (enabled && kind !== "stay-inside") fill(corners, texture(colour, isLimit));
   const dash = enabled ? (isLimit ? [10, 4] : []) : [6, 5];
   line(corners, enabled ? colour : COLOURS.driven, 2.5, dash, true);
-  const middle = corners.reduce(
-    ([x, y], [a, b]) => [x + a / corners.length, y + b / corners.length],
-    [0, 0],
-  );
-  tag(
-    `${name}${limit ? ` ≤ ${limit} m/s` : ""}${enabled ? "" : " (off)"}`,
-    toPage(middle),
-    enabled ? "#fff" : "#aab4c2",
-  );
 }

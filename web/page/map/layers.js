@@ -1,6 +1,8 @@
 // The layers of the map: each has a switch and a slider, remembered by this browser.
 
+import { signOf } from "../beware/legend.js";
 import { element, loadSetting, make, reconcile, saveSetting } from "../core/dom.js";
+import { onTheme } from "../core/theme.js";
 import { pen } from "./strokes.js";
 
 const KEY = "console.layers";
@@ -23,6 +25,7 @@ const FIXED = [
 const OFF = new Set(["candidates"]);
 const settings = loadSetting(KEY, {});
 const listeners = [];
+let shownClasses = [];
 
 export const onLayers = (listener) => listeners.push(listener);
 
@@ -42,7 +45,8 @@ export function drawLayer(name, draw) {
   pen.globalAlpha = 1;
 }
 
-export function showLayers(classes) {
+export function showLayers(classes = shownClasses) {
+  shownClasses = classes;
   const layers = [
     ...FIXED,
     ...classes.map((entry) => [`class-${entry.class_id}`, entry.label ?? entry.name]),
@@ -52,7 +56,7 @@ export function showLayers(classes) {
     layers,
     ([id]) => id,
     itemOf,
-    () => {},
+    (item, [id]) => item.querySelector(".swatch").replaceWith(signOf(id, classes)),
   );
 }
 
@@ -74,5 +78,7 @@ function itemOf([id, text]) {
     saveSetting(KEY, settings);
     for (const listener of listeners) listener();
   }
-  return make("li", {}, make("label", {}, check, make("span", {}, text)), slider);
+  return make("li", {}, make("label", {}, check, signOf(id, shownClasses), make("span", {}, text)), slider);
 }
+
+onTheme(() => showLayers());

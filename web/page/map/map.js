@@ -14,26 +14,75 @@ import {
   drawRobot,
 } from "./draw_robot.js";
 import { copyGround, isGroundCurrent, zonesChanged } from "./ground.js";
+import { drawCandidatePlaces, drawProposal, drawUncertainty } from "./draw_place.js";
+import { drawPicked, drawSelection, drawZoneNames } from "./draw_selection.js";
+import { clearLabels, placeLabel } from "./labels.js";
 import { drawLayer, onLayers } from "./layers.js";
-import { COLOURS, dot, fill, line, pen, tag } from "./strokes.js";
+import { onSelect } from "./selection.js";
+import { COLOURS, dot, fill, line, pen } from "./strokes.js";
 import * as tiles from "./tiles.js";
-import { canvas, centreOnRobot, fit as fitTo, onView, toPage, view } from "./view.js";
+import { canvas, centreOnRobot, fit as fitTo, keepInSight, onView, shows, toPage, view } from "./view.js";
 import { looksAlike, takeValues, world } from "./world.js";
 
+const UNSEEN_DASH = [5, 5];
 const CAMERA_FILL = "#ffb70326";
+const AROUND_M = 0.5; // around what is known
 const CAMERA_EDGE = "#ffb70370";
 // Functions that draw over the paths and below the robot; each gets the tools of this file.
 export const overlays = [];
 let drawnState = null;
+let isWhole = false;
+let shownSize = [0, 0];
 
 export const redraw = drawScheduler("map", canvas, draw);
-export const fit = () => fitTo(world.map);
+
+// Show what is known; or the whole map, if that is shown already.
+export function fit() {
+  if (!world.map) return;
+  isWhole = view.isAuto && !isWhole;
+  fitTo(isWhole ? wholeArea() : knownArea());
+}
+
+function wholeArea() {
+  const { cols, rows, resolution_m: r, origin_x_m: left, origin_y_m: bottom } = world.map;
+  return { left, right: left + cols * r, bottom, top: bottom + rows * r };
+}
+
+// What was seen, with the robot, its path, its goals and the zones.
+function knownArea() {
+  const { pose, queue = [] } = world.state ?? {};
+  const points = [
+    ...world.path,
+    ...queue.map((goal) => [goal.x_m, goal.y_m]),
+    ...world.zones.flatMap((zone) => zone.geometry.coordinates[0]),
+    ...(pose && pose.x_m !== null ? [[pose.x_m, pose.y_m]] : []),
+  ];
+  const area = tiles.knownArea(world.map);
+  const xs = [...points.map(([x]) => x), ...(area ? [area.left, area.right] : [])];
+  const ys = [...points.map(([, y]) => y), ...(area ? [area.bottom, area.top] : [])];
+  if (!xs.length) return wholeArea();
+  return {
+    left: Math.min(...xs) - AROUND_M,
+    right: Math.max(...xs) + AROUND_M,
+    bottom: Math.min(...ys) - AROUND_M,
+    top: Math.max(...ys) + AROUND_M,
+  };
+}
+
+// The view grows with what is known until the operator moves it, but not below the pointer.
+function growView() {
+  if (isWhole && view.isAuto && !shows(wholeArea())) fitTo(wholeArea());
+  if (!view.isAuto || isWhole || isDrawing() || canvas.matches(":hover")) return;
+  const area = knownArea();
+  if (!shows(area)) fitTo(area);
+}
 
 export function update(values) {
   const changed = takeValues(values);
   if (changed.includes("classes")) repaint();
   if (changed.includes("zones") || changed.includes("closed")) zonesChanged();
-  if (world.map && !view.fitted) fit();
+  if (world.map && !view.fitted && world.picture) fit();
+  else if (values.picture || changed.includes("map")) growView();
   if (changed.length === 0 && looksAlike(world.state, drawnState) && isGroundCurrent()) return;
   centreOnRobot(world.state?.pose);
   redraw();
@@ -55,13 +104,20 @@ function draw() {
   copyGround(ratio);
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   drawPaths();
-  for (const paint of overlays) paint({ pen, line, dot, tag, toPage });
+  clearLabels();
+  drawSelection();
+  for (const paint of overlays) paint({ pen, line, dot, placeLabel, toPage });
   drawGoals();
+  drawZoneNames();
   drawLayer("people", drawPeople);
   drawLayer("motion", drawCommandedMotion);
+  drawUncertainty();
   drawRobot();
+  drawCandidatePlaces();
+  drawProposal();
   if (isDrawing()) drawDraft();
   drawSketch();
+  drawPicked();
   drawScale(height);
 }
 
@@ -75,11 +131,17 @@ function drawPaths() {
   drawLayer("path", () => {
     line(world.path, "#ffffffc0", 5);
     line(world.path, COLOURS.path, 3);
+    for (const part of world.unseen) line(part, "#ffffff", 3, UNSEEN_DASH);
   });
   drawLayer("waypoints", () => {
     for (const point of world.waypoints) dot(point, 4, COLOURS.path, { diamond: true });
   });
 }
+
+// Whether a point was in the view before its size changed.
+const wasInSight = ([x, y]) =>
+  Math.abs(x - view.x) * view.scale < shownSize[0] / 2 &&
+  Math.abs(y - view.y) * view.scale < shownSize[1] / 2;
 
 // With another list, layer or theme the same cells look different.
 function repaint() {
@@ -88,8 +150,13 @@ function repaint() {
 }
 
 new ResizeObserver(() => {
-  if (view.fitted) redraw();
-  else fit();
+  const { pose } = world.state ?? {};
+  const place = pose && pose.x_m !== null ? [pose.x_m, pose.y_m] : null;
+  if (!view.fitted || !world.map || canvas.clientWidth === 0) redraw();
+  else if (view.isAuto) fitTo(isWhole ? wholeArea() : knownArea());
+  else if (place && wasInSight(place)) keepInSight(place);
+  else redraw();
+  shownSize = [canvas.clientWidth, canvas.clientHeight];
 }).observe(canvas);
 onDraft(() => {
   canvas.classList.toggle("pick", draft.mode !== "navigate");
@@ -99,3 +166,4 @@ onLayers(repaint);
 onTheme(repaint);
 onView(redraw);
 onOffer(redraw);
+onSelect(redraw);

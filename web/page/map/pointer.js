@@ -1,4 +1,5 @@
-// The pointer on the map: pan and zoom, goals with a heading, zones by corner or freehand.
+// The pointer on the map: pan and zoom, select and drag, goals with a heading, zones by corner or
+// freehand.
 
 import { element, setText } from "../core/dom.js";
 import { isInside, midpoints, roundedPoint } from "../core/geometry.js";
@@ -14,22 +15,28 @@ import {
   outline,
   removeCorner,
   setFreehand,
+  setMode,
   snapshot,
 } from "../zones/draft.js";
 import { askPreview } from "../zones/preview.js";
 import { finish } from "../zones/store_draft.js";
 import { redraw } from "./map.js";
-import { canvas, clampToMap, pan, toPage, toWorld, view, zoom } from "./view.js";
+import { moveGoal, openMenu } from "./map_menu.js";
+import { finishAt, pointTo } from "./pick.js";
+import { hover, isSelected, select, selectedItem } from "./selection.js";
+import { targetAt } from "./targets.js";
+import { canvas, pan, toPage, toWorld, view, zoom } from "./view.js";
 import { sketch, world } from "./world.js";
 
 const CLICK_PX = 4;
 const GRAB_PX = 11;
 const HEADING_PX = 18;
+const LONG_PRESS_MS = 500;
 const WHEEL_PX = 500; // of the wheel, for a factor of e
 const fingers = new Map(); // pointer id → its position on the canvas
 let press = null;
+let longPress = 0;
 
-const onMap = (point) => clampToMap(point, world.map);
 const isNear = (point, event) => {
   const [x, y] = toPage(point);
   return Math.hypot(x - event.offsetX, y - event.offsetY) <= GRAB_PX;
@@ -39,7 +46,8 @@ const isNear = (point, event) => {
 function targetOf(event) {
   if (event.button !== 0) return { what: "map" };
   if (draft.mode === "goal") return { what: "goal" };
-  if (!isDrawing()) return { what: "map" };
+  if (draft.mode === "measure" || draft.mode === "place") return { what: "pick" };
+  if (!isDrawing()) return grabOf(event);
   const corner = draft.corners.findIndex((point) => isNear(point, event));
   if (corner >= 0) return { what: "corner", index: corner };
   if (draft.mode === "draw" && draft.tool === "free" && draft.corners.length === 0)
@@ -56,17 +64,42 @@ function targetOf(event) {
   return { what: "map" };
 }
 
+// What a drag moves while nothing is drawn: a goal, or the zone that is selected.
+function grabOf(event) {
+  const target = targetAt([event.offsetX, event.offsetY]);
+  if (document.body.dataset.role === "viewer") return { what: "map" };
+  if (target?.kind === "goal") return { what: "flag", goal: target.item };
+  if (target && target.kind === "zone" && isSelected("zone", target.id))
+    return { what: "zone", zone: target.item };
+  return { what: "map" };
+}
+
+// Where a dragged goal is now: the pointer may have grabbed its flag beside the position.
+const draggedTo = ({ goal, at }, [x, y]) => [goal.x_m + x - at[0], goal.y_m + y - at[1]];
+
 const MOVES = {
-  corner: (at) => moveCorner(press.index, onMap(at)),
-  middle: (at) =>
-    Object.assign(press, { what: "corner", index: insertCorner(press.index, onMap(at)) }),
+  flag: (at) => {
+    sketch.movedGoal = press.goal.id;
+    placeGoal(draggedTo(press, at));
+  },
+  zone: (at) => {
+    setMode("edit", press.zone);
+    Object.assign(press, { what: "whole", corners: draft.corners.map((point) => [...point]) });
+    MOVES.whole(at);
+  },
+  pick: (at) => {
+    pointTo(at);
+    redraw();
+  },
+  corner: (at) => moveCorner(press.index, at),
+  middle: (at) => Object.assign(press, { what: "corner", index: insertCorner(press.index, at) }),
   whole: (at) => {
     if (!press.hasSnapshot) snapshot();
     press.hasSnapshot = true;
     moveAll(at[0] - press.at[0], at[1] - press.at[1], press.corners);
   },
   stroke: (at) => {
-    sketch.stroke.push(onMap(at));
+    sketch.stroke.push(at);
     redraw();
   },
   goal: (at, dx, dy) => {
@@ -80,6 +113,7 @@ canvas.addEventListener("pointerdown", (event) => {
   if (!world.map) return;
   fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
   if (fingers.size > 1) {
+    clearTimeout(longPress);
     cancelPress(); // two fingers zoom: the first one did not click
     return;
   }
@@ -94,6 +128,8 @@ canvas.addEventListener("pointerdown", (event) => {
     view: { ...view },
   };
   canvas.setPointerCapture(event.pointerId);
+  if (event.pointerType === "touch" && draft.mode === "navigate")
+    longPress = setTimeout(() => openMenuAt(event), LONG_PRESS_MS);
   if (press.what === "corner") grabCorner(press.index);
   if (press.what === "goal") placeGoal(at);
   if (press.what === "stroke") sketch.stroke = [at];
@@ -108,18 +144,39 @@ canvas.addEventListener("pointermove", (event) => {
     return;
   }
   if (!press) {
-    if (draft.mode === "goal" && event.pointerType === "mouse") placeGoal(at);
+    if (event.pointerType === "mouse") moveFreely(event, at);
     return;
   }
   const [dx, dy] = [event.offsetX - press.x, event.offsetY - press.y];
   press.moved ||= Math.hypot(dx, dy) > CLICK_PX;
-  if (press.moved) MOVES[press.what](at, dx, dy);
+  if (!press.moved) return;
+  clearTimeout(longPress);
+  MOVES[press.what](at, dx, dy);
 });
+
+// The mouse moves without a button.
+function moveFreely(event, at) {
+  if (draft.mode === "goal") placeGoal(at);
+  else if (sketch.measure || sketch.robot) MOVES.pick(at);
+  else if (draft.mode === "navigate") {
+    const target = targetAt([event.offsetX, event.offsetY]);
+    canvas.classList.toggle("point", target !== null);
+    if (hover(target)) redraw();
+  }
+}
+
+function openMenuAt({ offsetX, offsetY }) {
+  cancelPress();
+  openMenu([offsetX, offsetY]);
+}
 
 canvas.addEventListener("pointerup", (event) => {
   fingers.delete(event.pointerId);
+  clearTimeout(longPress);
   if (!press) return;
-  const { what, moved, at, button, index } = press;
+  const { what, moved, at, button, index, goal } = press;
+  const here = toWorld(event.offsetX, event.offsetY);
+  const to = goal && draggedTo(press, here);
   const { heading, stroke } = sketch;
   press = null;
   if (what === "stroke") {
@@ -129,21 +186,43 @@ canvas.addEventListener("pointerup", (event) => {
     cancelPress();
     click(at, heading);
   } else if (what === "middle") {
-    insertCorner(index, onMap(toWorld(event.offsetX, event.offsetY)));
+    insertCorner(index, toWorld(event.offsetX, event.offsetY));
+  } else if (what === "pick") {
+    finishAt(here);
+    redraw();
+  } else if (what === "flag" && moved) {
+    cancelPress();
+    moveGoal(goal, roundedPoint(to));
   } else if (!moved && button === 0) {
     if (offer.position && isNear(offer.position, event)) acceptOffer();
+    else if (draft.mode === "navigate") select(targetAt([event.offsetX, event.offsetY]));
     else if (what !== "corner" || draft.mode === "draw") click(at);
-  } else if (!moved && button === 2 && isDrawing()) {
-    removeCorner(draft.corners.findIndex((point) => isNear(point, event)));
+  } else if (!moved && button === 2) {
+    if (isDrawing()) removeCorner(draft.corners.findIndex((point) => isNear(point, event)));
+    else openMenuAt(event);
   }
 });
 
 canvas.addEventListener("pointercancel", (event) => {
   fingers.delete(event.pointerId);
+  clearTimeout(longPress);
   cancelPress();
 });
 canvas.addEventListener("pointerleave", () => {
   if (!press) cancelPress();
+  if (hover(null)) redraw();
+});
+canvas.addEventListener("dblclick", (event) => {
+  const target = targetAt([event.offsetX, event.offsetY]);
+  const isViewer = document.body.dataset.role === "viewer";
+  if (draft.mode === "navigate" && target?.kind === "zone" && !isViewer)
+    setMode("edit", target.item);
+});
+// The menu key, for what is selected or the middle of the map.
+canvas.addEventListener("keydown", (event) => {
+  if (event.key !== "ContextMenu" && !(event.key === "F10" && event.shiftKey)) return;
+  event.preventDefault();
+  openMenu(selectedPixel(), { byKeyboard: true });
 });
 canvas.addEventListener("contextmenu", (event) => event.preventDefault());
 canvas.addEventListener(
@@ -155,8 +234,15 @@ canvas.addEventListener(
   { passive: false },
 );
 
+function selectedPixel() {
+  const item = selectedItem();
+  const place =
+    item?.place ?? (item?.x_m !== undefined ? [item.x_m, item.y_m] : item?.geometry?.coordinates[0][0]);
+  return place ? toPage(place) : [canvas.clientWidth / 2, canvas.clientHeight / 2];
+}
+
 function click(at, heading = null) {
-  if (clicked(...at, onMap(at), heading)) finish();
+  if (clicked(...at, heading)) finish();
 }
 
 // Two fingers move the map with their middle and zoom it by their distance.
@@ -176,7 +262,7 @@ function pinch(event) {
 function placeGoal(at) {
   Object.assign(sketch, { goal: roundedPoint(at), heading: null, path: [], verdict: "" });
   const [x, y] = sketch.goal;
-  const last = world.state?.queue.at(-1);
+  const last = sketch.movedGoal === null ? world.state?.queue.at(-1) : null;
   const question = {
     goal: { x_m: x, y_m: y },
     ...(last ? { start: { x_m: last.x_m, y_m: last.y_m } } : {}),
@@ -192,6 +278,7 @@ function placeGoal(at) {
 export function cancelPress() {
   if (sketch.goal || sketch.stroke.length) askPreview(null);
   Object.assign(sketch, { goal: null, heading: null, path: [], verdict: "", stroke: [] });
+  sketch.movedGoal = null;
   press = null;
   redraw();
 }

@@ -86,18 +86,6 @@ export function cross(point, radius, colour) {
   pen.stroke();
 }
 
-// A text on a dark box around a point of the page, in pixels.
-export function tag(text, [x, y], colour) {
-  pen.font = "600 12px sans-serif";
-  const width = pen.measureText(text).width + 10;
-  pen.fillStyle = "#0d1117d8";
-  pen.fillRect(x - width / 2, y - 10, width, 19);
-  pen.fillStyle = colour;
-  pen.textAlign = "center";
-  pen.textBaseline = "middle";
-  pen.fillText(text, x, y);
-}
-
 export function flag(point, text, colour) {
   const [x, y] = toPage(point);
   dot(point, 5, colour);
@@ -106,7 +94,7 @@ export function flag(point, text, colour) {
   polygon([x, y - 31], [x + 24, y - 22], [x, y - 13]);
   pen.fill();
   pen.fillStyle = "#fff";
-  pen.font = "700 11px sans-serif";
+  pen.font = "700 12px sans-serif";
   pen.textAlign = "left";
   pen.textBaseline = "middle";
   pen.fillText(text, x + 4, y - 21.5);

@@ -6,10 +6,12 @@ import { element } from "../core/dom.js";
 const FIT_SHARE = 0.97;
 const CLOSE_SCALE = 60;
 const [MIN_SCALE, MAX_SCALE] = [2, 800];
-const BORDER_SHARE = 0.05; // of a cell
+const IN_SIGHT_PX = 60;
 export const canvas = element("map");
-// Pixels per metre, the point in the middle in metres, and whether the view follows the robot.
-export const view = { scale: 40, x: 0, y: 0, fitted: false, follows: false };
+const MAX_FITTED_SCALE = 100;
+// Pixels per metre, the point in the middle in metres, whether the view was ever fitted, follows the
+// robot, and still shows what it was fitted to (the operator has not moved it since).
+export const view = { scale: 40, x: 0, y: 0, fitted: false, follows: false, isAuto: false };
 const listeners = [];
 export const onView = (listener) => listeners.push(listener);
 const changed = () => {
@@ -29,18 +31,44 @@ export const toPage = ([x, y]) => [
   canvas.clientHeight / 2 - (y - view.y) * view.scale,
 ];
 
-// Show the whole map.
-export function fit(map) {
-  const box = canvas.getBoundingClientRect();
-  if (!map || box.width === 0) return;
-  const { cols, rows, resolution_m: r, origin_x_m: x, origin_y_m: y } = map;
-  const scale = Math.min(box.width / (cols * r), box.height / (rows * r)) * FIT_SHARE;
-  Object.assign(view, { scale, x: x + (cols * r) / 2, y: y + (rows * r) / 2, fitted: true });
+// Show an area: { left, right, bottom, top } in metres.
+export function fit({ left, right, bottom, top }) {
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (width === 0) return;
+  const scale = Math.min(width / (right - left), height / (top - bottom)) * FIT_SHARE;
+  Object.assign(view, {
+    scale: Math.min(scale, MAX_FITTED_SCALE),
+    x: (left + right) / 2,
+    y: (bottom + top) / 2,
+    fitted: true,
+  });
   follow(false);
+  view.isAuto = true;
+}
+
+// Whether all of an area is shown.
+export function shows({ left, right, bottom, top }) {
+  const [shownLeft, shownTop] = toWorld(0, 0);
+  const [shownRight, shownBottom] = toWorld(canvas.clientWidth, canvas.clientHeight);
+  return left >= shownLeft && right <= shownRight && bottom >= shownBottom && top <= shownTop;
+}
+
+// Move the view as little as possible, so that a point is inside it, away from its edge.
+export function keepInSight([x, y]) {
+  const room = Math.min(canvas.clientWidth, canvas.clientHeight) / 2 / view.scale;
+  const margin = Math.min(IN_SIGHT_PX / view.scale, room);
+  const clamp = (value, reach) => Math.min(Math.max(value, -reach), reach);
+  const [dx, dy] = [x - view.x, y - view.y];
+  const reach = [canvas.clientWidth, canvas.clientHeight].map((px) => px / 2 / view.scale - margin);
+  Object.assign(view, {
+    x: view.x + dx - clamp(dx, reach[0]),
+    y: view.y + dy - clamp(dy, reach[1]),
+  });
+  changed();
 }
 
 export function follow(on) {
-  view.follows = on;
+  Object.assign(view, { follows: on, isAuto: false });
   if (on && view.scale < CLOSE_SCALE) view.scale = CLOSE_SCALE;
   changed();
 }
@@ -52,6 +80,7 @@ export function centreOn([x, y]) {
     scale: Math.max(view.scale, CLOSE_SCALE),
     fitted: true,
     follows: false,
+    isAuto: false,
   });
   changed();
 }
@@ -63,25 +92,22 @@ export function centreOnRobot(pose) {
 // Zoom around a pixel of the canvas, by default its middle.
 export function zoom(factor, px = canvas.clientWidth / 2, py = canvas.clientHeight / 2) {
   const [x, y] = toWorld(px, py);
+  view.isAuto = false;
   view.scale = Math.min(Math.max(view.scale * factor, MIN_SCALE), MAX_SCALE);
   const [nextX, nextY] = toWorld(px, py);
   view.x += x - nextX;
   view.y += y - nextY;
+  view.whole = false;
   changed();
 }
 
 // Move the view by pixels from where it was.
 export function pan(from, dx, dy) {
-  Object.assign(view, { x: from.x - dx / view.scale, y: from.y + dy / view.scale, follows: false });
+  Object.assign(view, {
+    x: from.x - dx / view.scale,
+    y: from.y + dy / view.scale,
+    follows: false,
+    isAuto: false,
+  });
   changed();
-}
-
-// The nearest point of the map, just inside its border.
-export function clampToMap(
-  [x, y],
-  { cols, rows, resolution_m: r, origin_x_m: left, origin_y_m: bottom },
-) {
-  const border = r * BORDER_SHARE;
-  const clamp = (value, low, high) => Math.min(Math.max(value, low + border), high - border);
-  return [clamp(x, left, left + cols * r), clamp(y, bottom, bottom + rows * r)];
 }

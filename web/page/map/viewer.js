@@ -3,6 +3,7 @@
 
 import { element, make } from "../core/dom.js";
 import { showProgress } from "../core/progress.js";
+import { onTheme } from "../core/theme.js";
 import { onKeyDown, onKeyUp } from "../keys.js";
 
 const KEPT_MS = 20_000;
@@ -87,11 +88,20 @@ function prepare() {
   contentWindow?.addEventListener("keydown", onKeyDown, true);
   contentWindow?.addEventListener("keyup", onKeyUp, true);
   // viser's own panel and notices would cover the scene; the console has all that an operator needs.
-  const textContent =
-    ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }";
-  contentDocument?.head.append(
-    Object.assign(contentDocument.createElement("style"), { textContent }),
-  );
+  contentDocument?.head.append(contentDocument.createElement("style"));
+  showTheme();
 }
+
+// The colour behind the scene is the one behind the map.
+function showTheme() {
+  const style = frame?.contentDocument?.head.lastElementChild;
+  if (style?.tagName !== "STYLE") return;
+  const stage = getComputedStyle(document.documentElement).getPropertyValue("--stage");
+  style.textContent =
+    ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }" +
+    `html, body, body div:has(> canvas) { background: ${stage} !important; }`;
+  drawViewerNow();
+}
+onTheme(showTheme);
 
 document.addEventListener("visibilitychange", update);

@@ -21,6 +21,8 @@ const LAYERS = [
 ];
 const OFF = new Set(["candidates"]);
 const WITHOUT_OPACITY = new Set(["goals"]);
+// Modes of which the 3D view knows nothing.
+const PAGE_MODES = new Set(["measure", "place"]);
 let onOpen = () => {};
 
 // Called when the link is open again and the console has forgotten the marks.
@@ -35,8 +37,8 @@ const link = connect(address, {
   },
   onMessage: (message) => {
     if (message.type === "click") {
-      if (clicked(message.x_m, message.y_m, message.on_map)) finish();
-    } else if (message.type === "drag") moveCorner(message.index, message.on_map);
+      if (clicked(message.x_m, message.y_m)) finish();
+    } else if (message.type === "drag") moveCorner(message.index, [message.x_m, message.y_m]);
     else if (message.type === "viewer") setConnected(message.connected);
   },
 });
@@ -52,7 +54,7 @@ export function look(at, place) {
 function sendDraft() {
   link.send({
     type: "draft",
-    mode: draft.mode,
+    mode: PAGE_MODES.has(draft.mode) ? "navigate" : draft.mode,
     corners: draft.corners,
     outline: isDrawing() ? outline() : [],
     path: draft.preview.slice(0, MAX_PREVIEW_POINTS),

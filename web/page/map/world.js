@@ -8,16 +8,28 @@ export const world = {
   state: null,
   classes: [],
   path: [],
+  unseen: [], // the parts of the path over floor that was not seen yet
   waypoints: [],
   driven: [],
   people: [],
+  sightings: [],
   closed: [],
   view: [],
   zones: [],
   candidates: { arcs: [], chosen: null },
 };
-// What the pointer is placing: a freehand stroke, a goal with its heading and the path to it.
-export const sketch = { stroke: [], goal: null, heading: null, path: [], verdict: "" };
+// What the pointer is placing: a freehand stroke, a goal with its heading and the path to it, the
+// length that is measured, the robot's place; and the id of the goal that is dragged.
+export const sketch = {
+  stroke: [],
+  goal: null,
+  heading: null,
+  path: [],
+  verdict: "",
+  measure: null,
+  robot: null,
+  movedGoal: null,
+};
 
 const VISIBLE_PX = 0.5;
 const VISIBLE_RAD = 0.01;
@@ -43,7 +55,7 @@ const coincide = (one, other) =>
 
 export function looksAlike(state, drawn) {
   if (!state || !drawn) return state === drawn;
-  const { pose, command, queue, reached } = state;
+  const { pose, place, command, queue, reached } = state;
   const steered = Math.hypot(
     command.v_mps - drawn.command.v_mps,
     command.w_radps - drawn.command.w_radps,
@@ -53,6 +65,8 @@ export function looksAlike(state, drawn) {
     pixels(pose.x_m - drawn.pose.x_m, pose.y_m - drawn.pose.y_m) < VISIBLE_PX &&
     Math.abs(pose.yaw_rad - drawn.pose.yaw_rad) < VISIBLE_RAD &&
     steered < VISIBLE_SPEED &&
+    pixels(place.major_m - drawn.place.major_m, place.minor_m - drawn.place.minor_m) < VISIBLE_PX &&
+    isEqual(place.candidates, drawn.place.candidates) &&
     isEqual([queue, reached], [drawn.queue, drawn.reached])
   );
 }

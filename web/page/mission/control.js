@@ -2,8 +2,10 @@
 // a page that is closed, frozen or cut off does not answer.
 
 import { showVisitor } from "../access/admin_panel.js";
-import { addStopChannel, connect, get, post } from "../core/api.js";
+import { connect, get, post } from "../core/api.js";
+import { onStale } from "../core/connection.js";
 import { element, set, setText } from "../core/dom.js";
+import { addStopChannel } from "../core/stop.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const EDITORS = ".left, [aria-label='Mode'], #beware, #beware-tools";
@@ -43,6 +45,11 @@ async function checkSession() {
     if (error.status === 401) location.reload();
   }
 }
+
+onStale(() => {
+  set(element("control").dataset, { who: "free" });
+  setText(element("control-text"), "? Control unknown");
+});
 
 function show(now) {
   const { you, holder, asking } = now;

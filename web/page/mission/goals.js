@@ -156,6 +156,8 @@ element("goal-form").addEventListener("submit", (event) => {
         `“${typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees`,
       );
     }
+    if (Math.abs(numbers[2] ?? 0) > 360)
+      throw new Error(`A heading of ${numbers[2]}° is out of range: −360° to 360°`);
     const yaw = numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null;
     if (await addGoal(numbers, yaw)) clearSent(input, typed);
   });
@@ -166,6 +168,7 @@ savedList(element("missions"), {
   action: "load",
   verb: "Load",
   placeholder: "Name for the waiting goals",
+  nothing: "Nothing is saved yet. Add goals, then save them here under a name.",
   describe: (entry) =>
     `${entry.goals} goal${entry.goals > 1 ? "s" : ""}${entry.loop ? ", repeated" : ""}`,
 });

@@ -1,101 +1,101 @@
-// The robot's state in words and numbers: badge, reasons, buttons of the mission, figures.
+// The status line: the one place that says what the robot does, or what holds it.
 
 import { post } from "../core/api.js";
-import { element, formatNumber, make, set, setText } from "../core/dom.js";
+import { onStale } from "../core/connection.js";
+import { element, formatAge, set, setText } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
+import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 
-const FIGURES_MS = 500;
+const SLOWEST_CHANGE_MS = 1000;
+const STANDING = "standing: ";
 const BADGES = {
+  unknown: "? UNKNOWN",
   stopped: "■ STOPPED",
   held: "▲ HELD",
   idle: "● IDLE",
   paused: "❚❚ PAUSED",
   driving: "▶ DRIVING",
+  leaving: "▶ LEAVING",
   hand: "◉ BY HAND",
 };
-let figuresShownMs = 0;
+// Changes to and from these are shown at once.
+const URGENT = new Set(["stopped", "unknown"]);
+const isHoldShown = holdFilter();
+const imagesPerSecond = rateMeter();
+let line = { kind: "unknown", text: "" };
+let changedMs = -SLOWEST_CHANGE_MS;
+let freeText = "";
+let isSlowDismissed = false;
 
 export function showStatus(state) {
-  const kind = kindOf(state);
-  set(element("badge").dataset, { kind });
-  setText(element("badge"), BADGES[kind] ?? kind);
-  setText(element("summary"), state.summary);
-  set(element("summary"), { title: state.summary });
-  setText(element("world"), `${state.scenario} · ${state.robot}`);
-  setText(element("phase"), state.phase);
+  const nowMs = performance.now();
+  const isStopping = state.stop_latched || state.phase === "paused";
+  const isHeld = isHoldShown(state.reasons.length > 0 && !isStopping, nowMs);
+  if (!state.reasons.length) freeText = state.summary;
+  showLine(lineOf(state, isHeld), nowMs);
+  showRate(state, nowMs);
+  set(element("back-off"), { hidden: !state.reasons.some((reason) => reason.offer === "back-off") });
+  const title = `${state.scenario} · ${state.robot}`;
+  set(document, { title: `${title} · Operator console` });
+  set(element("mark"), { ariaLabel: `Operator console · ${title}` });
   set(element("nothing-enabled"), { hidden: state.beware_enabled > 0 });
-  setText(
-    element("segmenter"),
-    state.segmenter_warning ? `▲ ${state.segmenter_warning}` : state.segmenter,
-  );
-  element("segmenter").classList.toggle("lost", state.segmenter_warning !== null);
-  showReasons(state);
-  enableButtons(state);
-  showFigures(state);
 }
 
-function kindOf(state) {
-  if (state.stop_latched) return "stopped";
-  if (state.by_hand && state.moving) return "hand";
-  if (state.phase === "paused") return "paused";
-  return state.reasons.length ? "held" : state.phase;
-}
-
-function showReasons(state) {
-  set(element("reasons").dataset, {
-    kind: state.stop_latched ? "stopped" : state.reasons.length ? "held" : "clear",
-  });
+function lineOf(state, isHeld) {
+  const reasons = state.reasons.map((reason) => reason.text).join(" · ");
   // The stop is latched before the command thread names it as a reason.
-  const texts =
-    state.reasons.length || !state.stop_latched
-      ? state.reasons.map((reason) => reason.text)
-      : ["emergency stop"];
-  setText(element("reasons-head"), texts.length ? "Why it is not moving:" : "✓ Free to move.");
-  const list = element("reasons-list");
-  if ([...list.children].map((child) => child.textContent).join("\n") === texts.join("\n")) return;
-  list.replaceChildren(...texts.map((text) => make("li", {}, text)));
+  if (state.stop_latched) return { kind: "stopped", text: reasons || "emergency stop" };
+  if (state.by_hand && state.moving) return { kind: "hand", text: state.summary };
+  if (state.phase === "paused") return { kind: "paused", text: withoutPrefix(state.summary) };
+  if (isHeld) return { kind: "held", text: reasons || line.text };
+  return { kind: state.phase, text: state.reasons.length ? freeText : state.summary };
 }
 
-function enableButtons(state) {
-  const isEnabled = {
-    start: state.phase === "idle" && state.queue.length > 0,
-    pause: ["driving", "leaving"].includes(state.phase),
-    resume: state.phase === "paused",
-    cancel: state.queue.length > 0 || state.phase !== "idle",
-    leave: state.in_zone && !state.stop_latched,
-  };
-  for (const button of document.querySelectorAll("[data-mission]"))
-    set(button, { disabled: !isEnabled[button.dataset.mission] });
-  set(document.querySelector("[data-mission=leave]"), { hidden: !isEnabled.leave });
-  set(element("stop"), { ariaPressed: String(state.stop_latched) });
-  set(element("reset"), { disabled: !state.stop_latched });
-  element("reset").classList.toggle("due", state.stop_latched);
+const withoutPrefix = (text) => (text.startsWith(STANDING) ? text.slice(STANDING.length) : text);
+
+const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+function showLine(given, nowMs) {
+  const next = { kind: given.kind, text: capitalised(given.text) };
+  if (next.kind === line.kind && next.text === line.text) return;
+  const isUrgent = next.kind !== line.kind && (URGENT.has(next.kind) || URGENT.has(line.kind));
+  if (!isUrgent && nowMs - changedMs < SLOWEST_CHANGE_MS) return;
+  [line, changedMs] = [next, nowMs];
+  set(element("status").dataset, { kind: next.kind });
+  setText(element("badge"), BADGES[next.kind] ?? next.kind.toUpperCase());
+  setText(element("summary"), next.text);
+  set(element("summary"), { title: next.text });
 }
 
-function showFigures(state) {
-  const now = performance.now();
-  if (now - figuresShownMs < FIGURES_MS) return;
-  figuresShownMs = now;
-  const { pose, twist } = state;
-  const rows = [
-    [
-      "position",
-      pose.x_m === null ? "unknown" : `${pose.x_m.toFixed(2)}, ${pose.y_m.toFixed(2)} m`,
-    ],
-    ["speed", formatNumber(twist.v_mps, 2, "m/s")],
-    ["to goal", formatNumber(state.distance_to_goal_m, 1, "m")],
-    ["driven", formatNumber(state.travelled_m, 1, "m")],
-    ["seen", formatNumber(state.explored_m2, 0, "m²")],
-    ["plans", String(state.replans)],
-    ["tick", formatNumber(state.tick_ms, 0, "ms")],
-  ];
-  const list = element("figures");
-  if (!list.children.length)
-    list.append(...rows.map(([name]) => make("div", {}, make("dt", {}, name), make("dd"))));
-  rows.forEach(([, value], i) => setText(list.children[i].lastChild, value));
+// Said once, in figures: a robot that is held for want of images says it many times a second.
+function showRate({ picture_serial: serial }, nowMs) {
+  const rate = serial === null ? null : imagesPerSecond(serial, nowMs);
+  // Without any image there is another reason, which the line names.
+  const isSlow = rate > 0 && rate < NEEDED_HZ && !isSlowDismissed;
+  const box = element("too-slow");
+  if (isSlow && box.hidden)
+    setText(
+      box.firstElementChild,
+      `▲ This computer is too slow for the robot: ${rate.toFixed(1)} images a second, at least ` +
+        `${NEEDED_HZ} are needed. Close other programs, or choose a faster network (bewarenav doctor).`,
+    );
+  if (rate === null || isSlow || rate > 1.5 * NEEDED_HZ || isSlowDismissed)
+    set(box, { hidden: !isSlow });
 }
 
-for (const button of document.querySelectorAll("[data-mission]")) {
-  button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
-}
-element("reset").onclick = () => attempt(() => post("/stop/reset"));
+element("back-off").onclick = () => attempt(() => post("/mission/back-off"));
+element("too-slow-close").onclick = () => {
+  isSlowDismissed = true;
+  set(element("too-slow"), { hidden: true });
+};
+
+onStale((seconds) => {
+  const age = seconds < 60 ? `${Math.floor(seconds)} s` : formatAge(seconds);
+  showLine(
+    {
+      kind: "unknown",
+      text: `NO CONNECTION for ${age}: what is below is out of date. STOP is still sent; the robot stops by itself when it loses its own link.`,
+    },
+    performance.now(),
+  );
+});

@@ -2,6 +2,7 @@
 // held; the console forgets it a quarter of a second after the last one.
 
 import { element } from "../core/dom.js";
+import { isSwapped, swap } from "../insight/swap.js";
 import { onControlLost, sendVelocity } from "./control.js";
 
 const SEND_MS = 80;
@@ -76,9 +77,26 @@ for (const button of buttons) {
   }
   button.oncontextmenu = (event) => event.preventDefault();
 }
+let wakeLock = null;
+let wasSwapped = false;
+
+// A screen that goes dark would end the drive.
+async function keepAwake(isOn) {
+  try {
+    if (isOn) wakeLock = await navigator.wakeLock?.request("screen");
+    else await wakeLock?.release();
+  } catch {
+    // this browser does not keep the screen on
+  }
+}
+
+// By hand one drives by the camera image: it is large meanwhile.
 // The event comes late after opening, when a key may already be held.
 pad.addEventListener("toggle", () => {
   if (!pad.open) releaseAll();
+  if (pad.open) wasSwapped = isSwapped();
+  swap(pad.open || wasSwapped);
+  keepAwake(pad.open);
 });
 window.addEventListener("blur", () => {
   if (document.activeElement?.id !== "viewer") releaseAll();

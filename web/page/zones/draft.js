@@ -11,7 +11,7 @@ import {
   simplify,
 } from "../core/geometry.js";
 import { addGoal } from "../mission/goals.js";
-import { clearForm, describe, readForm, showForm } from "./draft_form.js";
+import { clearForm, describe, missingOf, readForm, showForm } from "./draft_form.js";
 import { askPreview } from "./preview.js";
 
 const DOUBLE_CLICK_MS = 400;
@@ -19,9 +19,10 @@ const DOUBLE_CLICK_M = 0.3;
 const CLOSED_STROKE_M = 0.3;
 const FREEHAND_TOLERANCE_M = 0.04;
 const MAX_UNDO = 200;
-const MIN_CORNERS = { polygon: 3, free: 3, circle: 2, corridor: 2 };
 const HINTS = {
   navigate: "",
+  measure: "Click where the measurement ends. Esc cancels.",
+  place: "Drag or click in the direction in which the robot faces. Esc cancels.",
   goal: "Click the floor to add a goal, drag to give it a heading; hover to see the path. Esc when done.",
   polygon:
     "Click the corners. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels.",
@@ -47,7 +48,7 @@ export const draft = {
 export const isDrawing = () => draft.mode === "draw" || draft.mode === "edit";
 const tool = () => (draft.tool === "free" ? "polygon" : draft.tool);
 export const outline = () => outlineOf(tool(), draft.corners, draft.width);
-export const hasEnoughCorners = () => draft.corners.length >= MIN_CORNERS[draft.tool];
+export const isComplete = () => missingOf(draft) === "";
 
 const listeners = [];
 let undoSteps = [];
@@ -96,9 +97,19 @@ export function propose(corners, name) {
   changed();
 }
 
-// A click on the floor, from the 3D view or the map; `onMap` is the nearest point of the map.
+const PROPOSED_RADIUS_M = 0.5;
+
+export function proposeCircle([x, y]) {
+  element("draft-tool").value = "circle";
+  setMode("draw");
+  snapshot();
+  draft.corners = [[x, y], [x + PROPOSED_RADIUS_M, y]].map(roundedPoint);
+  changed();
+}
+
+// A click on the floor, from the 3D view or the map.
 // Returns whether it finished the drawing.
-export function clicked(x, y, onMap, yaw = null) {
+export function clicked(x, y, yaw = null) {
   const now = performance.now();
   const isDouble =
     now - lastClick.ms < DOUBLE_CLICK_MS &&
@@ -109,7 +120,7 @@ export function clicked(x, y, onMap, yaw = null) {
   if (isDouble && draft.tool !== "circle") return true;
   snapshot();
   if (draft.tool === "circle" && draft.corners.length > 1) draft.corners = [];
-  draft.corners.push(roundedPoint(onMap));
+  draft.corners.push(roundedPoint([x, y]));
   draft.selected = draft.corners.length - 1;
   changed();
   return false;
@@ -120,9 +131,9 @@ export function grabCorner(index) {
   draft.selected = index;
 }
 
-export function moveCorner(index, onMap) {
+export function moveCorner(index, at) {
   if (!isDrawing() || !draft.corners[index]) return;
-  const [old, next] = [draft.corners[index], roundedPoint(onMap)];
+  const [old, next] = [draft.corners[index], roundedPoint(at)];
   if (draft.tool === "circle" && index === 0 && draft.corners[1]) {
     const [x, y] = draft.corners[1];
     draft.corners[1] = roundedPoint([x + next[0] - old[0], y + next[1] - old[1]]);
@@ -132,9 +143,9 @@ export function moveCorner(index, onMap) {
 }
 
 // Insert a corner; returns its index.
-export function insertCorner(after, onMap) {
+export function insertCorner(after, at) {
   snapshot();
-  draft.corners.splice(after + 1, 0, roundedPoint(onMap));
+  draft.corners.splice(after + 1, 0, roundedPoint(at));
   draft.selected = after + 1;
   changed();
   return after + 1;
@@ -198,9 +209,14 @@ export function changed() {
   Object.assign(draft, { preview: [], present: [], verdict: "" });
   notifyListeners();
   askPreview(
-    isDrawing() && hasEnoughCorners() ? { zone: asZone(), replaces: draft.id } : null,
+    isDrawing() && isComplete() ? { zone: asZone(), replaces: draft.id } : null,
     (answer) => {
-      Object.assign(draft, { preview: answer.path, present: answer.present, verdict: answer.text });
+      Object.assign(draft, {
+        preview: answer.path,
+        present: answer.present,
+        verdict: answer.text,
+        crossing: answer.crossing ?? null,
+      });
       describe(draft, answer);
       notifyListeners();
     },

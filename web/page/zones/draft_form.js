@@ -1,11 +1,13 @@
 // The form of a draft: every value of a zone as text and numbers, so that nothing needs the pointer.
 
-import { element } from "../core/dom.js";
+import { element, set } from "../core/dom.js";
 import { distance, rounded } from "../core/geometry.js";
 
 const form = element("draft");
 export const field = (name) => element(`draft-${name}`);
 const POINT_NAMES = { polygon: "corner", free: "corner", circle: "point", corridor: "point" };
+const FEWEST = { polygon: 3, free: 3, circle: 2, corridor: 2 };
+const MIN_RADIUS_M = 0.02;
 const DEFAULT_LIMIT_MPS = 0.3;
 const DEFAULT_COLOUR = "#d63384";
 let stored = null;
@@ -56,6 +58,8 @@ export function readForm() {
 // Show the drawing in numbers, except in the field that has the focus.
 export function describe(draft, preview = null) {
   const { corners, tool } = draft;
+  const missing = missingOf(draft);
+  set(field("finish"), { disabled: missing !== "", title: missing || "Enter or double-click" });
   const isCircle = tool === "circle";
   fill(
     "corners",
@@ -68,7 +72,17 @@ export function describe(draft, preview = null) {
   const count = corners.length
     ? `${corners.length} ${POINT_NAMES[tool]}${corners.length > 1 ? "s" : ""}`
     : "nothing drawn yet";
-  note(preview ? `${count} · ${preview.text}` : count, preview?.bad ?? false);
+  const more = preview?.text ?? missing;
+  note(more ? `${count} · ${more}` : count, preview?.bad ?? false);
+}
+
+// What the shape lacks, or "".
+export function missingOf({ corners, tool }) {
+  const lacking = FEWEST[tool] - corners.length;
+  if (lacking > 0) return `${lacking} more ${POINT_NAMES[tool]}${lacking > 1 ? "s" : ""} needed`;
+  if (tool === "circle" && distance(...corners) < MIN_RADIUS_M)
+    return `a circle has a radius of at least ${MIN_RADIUS_M} m`;
+  return "";
 }
 
 function fill(name, value) {

@@ -7,10 +7,14 @@ import { finish } from "./store_draft.js";
 
 const DEFAULT_RADIUS_M = 0.5;
 
-field("corners").addEventListener("change", () => {
+field("corners").addEventListener("focus", snapshot);
+// While it is typed the draft follows; what is not readable yet is reported at the end.
+for (const kind of ["input", "change"])
+  field("corners").addEventListener(kind, () => takeCorners(kind === "change"));
+
+function takeCorners(isEnd) {
   try {
     const corners = parseCorners(field("corners").value);
-    snapshot();
     if (draft.tool === "circle" && corners.length) {
       const [x, y] = corners[0];
       draft.corners = [
@@ -22,9 +26,9 @@ field("corners").addEventListener("change", () => {
     }
     changed();
   } catch (error) {
-    note(error.message, true);
+    if (isEnd) note(error.message, true);
   }
-});
+}
 field("size").addEventListener("change", () => {
   const size = Number(field("size").value);
   if (!(size > 0)) return;

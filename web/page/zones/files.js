@@ -14,15 +14,29 @@ export function build(onNewZones) {
 async function importFiles(files) {
   const find = (pattern) => files.find((file) => pattern.test(file.name));
   const [plan, yaml, image] = [find(/\.(geo)?json$/i), find(/\.ya?ml$/i), find(/\.(pgm|png)$/i)];
-  if (plan) await post("/zones/import", parsed(await plan.text(), plan.name));
+  if (plan) await send("/zones/import", parsed(await plan.text(), plan.name));
   else if (yaml && image)
-    await post("/zones/import-mask", {
+    await send("/zones/import-mask", {
       yaml: await yaml.text(),
       picture: await base64(image),
       name: yaml.name.replace(/\.ya?ml$/i, ""),
     });
   else
     throw new Error("choose one GeoJSON file, or the YAML and the image of a Nav2 mask together");
+}
+
+// Zones of the file that are there already are the operator's choice.
+async function send(path, body, existing = "ask") {
+  try {
+    await post(`${path}?existing=${existing}`, body);
+  } catch (error) {
+    if (!error.body?.there) throw error;
+    const choose = (label, value) => ({ label, run: () => attempt(() => send(path, body, value)) });
+    notify(`${error.message}.`, {
+      actions: [choose("Replace", "replace"), choose("Keep both", "keep"), choose("Skip", "skip")],
+    });
+    return;
+  }
   notify("The zones of the file are in force.", { good: true });
   refresh();
 }

@@ -4,6 +4,9 @@ import { post } from "../core/api.js";
 import { formatSigned } from "../core/dom.js";
 
 const DELAY_MS = 180;
+const MIN_UNSEEN_M = 0.5;
+const MIN_CHANGE_M = 0.05;
+const MIN_CHANGE_S = 0.5;
 let timer = 0;
 let newest = 0;
 
@@ -26,7 +29,13 @@ export function askPreview(question, onAnswer) {
     } catch (error) {
       // Without a goal or a map there is no path to preview; a draft that is no zone says why (422).
       if (number === newest && error.status === 422)
-        onAnswer({ text: error.message, bad: true, path: [], present: [] });
+        onAnswer({
+          text: error.message,
+          bad: true,
+          path: [],
+          present: [],
+          crossing: error.body?.crossing ?? null,
+        });
     }
   }, DELAY_MS);
 }
@@ -44,12 +53,21 @@ function verdict(answer, question) {
   if (question.goal)
     return {
       bad: false,
-      text: `${formatSigned(answer.length_m, 1, "m")}, about ${formatSigned(answer.time_s, 0, "s")}`,
+      text: `${formatSigned(answer.length_m, 1, "m")}, about ${formatSigned(answer.time_s, 0, "s")}${unseen(answer)}`,
     };
   const length = `${answer.length_m.toFixed(1)} m, about ${answer.time_s.toFixed(0)} s`;
-  const change =
-    answer.change_m === null
-      ? ""
-      : ` (${formatSigned(answer.change_m, 1, "m")}, ${formatSigned(answer.change_s, 0, "s")})`;
-  return { bad: false, text: `the path would be ${length}${change}` };
+  const change = answer.change_m === null ? "" : ` (${changeText(answer)})`;
+  return { bad: false, text: `the path would be ${length}${change}${unseen(answer)}` };
+}
+
+const unseen = ({ unseen_m: length }) =>
+  length >= MIN_UNSEEN_M ? `; ${length.toFixed(0)} m of it not seen yet` : "";
+
+// Small differences of two smoothed paths mean nothing.
+function changeText({ change_m: metres, change_s: seconds }) {
+  const parts = [
+    Math.abs(metres) >= MIN_CHANGE_M ? formatSigned(metres, 1, "m") : "",
+    Math.abs(seconds) >= MIN_CHANGE_S ? formatSigned(seconds, 0, "s") : "",
+  ];
+  return parts.filter(Boolean).join(", ") || "no difference";
 }

@@ -2,8 +2,8 @@
 
 import { post, request } from "../core/api.js";
 import { notify } from "../core/toasts.js";
-import { asZone, draft, hasEnoughCorners, isDrawing, setMode } from "./draft.js";
-import { note } from "./draft_form.js";
+import { asZone, draft, isComplete, isDrawing, setMode } from "./draft.js";
+import { missingOf, note } from "./draft_form.js";
 
 let pending = null;
 
@@ -13,8 +13,8 @@ export const pendingStore = () => pending;
 
 export function finish() {
   if (!isDrawing() || pending) return;
-  if (!hasEnoughCorners()) {
-    note("The shape is not complete yet: click its points on the map.", true);
+  if (!isComplete()) {
+    note(`The zone is not complete: ${missingOf(draft)}.`, true);
     return;
   }
   pending = store().finally(() => {

@@ -3,7 +3,7 @@
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
 import { savedList } from "../core/saved_list.js";
-import { attempt } from "../core/toasts.js";
+import { attempt, notify } from "../core/toasts.js";
 import { setMode } from "./draft.js";
 
 const KEEP_OUT_COLOUR = "#d63384";
@@ -37,6 +37,7 @@ export function show(collection) {
       setValue(input, name);
       child.classList.toggle("off", !enabled);
       child.dataset.name = name;
+      input.setAttribute("aria-label", `Name of zone ${name}`);
       setText(child.querySelector(".terms"), termsOf(zone.properties));
       child.querySelector(".swatch").style.setProperty("--c", colourOf(zone));
       child.querySelector(".swatch").dataset.pattern = isSpeedLimit(zone)
@@ -71,27 +72,45 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
           hour12: false,
         });
   const parts = [
-    kind === "speed-limit" ? `≤ ${limit} m/s` : "",
-    margin ? `+${margin} m` : "",
+    kind === "speed-limit" ? `at most ${limit} m/s` : "",
+    kind === "stay-inside" ? "stay inside" : "",
+    margin ? `margin ${margin} m` : "",
     time ? `until ${time}` : "",
   ];
-  return parts.filter(Boolean).join(" ");
+  return parts.filter(Boolean).join(" · ");
+}
+
+const versionOf = (zone) => ({ "If-Match": `"${zone.properties.version}"` });
+
+async function putZone(zone, changes) {
+  const { geometry, properties } = zone;
+  const feature = { type: "Feature", geometry, properties: { ...properties, ...changes } };
+  await attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
+}
+
+export async function switchZone(zone, enabled) {
+  await putZone(zone, { enabled });
+  refresh();
+}
+
+export async function removeZone(zone) {
+  await attempt(async () => {
+    await request("DELETE", addressOf(zone), undefined, versionOf(zone));
+    notify(`Zone “${zone.properties.name}” is deleted.`, {
+      good: true,
+      action: { label: "Undo", run: () => step("undo") },
+    });
+  });
+  refresh();
 }
 
 function itemOf(first) {
   const item = make("li", { "data-testid": "zone" });
   const zone = () => item.item;
-  const version = () => ({ "If-Match": `"${zone().properties.version}"` });
   const put = async (changes) => {
-    const { geometry, properties } = zone();
-    const feature = { type: "Feature", geometry, properties: { ...properties, ...changes } };
     item.isPending = true;
-    await attempt(() => request("PUT", addressOf(zone()), feature, version()));
+    await putZone(zone(), changes);
     item.isPending = false;
-    refresh();
-  };
-  const remove = async () => {
-    await attempt(() => request("DELETE", addressOf(zone()), undefined, version()));
     refresh();
   };
   const check = make("input", {
@@ -103,7 +122,6 @@ function itemOf(first) {
   const name = make("input", {
     class: "name",
     maxlength: 80,
-    "aria-label": "Name of the zone",
     "data-testid": "zone-rename",
     onchange: () => put({ name: name.value.trim() }),
   });
@@ -111,7 +129,6 @@ function itemOf(first) {
     check,
     make("span", { class: "swatch" }),
     name,
-    make("span", { class: "terms unit" }),
     make(
       "button",
       {
@@ -127,10 +144,11 @@ function itemOf(first) {
         title: "Delete",
         "aria-label": `Delete zone ${first.properties.name}`,
         "data-testid": "zone-delete",
-        onclick: remove,
+        onclick: () => removeZone(zone()),
       },
       "✕",
     ),
+    make("span", { class: "terms unit" }),
   );
   return item;
 }
@@ -148,6 +166,7 @@ savedList(element("zone-sets"), {
   action: "use",
   verb: "Use",
   placeholder: "Name for these zones",
+  nothing: "Nothing is saved yet. Draw zones, then save them here as a set.",
   describe: (entry) => `${entry.zones} zone${entry.zones === 1 ? "" : "s"}`,
   onLoaded: () => refresh(),
 });

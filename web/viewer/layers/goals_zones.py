@@ -94,11 +94,10 @@ class ZoneLayer:
         )
         opacity = strength * (0.35 if zone.enabled else 0.12)
         corners = np.array(zone.polygon)
-        vertices, faces = triangulate(corners, ZONE_Z)
         base = f"/zones/{zone.id}"
         limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
         text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
-        return [
+        nodes = [
             scene.add_label(
                 f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
             ),
@@ -108,7 +107,10 @@ class ZoneLayer:
                 colour,
                 thickness=0.06,
             ),
-            scene.add_mesh_simple(
+        ]
+        if not zone.forbids_outside:
+            vertices, faces = triangulate(corners, ZONE_Z)
+            area = scene.add_mesh_simple(
                 base,
                 vertices,
                 faces,
@@ -116,5 +118,6 @@ class ZoneLayer:
                 opacity=opacity,
                 side="double",
                 cast_shadow=False,
-            ),
-        ]
+            )
+            nodes.append(area)
+        return nodes

@@ -13,7 +13,7 @@ import viser.transforms
 
 from navcore.geometry.transform import Pose2
 from web.images import palette
-from web.images.encode import with_overlay
+from web.images.camera import with_overlay
 from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import faded, polyline_segments
 

@@ -31,6 +31,7 @@ from navcore.perception.esanet.inference.onnx_file import OnnxCard, exported, re
 from navcore.perception.esanet.inference.selection import (
     DEFAULT_CONFIG,
     Candidate,
+    EngineBenchmark,
     benchmark_engines,
     choose,
     open_inference,
@@ -390,6 +391,17 @@ def test_the_most_exact_engine_is_taken_of_those_that_the_fastest_does_not_clear
         ("torch f32", 142, 0),
     )
     assert chosen(monkeypatch, *in_steps) == ("a bf16", 5)
+
+
+def test_engines_are_compared_by_their_slow_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    int8, bf16 = (
+        (Slow(name, p50, 0, [0.0]), EngineBenchmark(
+            name=name, p50_ms=p50, p99_ms=p99, agreement=1.0, is_accurate=True
+        ))
+        for name, p50, p99 in (("ov int8", 79.8, 81.0), ("torch bf16", 86.9, 224.0))
+    )  # fmt: skip
+    monkeypatch.setattr(choice, "benchmark_engines", lambda file, **_: iter([int8, bf16]))
+    assert choose(network_file())[0].name == "ov int8"
 
 
 def test_what_is_not_exact_is_no_reference_and_eight_bits_may_differ_by_more(

@@ -1,0 +1,103 @@
+"""Work that the tick asks for and does not wait for: loop closures, relocalisation."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+JOIN_S = 2.0
+"""Longest wait for the end of the thread, seconds."""
+log = logging.getLogger(__name__)
+
+
+class Task(Protocol):
+    """A computation on values that nothing else changes."""
+
+    def run(self, is_cancelled: Callable[[], bool]) -> Any:
+        """Return the outcome, None if it was cancelled."""
+
+
+class Background(Protocol):
+    """Runs one task at a time."""
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether a task would be taken now."""
+
+    def submit(self, task: Task) -> None:
+        """Begin a task; only while idle."""
+
+    def poll(self) -> Any:
+        """Return the outcome of the last task once, when it has one; else None."""
+
+
+class InlineBackground:
+    """Runs a task at once and hands its outcome to the next poll: the same run every time, for
+    simulated time."""
+
+    def __init__(self) -> None:
+        self._outcome: Any = None
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether a task would be taken now."""
+        return self._outcome is None
+
+    def submit(self, task: Task) -> None:
+        """Run a task."""
+        self._outcome = task.run(lambda: False)
+
+    def poll(self) -> Any:
+        """Return the outcome of the last task once."""
+        outcome, self._outcome = self._outcome, None
+        return outcome
+
+
+class ThreadBackground:
+    """Runs tasks in a thread of its own; a task that fails is logged and has no outcome."""
+
+    def __init__(self) -> None:
+        self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._busy, self._ended = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="localisation", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Cancel the present task and end the thread."""
+        self._ended.set()
+        self._tasks.put(None)
+        self._thread.join(timeout=JOIN_S)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether a task would be taken now."""
+        return not self._busy.is_set()
+
+    def submit(self, task: Task) -> None:
+        """Begin a task; only while idle."""
+        self._busy.set()
+        self._tasks.put(task)
+
+    def poll(self) -> Any:
+        """Return the outcome of the last task once, when it has one; else None."""
+        try:
+            return self._outcomes.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _run(self) -> None:
+        while (task := self._tasks.get()) is not None:
+            try:
+                outcome = task.run(self._ended.is_set)
+                if outcome is not None:
+                    self._outcomes.put(outcome)
+            except Exception:
+                log.exception("a task in the background failed")
+            self._busy.clear()

@@ -1,0 +1,119 @@
+"""What the store holds of one site: zones, beware lists, documents, and the folder of its map."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from app.storage.database import Database
+from app.storage.records import zone_of, zone_record
+from navcore.mission.beware_list import BewareClass, BewareList, as_table
+from navcore.mission.zone import Zone
+from navcore.toml_config import from_table
+
+MAP_FILE = "map.npz"
+"""Name of the map file in the folder of a site."""
+
+
+class SiteStore:
+    """One site of a data folder; safe to use from any thread.
+
+    It keeps its site when another one is chosen, so that an edit that began before is stored where
+    it belongs.
+    """
+
+    def __init__(self, database: Database, name: str, folder: Path) -> None:
+        self._database = database
+        self.name = name
+        """Name of the site."""
+        self.folder = folder
+        """Folder of the map; it may not exist before the first map is kept."""
+
+    @property
+    def map_file(self) -> Path:
+        """Path of the map that is kept while driving."""
+        return self.folder / MAP_FILE
+
+    def zones(self) -> tuple[Zone, ...]:
+        """Return all zones, in the order in which they were first stored."""
+        rows = self._database.rows(
+            "SELECT zone FROM zones WHERE site = ? ORDER BY position", (self.name,)
+        )
+        return tuple(zone_of(json.loads(zone)) for (zone,) in rows)
+
+    def save_zone(self, zone: Zone) -> None:
+        """Store a zone, replacing the one with its id."""
+        self.change_zones([zone], [])
+
+    def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
+        """Delete some zones and store others by their id: all or nothing."""
+        with self._database.writing() as connection:
+            connection.executemany(
+                "DELETE FROM zones WHERE site = ? AND id = ?",
+                [(self.name, zone_id) for zone_id in deleted],
+            )
+            connection.executemany(
+                "INSERT INTO zones (site, id, zone) VALUES (?, ?, ?) "
+                "ON CONFLICT (site, id) DO UPDATE SET zone = excluded.zone",
+                [(self.name, zone.id, json.dumps(zone_record(zone))) for zone in saved],
+            )
+
+    def documents(self, kind: str) -> dict[str, Any]:
+        """Return the JSON documents of a kind by name, sorted by name."""
+        rows = self._database.rows(
+            "SELECT name, document FROM documents WHERE site = ? AND kind = ? ORDER BY name",
+            (self.name, kind),
+        )
+        return {name: json.loads(document) for name, document in rows}
+
+    def save_document(self, kind: str, name: str, value: Any) -> None:
+        """Store a JSON document under a name; None deletes it."""
+        if value is None:
+            self._database.write(
+                "DELETE FROM documents WHERE site = ? AND kind = ? AND name = ?",
+                (self.name, kind, name),
+            )
+        else:
+            self._database.write(
+                "INSERT OR REPLACE INTO documents (site, kind, name, document) VALUES (?, ?, ?, ?)",
+                (self.name, kind, name, json.dumps(value)),
+            )
+
+    def beware(self) -> BewareList | None:
+        """Return the list saved last; None on a new site."""
+        versions = self._beware_lists(limit=1)
+        return versions[0] if versions else None
+
+    def beware_versions(self) -> tuple[BewareList, ...]:
+        """Return every list that was ever saved, newest first."""
+        return self._beware_lists(limit=-1)
+
+    def save_beware(self, beware: BewareList) -> None:
+        """Store the list in force; earlier lists are kept."""
+        classes = [as_table(entry) for entry in beware.classes]
+        document = json.dumps(
+            {"version": beware.version, "classes": classes, "retired": beware.retired}
+        )
+        self._database.write(
+            "INSERT INTO beware_lists (site, version, list) VALUES (?, ?, ?)",
+            (self.name, beware.version, document),
+        )
+
+    def _beware_lists(self, *, limit: int) -> tuple[BewareList, ...]:
+        rows = self._database.rows(
+            "SELECT list FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
+            (self.name, limit),
+        )
+        return tuple(_beware_list(row[0]) for row in rows)
+
+
+def _beware_list(document: str) -> BewareList:
+    saved = json.loads(document)
+    classes = tuple(
+        from_table(BewareClass, table, f"stored beware list[{i}]")
+        for i, table in enumerate(saved["classes"])
+    )
+    retired = tuple((name, class_id) for name, class_id in saved["retired"])
+    return BewareList(classes=classes, version=saved["version"], retired=retired)

@@ -1,0 +1,25 @@
+"""How margins of zones follow the uncertainty of the robot's position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from navcore.toml_config import ranged
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneMarginConfig:
+    """Growth of zones in the map, for planner and local planner."""
+
+    sigmas: float = ranged(0.0, 6.0, default=2.0)
+    """Standard deviations of the robot's position relative to a zone by which the zone grows."""
+    step_m: float = ranged(0.001, 0.5, default=0.015)
+    """Standard deviation in metres that is added to what is needed at present, so that the growth
+    changes in steps: every change costs a new costmap."""
+    slack: float = ranged(0.0, 2.0, default=0.25)
+    """Share of the variance that is added for the same reason."""
+    negligible_m: float = ranged(0.0, 0.1, default=0.01)
+    """Growth in metres that is left out: the safety margin covers it."""
+    trail_spacing_m: float = ranged(0.1, 10.0, default=0.5)
+    """Distance in metres between the places of which the uncertainty is remembered: a zone drawn
+    later belongs to the nearest."""

@@ -1,0 +1,70 @@
+"""The localisation estimate: where odometry's frame lies in the map (REP 105), and how sure that
+is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+
+
+class LocalisationState(StrEnum):
+    """How the robot knows its pose."""
+
+    LOCATED = "located"
+    """Newest scans fit the map at the estimated pose."""
+    DEAD_RECKONING = "dead reckoning"
+    """By odometry alone since the last scan that fitted; the covariance grows."""
+    AMBIGUOUS = "ambiguous"
+    """Several places fit; none is believed."""
+    LOST = "lost"
+    """The pose is unknown: the scans contradict the map."""
+
+
+def _certain() -> Matrix:
+    return np.zeros((3, 3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LocalisationEstimate:
+    """Result of one frame of localisation."""
+
+    T_map_odom: Pose2 = IDENTITY
+    """Pose of odometry's frame in the map."""
+    T_map_base: Pose2 = IDENTITY
+    """Pose of the robot in the map at the frame's stamp."""
+    covariance: Matrix = field(default_factory=_certain)
+    """(3, 3) covariance of `T_map_base` relative to the map: x and y in metres along the map's
+    axes, yaw in radians."""
+    state: LocalisationState = LocalisationState.DEAD_RECKONING
+    """How the robot knows its pose."""
+    match_share: float | None = None
+    """Share of the scan's points that fit the map, 0 to 1; None without enough points."""
+    since_ns: int = 0
+    """Stamp of the frame at which this state began, nanoseconds."""
+    since_m: float = 0.0
+    """Distance driven since the last frame that fitted the map, metres."""
+    candidates: tuple[Pose2, ...] = ()
+    """Places that fit while none is believed (`AMBIGUOUS`), T_map_base, best first."""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the pose may be driven by."""
+        return self.state in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
+
+    def sigma_along_m(self, x: float, y: float) -> float:
+        """Return the standard deviation of the position along a direction (x, y), metres."""
+        length = math.hypot(x, y)
+        if length == 0.0:
+            return 0.0
+        direction = np.array([x / length, y / length])
+        return math.sqrt(max(float(direction @ self.covariance[:2, :2] @ direction), 0.0))
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the position along its least certain direction, metres."""
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]), 0.0))

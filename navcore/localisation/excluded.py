@@ -1,0 +1,37 @@
+"""Pixels of what does not stay where it is: people and beware objects, left out of scans."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navcore.geometry.arrays import Bools
+from navcore.geometry.transform import invert
+from navcore.mission.beware_list import NOTHING
+from navcore.perception.labels import Labels
+from navcore.perception.people.track import Track
+from navcore.robot.frame import Frame
+
+_AROUND_M = 0.25
+"""Distance in metres around a person's disc within which points may be theirs: arms, bags."""
+
+
+def excluded_pixels(frame: Frame, labels: Labels, people: tuple[Track, ...]) -> Bools:
+    """Return the (H, W) pixels that have a label or may show a tracked person.
+
+    `people` are in the frame of the frame's pose.
+    """
+    excluded = np.logical_or.reduce([one.class_ids != NOTHING for one in labels.all_hypotheses])
+    lens, to_camera = frame.intrinsics, invert(frame.T_map_camera)
+    for person in people:
+        x, _, depth = to_camera[:3, :3] @ (person.x_m, person.y_m, 0.9) + to_camera[:3, 3]
+        reach = person.radius_m + _AROUND_M
+        if depth <= -reach:
+            continue
+        nearest = max(depth - reach, 0.1)
+        left = math.floor((x - reach) / nearest * lens.fx + lens.cx)
+        right = math.ceil((x + reach) / nearest * lens.fx + lens.cx) + 1
+        columns = slice(max(left, 0), max(min(right, lens.width), 0))
+        excluded[:, columns] |= np.abs(frame.depth_m[:, columns] - depth) < reach
+    return np.asarray(excluded)

@@ -1,0 +1,33 @@
+"""Position fixes that are new, with the covariance that they are worth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+from navcore.robot.fix import FixSource, PositionFix
+
+Source = tuple[FixSource, int | None]
+
+
+class FreshFixes:
+    """Remembers the newest fix of each source: a frame repeats those of the last second."""
+
+    def __init__(self) -> None:
+        self._newest_ns: dict[Source, int] = {}
+
+    def of(self, fixes: Iterable[PositionFix]) -> Iterator[PositionFix]:
+        """Yield the fixes that are newer than any before of their source.
+
+        Errors that stay alike for a time would count once for every fix; the covariance grows by
+        the number of fixes in that time, so that together they count once.
+        """
+        for fix in fixes:
+            source = (fix.source, fix.source_id)
+            before_ns = self._newest_ns.get(source)
+            if before_ns is not None and fix.stamp_ns <= before_ns:
+                continue
+            self._newest_ns[source] = fix.stamp_ns
+            since_s = 0.0 if before_ns is None else (fix.stamp_ns - before_ns) / 1e9
+            alike = fix.correlation_s / since_s if since_s > 0 else 1.0
+            yield dataclasses.replace(fix, covariance=fix.covariance * max(alike, 1.0))

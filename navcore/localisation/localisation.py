@@ -1,0 +1,229 @@
+"""Localisation of one robot: tracking frame by frame, and finding the place again when it is lost.
+
+Searches take longer than a frame: `next_task` says what to compute, any thread may compute it, and
+`take` receives the outcome before a later frame.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+from navcore.config.localisation import LocalisationConfig
+from navcore.geometry.arrays import FloatImage
+from navcore.geometry.transform import Matrix, Pose2
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.excluded import excluded_pixels
+from navcore.localisation.fixes import TagMap, fixes_of
+from navcore.localisation.fresh_fixes import FreshFixes
+from navcore.localisation.localiser import Localiser
+from navcore.localisation.loop_closer import CloseLoops, LoopCloser, with_later
+from navcore.localisation.loop_closure import LoopClosures
+from navcore.localisation.place_map import PlaceMap
+from navcore.localisation.relocalisation import (
+    PlaceProposal,
+    RelocalisationState,
+    Relocaliser,
+    SearchResult,
+)
+from navcore.localisation.scan import Keyframe, Scan
+from navcore.localisation.scan_map import ScanMap
+from navcore.localisation.start_check import StartCheck
+from navcore.localisation.tasks import PrepareSearch, SearchPlaces
+from navcore.mapping.pose_ids import PoseIds
+from navcore.perception.labels import Labels
+from navcore.perception.people.track import Track
+from navcore.robot.frame import Frame
+
+FIX_LIFE_NS = 2_000_000_000
+"""Time in nanoseconds for which an absolute position locates the robot."""
+Task = CloseLoops | PrepareSearch | SearchPlaces
+Outcome = LoopClosures | PlaceMap | SearchResult
+
+
+class Localisation:
+    """One estimate per frame; no thread, no clock."""
+
+    def __init__(self, pose_ids: PoseIds, config: LocalisationConfig) -> None:
+        """`pose_ids` is the map's list of poses."""
+        self.tracker = Localiser(pose_ids, config)
+        """Frame by frame."""
+        self._pose_ids, self._config = pose_ids, config
+        self._loops = LoopCloser(config.loops, config.graph)
+        self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
+        self.tags = TagMap({})
+        """Tags whose poses in the map are known."""
+        self.closures: LoopClosures | None = None
+        """Loop closures that wait to be applied to the map and to the poses alike."""
+        self._start: StartCheck | None = None
+        self._place_map: PlaceMap | None = None
+        self._relocaliser: Relocaliser | None = None
+        self._is_lost = False
+
+    def update(
+        self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
+    ) -> LocalisationEstimate:
+        """Return the estimate for one more frame.
+
+        The frame's pose is T_odom_base, and `people` are in odometry's frame as well; `ground_m`
+        (H, W) is the height of the ground below each pixel in metres.
+        """
+        if self._start is not None and self.tracker.scan is None:
+            self.tracker.place(frame.pose, self._start.covariance, frame)
+        estimate = self.tracker.update(frame, excluded_pixels(frame, labels, people), ground_m)
+        self._loops.note(self.tracker.take_edges())
+        estimate = self._confirmed(self._fixed(frame, estimate), frame.stamp_ns)
+        was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
+        if not self._is_lost:
+            self._relocaliser = None
+            return estimate
+        if not was_lost:
+            self._place_map = None  # the map has grown since it was searched last
+        if self._relocaliser is None or self.tracker.scan is None:
+            return estimate
+        self._relocaliser.observe(self.tracker.scan, frame.pose, frame.stamp_ns)
+        proposal = self._relocaliser.proposal
+        if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
+            self.tracker.place(proposal.T_map_odom @ frame.pose, proposal.covariance, frame)
+            self._relocaliser, self._is_lost = None, False
+            self._restart_chain()
+            return self.tracker.estimate(frame)
+        return _ambiguous(estimate, proposal)
+
+    def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
+        """Return the estimate with the absolute positions of a frame, which locate the robot for a
+        while."""
+        for fix in self._fixes.of(fixes_of(frame, self.tags)):
+            if self.tracker.fuse(fix):
+                self._fixed_ns = frame.stamp_ns
+        if self._fixed_ns == frame.stamp_ns:
+            estimate = self.tracker.estimate(frame, estimate.match_share)
+        is_fixed = frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
+        if is_fixed and estimate.state is LocalisationState.DEAD_RECKONING:
+            return dataclasses.replace(estimate, state=LocalisationState.LOCATED, since_m=0.0)
+        return estimate
+
+    def _confirmed(self, estimate: LocalisationEstimate, stamp_ns: int) -> LocalisationEstimate:
+        """Return the estimate, which is ambiguous until the scans have confirmed the place at which
+        the robot started in a saved map, or lost if they contradict it."""
+        if self._start is None or estimate.state is LocalisationState.LOST:
+            self._start = None
+            return estimate
+        verdict = self._start.after(estimate, stamp_ns)
+        if verdict is None:
+            return dataclasses.replace(
+                estimate,
+                state=LocalisationState.AMBIGUOUS,
+                candidates=(estimate.T_map_base,),
+            )
+        self._start = None
+        if verdict:
+            return estimate
+        self.tracker.lose(stamp_ns)
+        return dataclasses.replace(estimate, state=LocalisationState.LOST, since_ns=stamp_ns)
+
+    def next_task(self) -> Task | None:
+        """Return what to compute now beside the tick; None for nothing."""
+        if not self._is_lost:
+            may_close = self.closures is None and not len(self.tracker.saved_map)
+            return self._loops.next_task(self.tracker.own_map.keyframe) if may_close else None
+        rules = self._config.relocalisation
+        if self._place_map is None:
+            surfaces = self.searched_map.surfaces
+            return PrepareSearch(
+                surfaces=surfaces[:, :2],
+                normals=surfaces[:, 2:4] * surfaces[:, 5:],
+                keyframes=self.searched_map.keyframes,
+                config=rules,
+            )
+        task = None if self._relocaliser is None else self._relocaliser.next_task()
+        if task is None:
+            return None
+        return SearchPlaces(task=task, place_map=self._place_map, config=rules)
+
+    def take(self, outcome: Outcome) -> None:
+        """Receive the outcome of a task."""
+        if isinstance(outcome, LoopClosures):
+            if not self._is_lost:
+                self.closures = outcome
+            return
+        if not self._is_lost:
+            return
+        if isinstance(outcome, PlaceMap):
+            self._place_map = outcome
+            self._relocaliser = Relocaliser(outcome, self._config.relocalisation)
+        elif self._relocaliser is not None:
+            self._relocaliser.take(outcome)
+
+    @property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """All keyframes, to be stored with the map."""
+        return self.tracker.keyframes
+
+    @property
+    def proposal(self) -> PlaceProposal | None:
+        """What the search says; None while the place is known."""
+        return None if self._relocaliser is None else self._relocaliser.proposal
+
+    @property
+    def scan(self) -> Scan | None:
+        """Scan of the newest frame; None before the first."""
+        return self.tracker.scan
+
+    @property
+    def searched_map(self) -> ScanMap:
+        """The saved map or, without one, the map of this session."""
+        return self.tracker.saved_map if len(self.tracker.saved_map) else self.tracker.own_map
+
+    def place(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
+        """Set the pose of the robot at a frame, with its (3, 3) covariance."""
+        self.tracker.place(T_map_base, covariance, frame)
+        self._relocaliser, self._is_lost, self._start = None, False, None
+        self._restart_chain()
+
+    def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
+        """Return the poses by ID that closures lead to, and T_new_old of the robot."""
+        return with_later(closures.poses, dict(enumerate(self._pose_ids.poses)))
+
+    def correct(self, closures: LoopClosures) -> None:
+        """Apply closures to keyframes and pose; the map was corrected by the same poses."""
+        poses, _ = self.corrected(closures)
+        newest = max(closures.poses)
+        covariance = closures.graph.covariances([newest])[newest]
+        self.tracker.correct(poses, covariance)
+        self._loops.take(closures)
+        self.closures = None
+
+    def _restart_chain(self) -> None:
+        self.tracker.take_edges()
+        self._loops.restart()
+        self.closures = None
+
+    @property
+    def waits_for_standstill(self) -> bool:
+        """Whether a correction is too large to be applied while the robot drives."""
+        return self.tracker.pending is not None
+
+    def search(self, stamp_ns: int) -> None:
+        """Forget the place, and look for it in the whole map."""
+        self.tracker.lose(stamp_ns)
+
+    def load(self, keyframes: Iterable[Keyframe]) -> None:
+        """Take the keyframes of a saved map, whose poses are constants, and begin again: odometry's
+        pose counts as the place in the map until the scans have confirmed it, or contradict it."""
+        self.tracker = Localiser(self._pose_ids, self._config)
+        self.tracker.load(keyframes)
+        self._relocaliser, self._place_map, self._is_lost = None, None, False
+        self._restart_chain()
+        self._start = StartCheck(self._config.start) if len(self.tracker.saved_map) else None
+
+
+def _ambiguous(estimate: LocalisationEstimate, proposal: PlaceProposal) -> LocalisationEstimate:
+    """Return the estimate of a lost robot with the places that its search has found."""
+    if proposal.state is RelocalisationState.SEARCHING or not proposal.candidates:
+        return estimate
+    return dataclasses.replace(
+        estimate,
+        state=LocalisationState.AMBIGUOUS,
+        candidates=tuple(place.T_map_base for place in proposal.candidates),
+    )

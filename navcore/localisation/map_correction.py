@@ -1,0 +1,115 @@
+"""Loop closures applied to the map and to the robot's pose in one step, between two ticks.
+
+The long part runs beside the tick (`navcore.mapping.correction.prepare`). A correction that would
+move the robot by more than a little waits until it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from navcore.config.localisation import TrackingConfig
+from navcore.geometry.transform import Pose2, Twist
+from navcore.localisation.localisation import Localisation, Outcome, Task
+from navcore.localisation.loop_closure import LoopClosures
+from navcore.mapping.correction import MapSnapshot, PreparedCorrection, prepare
+from navcore.mapping.point_map import PointMap
+
+_STANDING = 0.01
+"""Speed in m/s and rad/s below which the robot stands."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PrepareCorrection:
+    """Compute the map at corrected poses."""
+
+    snapshot: MapSnapshot
+    """The map as it is."""
+    poses: Mapping[int, Pose2]
+    """Corrected T_map_base by pose ID."""
+
+    def run(self, is_cancelled: Callable[[], bool]) -> PreparedCorrection:
+        """Return the corrected map."""
+        del is_cancelled
+        return prepare(self.snapshot, self.poses)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AppliedCorrection:
+    """A correction that was applied."""
+
+    before: tuple[Pose2, ...]
+    """T_map_base of every pose ID before."""
+    after: tuple[Pose2, ...]
+    """The same after it."""
+    motion: Pose2
+    """T_new_old of the robot."""
+    loops: int
+    """Number of loops that were closed."""
+
+
+class MapCorrection:
+    """Carries loop closures from localisation to the map."""
+
+    def __init__(
+        self, point_map: PointMap, localisation: Localisation, config: TrackingConfig
+    ) -> None:
+        self._map, self._localisation, self._config = point_map, localisation, config
+        self._prepared: PreparedCorrection | None = None
+        self._prepared_for: LoopClosures | None = None
+        self._waits = False
+
+    def next_task(self) -> Task | PrepareCorrection | None:
+        """Return what to compute now beside the tick; None for nothing."""
+        closures = self._localisation.closures
+        if closures is None:
+            return self._localisation.next_task()
+        if closures is self._prepared_for:
+            return None
+        poses, _ = self._localisation.corrected(closures)
+        self._prepared, self._prepared_for = None, closures
+        return PrepareCorrection(snapshot=self._map.snapshot(), poses=poses)
+
+    def take(self, outcome: Outcome | PreparedCorrection) -> None:
+        """Receive the outcome of a task."""
+        if isinstance(outcome, PreparedCorrection):
+            self._prepared = outcome
+        else:
+            self._localisation.take(outcome)
+
+    @property
+    def waits_for_standstill(self) -> bool:
+        """Whether a correction is too large to be applied while the robot drives."""
+        return self._waits or self._localisation.waits_for_standstill
+
+    def apply(self, T_map_base: Pose2, twist: Twist) -> AppliedCorrection | None:
+        """Apply a prepared correction if the robot's pose and velocity allow it now."""
+        self._waits = False
+        closures, prepared = self._localisation.closures, self._prepared
+        if closures is None or prepared is None or closures is not self._prepared_for:
+            return None
+        poses, motion = self._localisation.corrected(closures)
+        stands = max(abs(twist.v_mps), abs(twist.w_radps)) < _STANDING
+        if self._is_large(T_map_base, motion) and not stands:
+            self._waits = True
+            return None
+        before, known = self._map.poses, len(prepared.pose_ids)
+        self._prepared = self._prepared_for = None
+        later = {pose_id: poses[pose_id] for pose_id in poses if pose_id >= known}
+        if not self._map.apply(prepared, later):
+            return None  # the map has changed otherwise: it is prepared again
+        self._localisation.correct(closures)
+        return AppliedCorrection(
+            before=before,
+            after=self._map.poses,
+            motion=motion,
+            loops=len(closures.new_loops),
+        )
+
+    def _is_large(self, T_map_base: Pose2, motion: Pose2) -> bool:
+        moved = motion @ T_map_base
+        return moved.distance_to(T_map_base.x_m, T_map_base.y_m) > self._config.pending_m or abs(
+            motion.yaw_rad
+        ) > math.radians(self._config.pending_deg)

@@ -1,0 +1,151 @@
+"""Anchors: zones and goals that were drawn while mapping belong to the poses beside which they were
+drawn, and move with them when those are corrected.
+
+The move is rigid and always computed from the item as it was drawn, so that corrections to and fro
+bring it back exactly. Items far from every pose, or beside a pose of the loaded map, have no anchor
+and stay.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+import shapely
+
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.mission.mission import Goal
+from navcore.mission.zone import Zone
+from navcore.mission.zone_shapes import Circle, Shape
+
+Item = TypeVar("Item", Zone, Goal)
+
+REACH_M = 6.0
+"""Distance in metres from an item within which a pose is beside it: about as far
+as the camera measures."""
+MOST_POSES = 5
+"""Number of the nearest poses that an item belongs to."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anchor:
+    """Poses beside which an item was drawn."""
+
+    poses: tuple[tuple[int, Pose2], ...]
+    """Pose ID and T_map_base at that time, the nearest first."""
+    centre: tuple[float, float]
+    """Middle (x, y) of the item in metres of the map frame at that time."""
+
+    def motion(self, poses: Sequence[Pose2]) -> Pose2:
+        """Return the rigid motion of the map frame since the item was drawn, from the present poses
+        by ID: the mean of the motions of the anchor's poses at the item's middle."""
+        middle, identity = np.array(self.centre), True
+        moved, turns = [], []
+        for pose_id, then in self.poses:
+            now = poses[pose_id]
+            identity = identity and now == then
+            moved.append((now @ then.inverse()).to_parent(middle))
+            turns.append(wrap_angle(now.yaw_rad - then.yaw_rad))
+        if identity:
+            return Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+        turn = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
+        rotation = Pose2(x_m=0.0, y_m=0.0, yaw_rad=turn)
+        x, y = np.mean(moved, axis=0) - rotation.to_parent(middle)
+        return Pose2(x_m=float(x), y_m=float(y), yaw_rad=turn)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Displacement:
+    """How far an item moved, for the operator."""
+
+    distance_m: float
+    """Largest distance in metres that a corner or the goal moved."""
+    turn_rad: float
+    """Turn in radians, counter-clockwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anchored(Generic[Item]):
+    """Zone or goal as it was drawn, with the poses that it belongs to."""
+
+    item: Item
+    """Item as drawn."""
+    anchor: Anchor
+    """Poses beside it at that time."""
+
+    def at(self, poses: Sequence[Pose2]) -> Item:
+        """Return the item for the present poses by ID."""
+        return moved(self.item, self.anchor.motion(poses))
+
+    def moved_with(
+        self, before: Sequence[Pose2], after: Sequence[Pose2]
+    ) -> tuple[Item, Displacement]:
+        """Return the item after a correction of poses, and how far that moved it; both sequences
+        are T_map_base by pose ID."""
+        old, new = self.anchor.motion(before), self.anchor.motion(after)
+        corners = corners_of(self.item)
+        steps = np.linalg.norm(new.to_parent(corners) - old.to_parent(corners), axis=1)
+        return moved(self.item, new), Displacement(
+            distance_m=float(steps.max()), turn_rad=wrap_angle(new.yaw_rad - old.yaw_rad)
+        )
+
+
+def anchored(
+    item: Item, poses: Sequence[Pose2], frozen: int, reach_m: float = REACH_M
+) -> Anchored[Item] | None:
+    """Return an item, which is drawn now, with its anchor; None if no pose is within `reach_m`, or
+    the nearest one is a constant.
+
+    `poses`: T_map_base by pose ID. `frozen`: number of the first of them that are constants, those
+    of a loaded map.
+    """
+    if not poses:
+        return None
+    corners = corners_of(item)
+    area = shapely.Point(*corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
+    away = shapely.distance(area, shapely.points([(pose.x_m, pose.y_m) for pose in poses]))
+    nearest = np.argsort(away, kind="stable")[:MOST_POSES].tolist()
+    if nearest[0] < frozen:
+        return None
+    beside = tuple((n, poses[n]) for n in nearest if n >= frozen and away[n] <= reach_m)
+    if not beside:
+        return None
+    x, y = ((corners.min(axis=0) + corners.max(axis=0)) / 2).tolist()
+    return Anchored(item=item, anchor=Anchor(poses=beside, centre=(x, y)))
+
+
+def moved(item: Item, motion: Pose2) -> Item:
+    """Return an item after a rigid motion of the map frame; the same one for no motion."""
+    if motion == Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0):
+        return item
+    if isinstance(item, Goal):
+        x, y = motion.to_parent(np.array([item.x_m, item.y_m])).tolist()
+        yaw = None if item.yaw_rad is None else wrap_angle(item.yaw_rad + motion.yaw_rad)
+        return dataclasses.replace(item, x_m=x, y_m=y, yaw_rad=yaw)
+    if item.drawn is not None:
+        shape = _moved_shape(item.drawn, motion)
+        return dataclasses.replace(item, drawn=shape, polygon=shape.outline())
+    return dataclasses.replace(item, polygon=_pairs(motion.to_parent(np.array(item.polygon))))
+
+
+def corners_of(item: Zone | Goal) -> Points:
+    """Return the (N, 2) corners of a zone, or the one position of a goal, metres of the map
+    frame."""
+    corners = ((item.x_m, item.y_m),) if isinstance(item, Goal) else item.polygon
+    return np.array(corners, dtype=np.float64)
+
+
+def _moved_shape(shape: Shape, motion: Pose2) -> Shape:
+    if isinstance(shape, Circle):
+        (centre,) = _pairs(motion.to_parent(np.array([shape.centre])))
+        return dataclasses.replace(shape, centre=centre)
+    return dataclasses.replace(shape, line=_pairs(motion.to_parent(np.array(shape.line))))
+
+
+def _pairs(points: Points) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in points)

@@ -1,0 +1,84 @@
+"""Growth of zones by the uncertainty of the robot's position.
+
+A zone is added to an ellipse (Minkowski sum), so that a robot which keeps out of the grown zone by
+its estimate keeps out of the zone itself with the probability that the ellipse covers. A
+stay-inside zone is shrunk by the ellipse instead: what it forbids lies outside.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from navcore.geometry.transform import Matrix
+from navcore.mission.zone import Zone
+
+_ARC_SEGMENTS = 4
+"""Segments of a quarter of the ellipse."""
+_RADIUS = 1.0 / math.cos(1.5 * math.pi / (4 * _ARC_SEGMENTS))
+"""Radius with which an arc drawn by its chords lies around the unit disc, and not within it. GEOS
+rounds the number of chords, so that one may be half as long again."""
+_LEAST_M = 1e-3
+"""Smallest half axis of an ellipse in metres, so that it can be inverted."""
+
+
+def spread_of(covariance: Matrix, sigmas: float) -> Matrix:
+    """Return the symmetric (2, 2) matrix that maps the unit disc onto the ellipse of `sigmas`
+    standard deviations of a (2, 2) or larger covariance, x and y first, in metres."""
+    variances, axes = np.linalg.eigh(covariance[:2, :2])
+    half_axes = sigmas * np.sqrt(np.maximum(variances, 0.0))
+    return np.asarray((axes * half_axes) @ axes.T)
+
+
+def largest_axis_m(spread: Matrix) -> float:
+    """Return the larger half axis in metres of the ellipse of `spread_of`."""
+    return float(np.linalg.eigvalsh(spread)[-1])
+
+
+def grown_polygon(
+    corners: tuple[tuple[float, float], ...], spread: Matrix
+) -> tuple[tuple[float, float], ...]:
+    """Return the outline of a polygon plus the ellipse of `spread_of`; it contains the exact sum,
+    and holes that the growth leaves are filled."""
+    to_disc, from_disc = _scales(spread)
+    disc = Polygon(np.asarray(corners) @ to_disc).buffer(_RADIUS, quad_segs=_ARC_SEGMENTS)
+    outline = shapely.get_coordinates(disc.exterior)[:-1] @ from_disc
+    return tuple((float(x), float(y)) for x, y in outline)
+
+
+def shrunk_polygon(
+    corners: tuple[tuple[float, float], ...], spread: Matrix
+) -> tuple[tuple[float, float], ...]:
+    """Return the outline of what is left of a polygon where the ellipse of `spread_of` fits in.
+
+    Of several parts it is the largest, and where nothing is left, a speck of the polygon in which
+    nothing else fits.
+    """
+    to_disc, from_disc = _scales(spread)
+    disc = Polygon(np.asarray(corners) @ to_disc)
+    parts = shapely.get_parts(disc.buffer(-_RADIUS, quad_segs=_ARC_SEGMENTS))
+    parts = parts[shapely.area(parts) > 0]
+    if len(parts):
+        left = parts[np.argmax(shapely.area(parts))]
+    else:
+        left = disc.representative_point().buffer(_LEAST_M, quad_segs=1)
+    outline = shapely.get_coordinates(left.exterior)[:-1] @ from_disc
+    return tuple((float(x), float(y)) for x, y in outline)
+
+
+def _scales(spread: Matrix) -> tuple[Matrix, Matrix]:
+    """Return the (2, 2) maps from metres to a frame in which the ellipse is the unit disc, and
+    back."""
+    half_axes, axes = np.linalg.eigh(spread)
+    half_axes = np.maximum(half_axes, _LEAST_M)
+    return (axes / half_axes) @ axes.T, (axes * half_axes) @ axes.T
+
+
+def grow(zone: Zone, spread: Matrix) -> Zone:
+    """Return the zone with what it forbids grown by the ellipse of `spread_of`."""
+    outline = shrunk_polygon if zone.forbids_outside else grown_polygon
+    return dataclasses.replace(zone, polygon=outline(zone.polygon, spread))

@@ -1,0 +1,86 @@
+"""`bewarenav site`: sites on the command line, while a console may run."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from app.cli.sites import site_cli
+from app.console.site_map import accepted_map
+from app.storage import Store
+from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, StorageFailed
+from navcore.formats import nav2_map
+from navcore.formats.nav2_map import map_from_cells
+from navcore.grid.grid import GridSpec
+from navcore.mission.zone import Zone
+
+CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+
+
+def site(data: Path, *arguments: str) -> str:
+    """Run a command; return its output or raise its refusal."""
+    result = CliRunner().invoke(site_cli, [*arguments, "--data", str(data)])
+    if isinstance(result.exception, BewareNavError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def names(data: Path) -> list[str]:
+    return [line[2:42].strip() for line in site(data, "list").splitlines()]
+
+
+def test_a_site_is_made_copied_renamed_exported_imported_and_deleted(tmp_path: Path) -> None:
+    data, archive = tmp_path / "data", tmp_path / "hall.zip"
+    site(data, "new", "hall")
+    with closing(Store(data)) as store:
+        store.sites.open("hall").save_zone(Zone(id="a", name="wet", polygon=CORNERS))
+    site(data, "copy", "hall", "Day 2")
+    site(data, "rename", "Day 2", "Day 3")
+    site(data, "export", "Day 3", str(archive))
+    site(data, "import", "back", str(archive))
+    site(data, "delete", "hall")
+    assert names(data) == ["back", "Day 3"]
+    assert "   1 zones" in site(data, "list").splitlines()[0]
+    with pytest.raises(NotKnown, match="'hall'"):
+        site(data, "export", "hall", str(archive))
+    with pytest.raises(BadConfiguration, match="no such file"):
+        site(data, "import", "other", str(tmp_path / "nothing.zip"))
+
+
+def test_a_running_console_alone_renames_and_deletes(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as console:
+        console.use("default")
+        site(tmp_path, "new", "hall")
+        assert site(tmp_path, "list").splitlines()[0].startswith("* default")
+        for arguments in (("rename", "hall", "other"), ("delete", "hall")):
+            with pytest.raises(StorageFailed, match="another console uses"):
+                site(tmp_path, *arguments)
+        assert [row.name for row in console.sites.all()] == ["default", "hall"]
+
+
+def test_a_nav2_map_is_placed_by_two_points(tmp_path: Path) -> None:
+    occupied = np.zeros((20, 40), dtype=np.bool_)
+    occupied[10, :] = True
+    spec = GridSpec(resolution_m=0.1, rows=20, cols=40, origin_x_m=0.0, origin_y_m=0.0)
+    source = map_from_cells(occupied=occupied, known=np.ones_like(occupied), spec=spec)
+    nav2_map.save(source, tmp_path / "hall.yaml")
+    data, file = tmp_path / "data", str(tmp_path / "hall.yaml")
+    site(data, "import-nav2", "plain", file)
+    site(data, "import-nav2", "moved", file, "--point", "0,1.05=10,5", "--point", "3,1.05=10,8")
+    with closing(Store(data)) as store:
+        plain, moved = (accepted_map(store.sites.open(name)) for name in ("plain", "moved"))
+    assert plain is not None and moved is not None
+    np.testing.assert_array_equal(plain.occupied, occupied)
+    assert moved.occupied[moved.spec.cell(10.0, 6.5)]
+    with pytest.raises(BadGeometry, match="33 %"):
+        site(data, "import-nav2", "bad", file, "--point", "0,0=0,0", "--point", "3,0=4,0")
+    with pytest.raises(BadConfiguration, match="expected two"):
+        site(data, "import-nav2", "bad", file, "--point", "0,0=0,0")
+    out = tmp_path / "nav2.zip"
+    site(data, "export-nav2", "moved", str(out))
+    assert out.read_bytes().startswith(b"PK")

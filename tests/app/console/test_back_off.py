@@ -1,0 +1,111 @@
+"""Backing off ends after half a metre, at a stop, and where an operator drives."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from app.console.back_off import BACK, DISTANCE_M, MAX_STEPS, BackOff
+from app.runtime.operator_state import OperatorState
+from navcore.errors import Refused
+from navcore.geometry.transform import Pose2, Twist
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Goal, Mission, Phase
+from navcore.robot.driver import Command
+
+
+class Robot:
+    """A robot that moves by what it is told in each step."""
+
+    def __init__(self, *, phase: Phase = Phase.DRIVING, moves: bool = True) -> None:
+        goal = Goal(id=1, x_m=3.0, y_m=0.0)
+        mission = Mission(phase=phase, queue=(goal,))
+        self.intent = OperatorState(mission=mission, beware=BewareList(classes=()))
+        self.x_m, self.steps, self.sent = 0.0, 0, list[Twist | None]()
+        self.moves, self.at_step = moves, dict[int, Callable[[], None]]()
+        self.going_on = threading.Event()
+        self.going_on.set()
+
+    def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
+        self.intent = edit(self.intent)
+        return self.intent
+
+    def drive(self, twist: Twist | None) -> None:
+        if self.intent.stopped_by is not None:
+            raise Refused("the emergency stop is latched")
+        self.sent.append(twist)
+        command = None if twist is None else Command(twist=twist, stamp_ns=self.steps)
+        mission = self.intent.mission
+        mission = mission.pause() if mission.phase is Phase.DRIVING else mission
+        self.intent = dataclasses.replace(self.intent, by_hand=command, mission=mission)
+
+    def change_mission(self, edit: Callable[[Mission], Mission]) -> None:
+        self.intent = dataclasses.replace(self.intent, mission=edit(self.intent.mission))
+
+    def wait(self, ended: threading.Event) -> bool:
+        self.going_on.wait(30.0)
+        self.steps += 1
+        self.x_m -= 0.02 * self.moves
+        self.at_step.get(self.steps, lambda: None)()
+        return ended.is_set()
+
+    def back_off(self) -> BackOff:
+        return BackOff(
+            self,
+            drive=self.drive,
+            pose=lambda: Pose2(x_m=self.x_m, y_m=0.0, yaw_rad=0.0),
+            change_mission=self.change_mission,
+            wait=self.wait,
+        )
+
+
+def backed_off(robot: Robot) -> Robot:
+    manoeuvre = robot.back_off()
+    manoeuvre.start()
+    assert manoeuvre._thread is not None
+    manoeuvre._thread.join(30.0)
+    return robot
+
+
+def test_the_robot_backs_off_half_a_metre_and_the_mission_goes_on() -> None:
+    robot = backed_off(Robot())
+    assert -robot.x_m == pytest.approx(DISTANCE_M, abs=0.021)
+    assert robot.sent[0] == BACK and robot.sent[-1] is None
+    assert robot.intent.mission.phase is Phase.DRIVING
+    assert backed_off(Robot(phase=Phase.PAUSED)).intent.mission.phase is Phase.PAUSED
+
+
+def test_a_robot_that_cannot_move_ends_it_after_some_seconds() -> None:
+    robot = backed_off(Robot(moves=False))
+    assert robot.steps == MAX_STEPS and robot.intent.by_hand is None
+
+
+def test_a_stop_and_the_hand_of_an_operator_end_it() -> None:
+    stopped = Robot()
+    stopped.at_step[3] = lambda: setattr(
+        stopped, "intent", dataclasses.replace(stopped.intent, stopped_by="key", by_hand=None)
+    )
+    assert backed_off(stopped).steps == 3
+    assert stopped.intent.mission.phase is Phase.PAUSED
+    driven = Robot()
+    driven.at_step[3] = lambda: driven.drive(Twist(v_mps=0.1, w_radps=0.0))
+    assert backed_off(driven).steps == 3
+    assert driven.sent[-1] == Twist(v_mps=0.1, w_radps=0.0), "the operator's command stays"
+
+
+def test_it_is_refused_while_it_goes_on_and_while_the_stop_is_latched() -> None:
+    robot = Robot()
+    robot.going_on.clear()
+    manoeuvre = robot.back_off()
+    manoeuvre.start()
+    with pytest.raises(Refused, match="already"):
+        manoeuvre.start()
+    robot.going_on.set()
+    manoeuvre.stop()
+    latched = Robot()
+    latched.intent = dataclasses.replace(latched.intent, stopped_by="key")
+    with pytest.raises(Refused, match="latched"):
+        latched.back_off().start()

@@ -1,0 +1,61 @@
+"""The global planner goes round what was not seen only where unseen floor has a price."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navcore.config.mapping import MappingConfig
+from navcore.config.navigator import NavigatorConfig
+from navcore.config.planning import PlanningConfig
+from navcore.costmap.costmap import Costmap
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
+from navcore.grid.bitplane import pack
+from navcore.grid.free_space import FreeSpace
+from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.visibility import VisibilityMap
+from navcore.mission.beware_list import BewareList
+from navcore.planning.global_planner import GlobalPlanner
+from navcore.planning.path import Path
+from navcore.robot.profile import HUSKY
+from navcore.toml_config import from_table
+
+SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.1)
+POSE, GOAL = Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0), (5.0, 0.0)
+
+
+def metres_unseen(price: float) -> float:
+    """Metres of the live and of the previewed path over a band that was not seen; both agree."""
+    nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    seen = ~nothing
+    seen[20:, 50:70] = False
+    explored = VisibilityMap(SPEC, MappingConfig().raycast, PoseIds(0.5, 20.0))
+    pack(seen, explored.measured)
+    config = NavigatorConfig(planning=PlanningConfig(unknown_price=price))
+    planner = GlobalPlanner(FreeSpace.of(nothing), explored, HUSKY, config)
+    grid = OccupancyGrid(spec=SPEC, geometric=nothing, beware={}, zones=nothing)
+    costmap = Costmap.of(grid, nothing, version=1)
+    routes = (
+        planner.plan(costmap, POSE, GOAL, BewareList(classes=())),
+        planner.preview(costmap, POSE, GOAL),
+    )
+    found = []
+    for route in routes:
+        assert isinstance(route.outcome, Path)
+        cells = route.outcome.cells
+        found.append(float((~seen[cells[:, 0], cells[:, 1]]).sum()) * SPEC.resolution_m)
+    assert found[0] == found[1]
+    return found[0]
+
+
+def test_unseen_floor_is_free_by_default_and_avoided_at_a_price() -> None:
+    assert NavigatorConfig().planning.unknown_price == 1.0
+    assert metres_unseen(1.0) == pytest.approx(2.0, abs=0.2)
+    assert metres_unseen(5.0) == 0.0
+
+
+def test_a_price_below_one_is_refused() -> None:
+    with pytest.raises(BadConfiguration, match="unknown_price"):
+        from_table(NavigatorConfig, {"planning": {"unknown_price": 0.5}}, "test")

@@ -1,0 +1,129 @@
+"""The sites over HTTP: made, chosen, renamed, copied, exported, imported, deleted."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.web.fake_operations import FakeOperations
+from web.gateway.request_body import MAX_BODY_BYTES
+
+YAML = (
+    "image: map.pgm\nresolution: 0.1\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
+    "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+)
+PICTURE = base64.b64encode(b"P5 20 20 255\n" + bytes([254] * 400)).decode()
+
+
+def names(client: httpx.Client) -> list[str]:
+    return [site["name"] for site in client.get("/api/v1/sites").json()["sites"]]
+
+
+def test_a_site_is_made_chosen_renamed_copied_and_deleted(client: httpx.Client) -> None:
+    assert client.post("/api/v1/sites", json={"name": "Ward 3"}).status_code == 201
+    assert names(client) == ["Ward 3", "default"]
+    assert client.post("/api/v1/sites/Ward%203/choose").is_success
+    assert client.get("/api/v1/state").json()["site"] == "Ward 3"
+    answer = client.patch("/api/v1/sites/Ward%203", json={"name": "Ward 4"})
+    assert answer.json()["name"] == "Ward 4"
+    assert client.get("/api/v1/sites").json()["chosen"] == "Ward 4"
+    assert client.post("/api/v1/sites/Ward%204/copy", json={"name": "Ward 5"}).status_code == 201
+    assert client.delete("/api/v1/sites/Ward%205").status_code == 204
+    assert client.delete("/api/v1/sites/Ward%205").status_code == 404
+    refused = client.delete("/api/v1/sites/Ward%204")
+    assert refused.status_code == 409 and "choose another" in refused.text
+    assert names(client) == ["Ward 4", "default"]
+
+
+def test_the_site_stays_while_a_mission_drives(client: httpx.Client) -> None:
+    client.post("/api/v1/sites", json={"name": "hall"})
+    client.post("/api/v1/goals", json={"x_m": -4.0, "y_m": 3.0})
+    client.post("/api/v1/mission/start")
+    refused = client.post("/api/v1/sites/hall/choose")
+    assert refused.status_code == 409 and "pause or cancel" in refused.text
+    assert client.get("/api/v1/state").json()["site"] == "default"
+    client.post("/api/v1/mission/pause")
+    assert client.post("/api/v1/sites/hall/choose").is_success
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", " a", "a ", "../up", "a/b", "a\\b", ".hidden", "a\x00b", "a\n", "é", "x" * 41, "CON:", 7],
+)
+def test_a_name_that_is_no_plain_file_name_is_refused(client: httpx.Client, name: Any) -> None:
+    assert client.post("/api/v1/sites", json={"name": name}).status_code == 422
+    assert client.patch("/api/v1/sites/default", json={"name": name}).status_code == 422
+    assert client.post("/api/v1/sites/default/copy", json={"name": name}).status_code == 422
+    assert names(client) == ["default"]
+
+
+def test_dock_and_tags_are_set_one_by_one_and_removed_by_null(client: httpx.Client) -> None:
+    dock = {"x_m": 1.0, "y_m": -2.0, "yaw_rad": 0.5}
+    tag = {"id": 7, "x_m": 3.0, "y_m": 1.0, "z_m": 0.4, "yaw_rad": math.pi, "size_m": 0.16}
+    assert client.patch("/api/v1/sites/default", json={"dock": dock}).json()["dock"] == dock
+    site = client.patch("/api/v1/sites/default", json={"tags": [tag]}).json()
+    assert (site["dock"], site["tags"]) == (dock, [tag])
+    site = client.patch("/api/v1/sites/default", json={"dock": None}).json()
+    assert (site["dock"], site["tags"]) == (None, [tag])
+    for bad in ({"tags": [{**tag, "size_m": 0.0}]}, {"dock": {"x_m": 1.0}}, {"colour": "red"}):
+        assert client.patch("/api/v1/sites/default", json=bad).status_code == 422
+
+
+def test_an_archive_larger_than_other_bodies_is_taken(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    archive = bytes(MAX_BODY_BYTES + 1)
+    assert client.post("/api/v1/sites/import?name=big", content=archive).status_code == 201
+    assert operations.sites.archives == [archive]
+    elsewhere = client.post("/api/v1/sites/default/copy", content=archive)
+    assert elsewhere.status_code == 413
+    assert client.post("/api/v1/sites/import?name=..", content=b"-").status_code == 422
+
+
+def test_a_site_and_its_nav2_map_are_files_to_download(client: httpx.Client) -> None:
+    for kind in ("export", "nav2"):
+        answer = client.get(f"/api/v1/sites/default/{kind}")
+        assert answer.headers["content-type"] == "application/zip"
+        assert "default" in answer.headers["content-disposition"] and b"default" in answer.content
+        assert client.get(f"/api/v1/sites/elsewhere/{kind}").status_code == 404
+
+
+def test_a_nav2_map_is_placed_by_two_points(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    body = {
+        "name": "hall",
+        "yaml": YAML,
+        "picture": PICTURE,
+        "alignment": {"on_map": [[0, 0], [4, 0]], "on_site": [[1.0, 1.0], [1.0, 5.0]]},
+    }
+    assert client.post("/api/v1/sites/import-nav2", json=body).status_code == 201
+    placed = operations.sites.placed
+    assert placed is not None
+    assert (placed.x_m, placed.y_m, placed.yaw_rad) == pytest.approx((1.0, 1.0, math.pi / 2))
+    body["alignment"] = {"on_map": [[0, 0], [4, 0]], "on_site": [[1.0, 1.0], [1.0, 9.0]]}
+    refused = client.post("/api/v1/sites/import-nav2", json={**body, "name": "other"})
+    assert refused.status_code == 422 and "+100 %" in refused.text
+    for bad in ({"picture": "%"}, {"yaml": "{"}, {"picture": base64.b64encode(b"P5").decode()}):
+        refused = client.post(
+            "/api/v1/sites/import-nav2", json={**body, "alignment": None, "name": "bad", **bad}
+        )
+        assert refused.status_code == 422
+    assert names(client) == ["default", "hall"]
+
+
+def test_changes_are_accepted_area_by_area_as_they_were_listed(client: httpx.Client) -> None:
+    first = client.get("/api/v1/map/changes").json()
+    assert (first["accepted"], first["areas"]) == (False, [])
+    listed = client.post("/api/v1/map/changes/accept", json={}).json()
+    assert [area["kind"] for area in listed["areas"]] == ["appeared", "gone"]
+    assert listed["areas"][0]["outline"] == [[-4.0, 3.0], [-3.0, 3.0], [-3.0, 4.0]]
+    body = {"listing": listed["listing"], "areas": [1]}
+    rest = client.post("/api/v1/map/changes/accept", json=body).json()
+    assert [area["id"] for area in rest["areas"]] == [0]
+    outdated = client.post("/api/v1/map/changes/accept", json=body)
+    assert outdated.status_code == 409 and outdated.json()["error"]["code"] == "outdated"

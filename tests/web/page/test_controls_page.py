@@ -1,0 +1,169 @@
+"""Keys, buttons, saved lists, camera image, plots and the page of the interface in a browser."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, middle_of
+from web.server import ConsoleServer
+
+TICKS = """async ([low, high]) => {
+  const { ticksOf } = await import("/page/insight/ticks.js");
+  return ticksOf(low, high);
+}"""
+
+
+def test_letters_typed_on_a_focused_button_are_no_shortcuts(
+    page: Page, operations: FakeOperations
+) -> None:
+    theme = page.evaluate("document.documentElement.dataset.theme")
+    page.get_by_test_id("missions").click()
+    page.get_by_test_id("missions-save").focus()
+    page.keyboard.type("Roundm1")
+    assert page.evaluate("document.documentElement.dataset.theme") == theme
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    expect(page.get_by_test_id("view-map")).to_have_attribute("aria-selected", "true")
+    page.keyboard.press("Escape")
+    # After a click on a tool the keys belong to the map again.
+    page.get_by_test_id("mode-goal").click()
+    page.keyboard.press("o")
+    expect(page.get_by_test_id("zone-tool")).to_have_value("circle")
+    assert operations.stops == []
+
+
+def test_a_saved_mission_is_replaced_only_after_a_question(
+    page: Page, operations: FakeOperations
+) -> None:
+    operations.goals.add(3.0, 0.0)
+    operations.goals.add(5.0, -3.0)
+    operations.goals.save("round")
+    operations.goals.add(-5.0, -3.0)
+    page.get_by_test_id("missions").click()
+    expect(page.get_by_test_id("missions-entry")).to_contain_text("2 goals")
+    page.get_by_test_id("missions-name").fill("round")
+    page.get_by_test_id("missions-save").click()
+    replace = page.get_by_test_id("toast-action").filter(has_text="Replace")
+    expect(replace).to_be_visible()
+    assert len(operations.goals.missions()["round"].goals) == 2
+    replace.click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("“round” is saved")
+    assert len(operations.goals.missions()["round"].goals) == 3
+
+
+def test_a_zone_cannot_be_finished_before_it_is_one(page: Page) -> None:
+    await_map(page)
+    page.keyboard.press("o")
+    finish, note = page.get_by_test_id("zone-finish"), page.get_by_test_id("draft-note")
+    expect(finish).to_be_disabled()
+    expect(note).to_contain_text("2 more points needed")
+    page.keyboard.press("Enter")
+    expect(note).to_contain_text("not complete")
+    click_map(page, 3.0, 3.0)
+    expect(finish).to_be_disabled()
+    click_map(page, 3.5, 3.0)
+    expect(finish).to_be_enabled()
+
+
+def test_a_button_that_would_be_refused_is_off_and_says_why(
+    page: Page, operations: FakeOperations
+) -> None:
+    start, reset = page.get_by_test_id("start"), page.get_by_test_id("reset")
+    expect(start).to_have_attribute("title", "Add a goal first")
+    operations.goals.add(3.0, 0.0)
+    expect(start).to_be_enabled()
+    expect(reset).to_have_attribute("title", "No stop is latched")
+    page.get_by_test_id("stop").click()
+    expect(start).to_be_disabled()
+    expect(start).to_have_attribute("title", re.compile("reset it first"))
+
+
+def test_a_heading_beyond_a_full_turn_is_refused(page: Page, operations: FakeOperations) -> None:
+    page.get_by_test_id("goal-input").fill("3, 0, 400")
+    page.get_by_test_id("goal-add").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("400°")
+    assert operations.state().queue == ()
+
+
+def test_camera_image_and_map_change_places_and_the_page_names_what_is_seen(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.step()
+    name = page.get_by_test_id("camera-label")
+    expect(name).to_have_text("red floor 90 %")
+    small = page.get_by_test_id("camera").bounding_box()
+    page.get_by_test_id("map-canvas").focus()
+    page.keyboard.press("c")
+    large = page.get_by_test_id("camera").bounding_box()
+    assert small is not None and large is not None and large["width"] > 1.8 * small["width"]
+    assert large["width"] / large["height"] == pytest.approx(320 / 180, rel=0.02)
+    assert page.get_by_test_id("map-canvas").evaluate(IS_TOPMOST)
+    expect(name).to_be_in_viewport(ratio=1.0)
+    # A click on the object drafts a zone, as in the small image.
+    page.mouse.click(
+        large["x"] + large["width"] * 170 / 320, large["y"] + large["height"] * 130 / 180
+    )
+    expect(page.get_by_test_id("zone-name")).to_have_value("Red floor")
+    page.get_by_test_id("zone-cancel").click()
+    page.mouse.click(*middle_of(page.get_by_test_id("swap")))
+    back = page.get_by_test_id("camera").bounding_box()
+    assert back is not None and back["width"] == small["width"]
+
+
+def test_driving_by_hand_shows_the_camera_image_large(page: Page) -> None:
+    await_map(page)
+    page.get_by_test_id("teleop-open").click()
+    expect(page.locator("body")).to_have_class(re.compile("camera-large"))
+    page.get_by_test_id("teleop-open").click()
+    expect(page.locator("body")).not_to_have_class(re.compile("camera-large"))
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.2, 1.0), (0.0, 0.5), (0.0, 86.9), (-3.0, 1234.5)])
+def test_ticks_are_round_and_cover_the_values(page: Page, low: float, high: float) -> None:
+    ticks = page.evaluate(TICKS, [low, high])
+    step = ticks[1] - ticks[0]
+    assert 2 <= len(ticks) <= 7 and ticks[0] <= low and ticks[-1] >= high
+    assert f"{step:.0e}"[0] in "125"
+
+
+def test_the_pointer_shows_the_values_of_all_plots_at_one_time(page: Page) -> None:
+    page.get_by_test_id("tab-plots").click()
+    speed, distance = (page.get_by_test_id(f"chart-{name}") for name in ("speed_mps", "distance_m"))
+    expect(speed.locator("path")).to_have_count(1)
+    box = speed.locator("svg").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40)
+    for chart in (speed, distance):
+        expect(chart.locator("b")).to_have_text(re.compile(r"^[\d.]+ at \d\d:\d\d:\d\d$"))
+
+
+def test_the_page_of_the_interface_copies_and_tries_calls(
+    page: Page, server: ConsoleServer
+) -> None:
+    page.goto(f"{server.url}/docs")
+    path = "/api/v1/state"
+    entry = page.locator(
+        "details", has=page.locator("summary > code", has_text=re.compile(f"^{path}$"))
+    )
+    entry.locator("summary").click()
+    expect(entry.locator(".command pre")).to_contain_text(f"{server.url}/api/v1/state")
+    entry.get_by_test_id("docs-try").click()
+    expect(entry.locator(".answer")).to_contain_text('"stop_latched"')
+    columns = page.evaluate(
+        """() => [...new Set([...document.querySelectorAll("summary span")]
+          .map((node) => Math.round(node.getBoundingClientRect().left)))]"""
+    )
+    assert len(columns) == 1
+    expect(page.locator("summary span, details > p").filter(has_text="`")).to_have_count(0)
+
+
+def test_the_console_can_be_installed_as_an_application(page: Page, server: ConsoleServer) -> None:
+    address = page.locator("link[rel=manifest]").get_attribute("href")
+    manifest = page.request.get(f"{server.url}{address}")
+    assert manifest.headers["content-type"] == "application/manifest+json"
+    icon = page.request.get(server.url + manifest.json()["icons"][0]["src"])
+    assert icon.ok and icon.headers["content-type"] == "image/svg+xml"

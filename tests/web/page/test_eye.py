@@ -1,0 +1,159 @@
+"""What an eye and a hand need of the page: names, contrast, size of text and of targets, in every
+main state, both themes and three sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from navcore.mission.zone import ZoneKind
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, on_page
+from web.interface.drafts import ZoneDraft
+from web.server import ConsoleServer
+
+AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
+SIZES = {"desktop": (1440, 900), "tablet": (1024, 768), "phone": (390, 844)}
+SERIOUS = ("serious", "critical")
+LEAST_FONT_PX = 12
+LEAST_TARGET_PX = 44
+FINDINGS = """async () => {
+  const { violations } = await axe.run(document, {
+    iframes: false, runOnly: ["wcag2a", "wcag2aa", "best-practice"],
+  });
+  return violations.map(({ id, impact, nodes }) => [id, impact,
+    nodes.slice(0, 3).map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`)]);
+}"""
+SMALL_TEXT = f"""() => [...document.querySelectorAll("body *")]
+  .filter((node) => node.checkVisibility() && [...node.childNodes].some((child) =>
+    child.nodeType === 3 && child.textContent.trim()))
+  .filter((node) => parseFloat(getComputedStyle(node).fontSize) < {LEAST_FONT_PX}
+    && !node.closest("svg"))
+  .map((node) => `${{node.tagName}} ${{node.textContent.trim().slice(0, 40)}}`)"""
+"""JavaScript: visible texts below the least size."""
+SMALL_TARGETS = f"""() => [...document.querySelectorAll("button, select, a[href], summary, input")]
+  .filter((node) => node.checkVisibility({{ visibilityProperty: true }}) && node.type !== "file")
+  .map((node) => [node, (node.type === "checkbox" ? node.closest("label, li") : node)
+    .getBoundingClientRect()])
+  .filter(([node, box]) => box.width && (box.height < {LEAST_TARGET_PX} - 0.5
+    || (box.width < {LEAST_TARGET_PX} - 0.5 && node.type !== "range")))
+  .map(([node, box]) => `${{node.tagName}} ${{node.id || node.dataset.testid || node.textContent}} `
+    + `${{Math.round(box.width)}} × ${{Math.round(box.height)}}`)"""
+"""JavaScript: controls that are too small for a finger; a tick box counts with its label."""
+
+
+def furnish(operations: FakeOperations) -> None:
+    """Give the robot goals and zones with long names."""
+    operations.goals.add(6.0, 0.5, name="Nurse station on the second floor")
+    operations.goals.add(-4.0, -3.0)
+    square = ((-4.0, 2.0), (-2.6, 2.0), (-2.6, 3.2), (-4.0, 3.2))
+    operations.zones.add(ZoneDraft(name="Wet floor by the kitchen", polygon=square))
+    operations.zones.add(
+        ZoneDraft(
+            name="Slow",
+            polygon=tuple((x + 1.0, y) for x, y in square),
+            kind=ZoneKind.SPEED_LIMIT,
+            max_speed_mps=0.3,
+        )
+    )
+
+
+def draw(page: Page) -> None:
+    """Draw a zone."""
+    page.get_by_test_id("mode-draw").click()
+    for corner in ((0.0, 3.0), (1.0, 3.0), (1.0, 4.0)):
+        click_map(page, *corner)
+
+
+def open_tab(page: Page, name: str) -> None:
+    """Select a tab of a narrow page; on a larger one all parts are shown."""
+    tab = page.get_by_test_id(f"page-tab-{name}")
+    if tab.is_visible():
+        tab.click()
+
+
+STATES: dict[str, Callable[[Page], None]] = {
+    "map": lambda page: None,
+    "stopped": lambda page: page.get_by_test_id("stop").click(),
+    "goals": lambda page: open_tab(page, "goals"),
+    "zones": lambda page: open_tab(page, "zones"),
+    "camera": lambda page: open_tab(page, "camera"),
+    "classes": lambda page: open_tab(page, "more"),
+    "draft": draw,
+    "log": lambda page: page.get_by_test_id("tab-log").click(),
+    "plots": lambda page: page.get_by_test_id("tab-plots").click(),
+    "detections": lambda page: page.get_by_test_id("tab-seen").click(),
+    "keys": lambda page: page.get_by_test_id("help-button").click(),
+    "menu": lambda page: page.mouse.click(*on_page(page, -2.0, -3.0), button="right"),
+}
+"""The main states of the page, by what leads to them."""
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("size", SIZES)
+def test_every_main_state_can_be_read_named_and_hit(
+    size: str,
+    theme: Any,
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    operations: FakeOperations,
+    tmp_path: Path,
+) -> None:
+    furnish(operations)
+    width, height = SIZES[size]
+    is_touch = size != "desktop"
+    context = new_context(
+        viewport={"width": width, "height": height},
+        color_scheme=theme,
+        has_touch=is_touch,
+        is_mobile=is_touch,
+    )
+    found: dict[str, object] = {}
+    for name, reach in STATES.items():
+        page = context.new_page()
+        page.goto(f"{server.url}/#map")
+        await_map(page)
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        reach(page)
+        page.wait_for_timeout(300)
+        page.screenshot(path=tmp_path / f"{name}.png")
+        page.evaluate(AXE)
+        serious = [one for one in page.evaluate(FINDINGS) if one[1] in SERIOUS]
+        small = page.evaluate(SMALL_TEXT)
+        targets = page.evaluate(SMALL_TARGETS) if is_touch else []
+        wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
+        assert page.get_by_test_id("stop").evaluate(IS_TOPMOST), name
+        if serious or small or targets or wide:
+            found[name] = [serious, small, targets, wide]
+        page.close()
+        operations.reset_stop()
+    assert found == {}, "\n".join(f"{name}: {what}" for name, what in found.items())
+
+
+def test_the_pages_of_runs_and_of_the_interface_have_no_serious_finding(
+    page: Page, server: ConsoleServer
+) -> None:
+    for path in ("/runs", "/docs"):
+        page.goto(server.url + path)
+        page.wait_for_timeout(800)
+        page.evaluate(AXE)
+        assert [one for one in page.evaluate(FINDINGS) if one[1] in SERIOUS] == [], path
+
+
+def test_the_check_finds_a_control_without_a_name_and_pale_text(page: Page) -> None:
+    page.evaluate(
+        """() => document.querySelector("main").insertAdjacentHTML("beforeend",
+          "<button id=nameless></button><p id=pale>pale text</p>")"""
+    )
+    page.evaluate(
+        """() => { const { style } = document.getElementById("pale");
+          style.color = "#333"; style.background = "#222"; style.fontSize = "9px"; }"""
+    )
+    page.evaluate(AXE)
+    names = {one[0] for one in page.evaluate(FINDINGS)}
+    assert {"button-name", "color-contrast"} <= names
+    assert any("pale" in text for text in page.evaluate(SMALL_TEXT))

@@ -1,0 +1,136 @@
+"""The panel of the sites in a real Chromium: everything that the API can do with them, by hand."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.web.api.test_sites import YAML
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import await_map, on_page
+from tests.web.page.test_overlays import press
+
+UNNAMED = """() => [...document.querySelectorAll('#sites :is(button, input, canvas)')]
+  .filter((node) => !(node.labels?.length || node.getAttribute('aria-label') || node.title ||
+    node.textContent.trim())).map((node) => node.outerHTML)"""
+"""JavaScript: the controls of the panel without a name for a screen reader."""
+
+
+@pytest.fixture
+def panel(page: Page) -> Locator:
+    """The opened panel."""
+    await_map(page)
+    press(page.get_by_test_id("sites-button"))
+    opened = page.get_by_test_id("sites")
+    expect(opened).to_be_visible()
+    return opened
+
+
+def row(panel: Locator, name: str) -> Locator:
+    return panel.locator(f"[data-testid=site][data-name='{name}']")
+
+
+def make_site(panel: Locator, name: str) -> None:
+    panel.get_by_test_id("site-name").fill(name)
+    press(panel.get_by_test_id("site-make"))
+    expect(row(panel, name)).to_be_visible()
+
+
+def test_sites_are_made_chosen_renamed_copied_and_deleted_by_hand(
+    panel: Locator, operations: FakeOperations
+) -> None:
+    page = panel.page
+    make_site(panel, "Ward 3")
+    press(row(panel, "Ward 3").get_by_test_id("site-choose"))
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site Ward 3 ▾")
+    expect(row(panel, "Ward 3")).to_contain_text("the robot is here")
+    expect(row(panel, "Ward 3").get_by_test_id("site-delete")).to_be_disabled()
+    press(row(panel, "Ward 3").get_by_test_id("site-rename"))
+    row(panel, "Ward 3").get_by_test_id("site-rename-name").fill("Ward 4")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site Ward 4 ▾")
+    press(row(panel, "Ward 4").get_by_test_id("site-copy"))
+    row(panel, "Ward 4").get_by_test_id("site-copy-name").fill("Ward 5")
+    page.keyboard.press("Enter")
+    expect(row(panel, "Ward 5")).to_be_visible()
+    press(row(panel, "Ward 5").get_by_test_id("site-delete"))
+    expect(row(panel, "Ward 5").get_by_test_id("site-delete")).to_have_text("Delete?")
+    press(row(panel, "Ward 5").get_by_test_id("site-delete"))
+    expect(row(panel, "Ward 5")).to_have_count(0)
+    assert [site.name for site in operations.sites.all()] == ["Ward 4", "default"]
+    assert page.evaluate(UNNAMED) == []
+    press(page.get_by_test_id("stop"))
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    page.keyboard.press("Escape")
+    expect(panel).to_be_hidden()
+    expect(page.get_by_test_id("sites-button")).to_be_focused()
+
+
+def test_a_refusal_is_shown_and_the_site_stays(panel: Locator, operations: FakeOperations) -> None:
+    page = panel.page
+    make_site(panel, "hall")
+    operations.goals.add(-4.0, 3.0)
+    operations.mission("start")
+    press(row(panel, "hall").get_by_test_id("site-choose"))
+    expect(page.get_by_test_id("toasts")).to_contain_text("pause or cancel it")
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site default ▾")
+
+
+def test_an_archive_is_exported_and_imported(
+    panel: Locator, operations: FakeOperations, tmp_path: Path
+) -> None:
+    with panel.page.expect_download() as download:
+        press(row(panel, "default").get_by_test_id("site-export"))
+    file = tmp_path / download.value.suggested_filename
+    download.value.save_as(file)
+    assert file.name == "default.site.zip"
+    panel.get_by_test_id("site-name").fill("Ward 7")
+    panel.get_by_test_id("site-import").set_input_files(file)
+    expect(row(panel, "Ward 7")).to_be_visible()
+    assert operations.sites.archives == [b"archive of default"]
+
+
+def test_changes_are_listed_drawn_and_accepted_one_by_one(panel: Locator) -> None:
+    page = panel.page
+    expect(page.get_by_test_id("changes-note")).to_contain_text("No map has been accepted yet")
+    press(page.get_by_test_id("changes-all"))
+    expect(page.get_by_test_id("change")).to_have_count(2)
+    expect(page.get_by_test_id("change").first).to_contain_text("new obstacle, 0.80 m²")
+    press(page.get_by_test_id("change-accept").first)
+    expect(page.get_by_test_id("change")).to_have_count(1)
+    expect(page.get_by_test_id("changes-note")).to_contain_text("1 area differs")
+
+
+def test_a_nav2_map_is_placed_by_two_clicks_in_each_frame(
+    panel: Locator, operations: FakeOperations, tmp_path: Path
+) -> None:
+    page = panel.page
+    (tmp_path / "map.yaml").write_text(YAML)
+    (tmp_path / "map.pgm").write_bytes(b"P5\n# made by a test\n20 20\n255\n" + bytes([254] * 400))
+    panel.get_by_test_id("site-name").fill("hall")
+    files = [tmp_path / "map.yaml", tmp_path / "map.pgm"]
+    panel.get_by_test_id("site-import-nav2").set_input_files(files)
+    image = panel.get_by_test_id("placing-image")
+    image.scroll_into_view_if_needed()
+    expect(image).to_be_visible()
+    box = image.bounding_box()
+    assert box is not None
+    # 20 pixels of 0.1 m from (-1, -1); the first row is the largest y.
+    for right, down in ((0.1, 0.75), (0.9, 0.75)):
+        image.click(position={"x": right * box["width"], "y": down * box["height"]})
+    expect(panel.get_by_test_id("placing-map-A")).to_have_value(
+        re.compile(r"^-0\.[78]\d*, -0\.[45]")
+    )
+    for name, (x, y) in {"A": (-4.0, 3.0), "B": (-4.0, 4.6)}.items():
+        press(panel.get_by_test_id(f"placing-pick-{name}"))
+        expect(panel).to_be_hidden()
+        page.mouse.click(*on_page(page, x, y))
+        expect(panel).to_be_visible()
+    expect(panel.get_by_test_id("placing-site-A")).to_have_value(re.compile(r"^-[34]\.\d+, [23]"))
+    press(panel.get_by_test_id("placing-make"))
+    expect(row(panel, "hall")).to_be_visible()
+    placed = operations.sites.placed
+    assert placed is not None and abs(placed.yaw_rad - 1.5708) < 0.1

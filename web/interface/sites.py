@@ -1,0 +1,172 @@
+"""Port of the console to the sites of a robot. `app` implements it.
+
+A site is a named place: map, zones and zone sets, missions, beware list, dock, tags. Refusals are
+those of `web.interface.operations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from pydantic import ConfigDict
+
+from navcore.geometry.transform import Pose2
+from navcore.mapping.changes import ChangeKind
+from navcore.toml_config import ranged
+from web.interface.wire import DOCUMENTED, WholePolyline
+
+SITE_NAME = r"^[A-Za-z0-9](?:[A-Za-z0-9 _-]{0,38}[A-Za-z0-9_-])?$"
+"""Names of sites, as a regular expression: they are names of folders, too."""
+MAX_ARCHIVE_BYTES = 64_000_000
+"""Largest site archive in bytes."""
+FAR_M = 1e6
+"""Largest coordinate in metres."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tag:
+    """Fiducial marker of a site."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    id: int = ranged(0, 1_000_000)
+    """Number of the marker in its family."""
+    x_m: float = ranged(-FAR_M, FAR_M)
+    """x of its centre in metres of the map frame."""
+    y_m: float = ranged(-FAR_M, FAR_M)
+    """y of its centre in metres of the map frame."""
+    z_m: float = ranged(-1000.0, 1000.0)
+    """Height of its centre above the floor in metres."""
+    yaw_rad: float = ranged(-100.0, 100.0)
+    """Direction that its face looks in, radians of the map frame."""
+    size_m: float = ranged(0.01, 10.0)
+    """Side of the black square in metres."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """One site in the list."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    name: str
+    """Name of the site."""
+    chosen: bool
+    """Whether the robot is at this site now."""
+    world: str | None
+    """World in which the site was first used; null before."""
+    zones: int
+    """Number of zones."""
+    missions: int
+    """Number of saved missions."""
+    map_bytes: int
+    """Size of the kept map in bytes; 0 without one."""
+    map_unix_s: float | None
+    """Time at which the map was last written, seconds since 1970; null without a map."""
+    accepted: bool
+    """Whether an accepted map is there, with which the present one is compared."""
+    dock: Pose2 | None
+    """Pose of the robot in its dock, map frame; null without a dock."""
+    tags: tuple[Tag, ...]
+    """Fiducial markers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AreaOut:
+    """Area in which the map differs from the accepted one."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    id: int
+    """Number of the area in this listing."""
+    kind: ChangeKind
+    """What has changed: occupied cells `appeared`, or are `gone`."""
+    area_m2: float
+    """Area of the changed cells in square metres."""
+    outline: WholePolyline
+    """Convex outline around the cells, (x, y) in metres of the map frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapChanges:
+    """Listing of the changes of the map of the chosen site."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    listing: int
+    """Number of the listing, for accepting areas of it."""
+    accepted: bool
+    """Whether there is an accepted map; without one nothing is compared."""
+    areas: tuple[AreaOut, ...]
+    """Changed areas, largest first."""
+    left_out: int
+    """Number of further areas, smaller than those."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nav2Files:
+    """Contents of the two files of a Nav2 map."""
+
+    yaml: bytes
+    """YAML file."""
+    image: bytes
+    """PGM or PNG file."""
+
+
+PointPair = tuple[tuple[float, float], tuple[float, float]]
+"""Two points (x, y) in metres."""
+
+
+class Sites(Protocol):
+    """Sites of the data folder. Unlike the other ports, its methods read and write files."""
+
+    @property
+    def chosen(self) -> str:
+        """Name of the site in use."""
+
+    def all(self) -> tuple[Site, ...]:
+        """Return all sites by name."""
+
+    def make(self, name: str) -> Site:
+        """Make an empty site."""
+
+    def choose(self, name: str) -> Site:
+        """Use another site: its map, zones, sets, missions and beware list. Refused unless the
+        robot stands and no mission drives."""
+
+    def rename(self, name: str, new_name: str) -> Site:
+        """Rename a site."""
+
+    def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
+        """Set the dock and the tags of a site."""
+
+    def copy(self, name: str, new_name: str) -> Site:
+        """Copy a site with everything in it."""
+
+    def delete(self, name: str) -> None:
+        """Delete a site; refused for the one in use."""
+
+    def export(self, name: str) -> bytes:
+        """Return a site as a zip archive."""
+
+    def add(self, name: str, archive: bytes) -> Site:
+        """Make a site of an archive."""
+
+    def export_nav2(self, name: str) -> bytes:
+        """Return the map as a zip of Nav2 files: the map without the zones, and the keep-out mask
+        beside it."""
+
+    def add_nav2(
+        self, name: str, files: Nav2Files, *, pairs: tuple[PointPair, PointPair] | None
+    ) -> Site:
+        """Make a site of a Nav2 map. `pairs`: two points of the map's frame, and the same two in
+        the frame of the site; None if the frames are the same."""
+
+    def changes(self) -> MapChanges:
+        """Compare the map of the site in use with the accepted one."""
+
+    def accept(self, listing: int | None, area_ids: Collection[int]) -> MapChanges:
+        """Take areas of a listing over into the accepted map; with None for the listing the whole
+        present map. Raises `Outdated` for a listing that is no longer held."""

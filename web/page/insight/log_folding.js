@@ -1,0 +1,53 @@
+// Entries of the event log that say the same again, and how much each matters.
+
+const FOLDED_WITHIN_S = 30;
+const FOLDED_OVER_ROWS = 6;
+// Levels of the log, the least first.
+export const LEVELS = ["detail", "notice", "alert"];
+const LEVEL_OF_KIND = {
+  stopped: "alert",
+  goal: "notice",
+  mission: "notice",
+  zone: "notice",
+  beware: "notice",
+};
+// A robot that is held for want of images or commands is reported in the status line.
+const LATE = /\b(image|picture|frame|command)\b.* s old/i;
+const NUMBERS = /\d+(?:[.,]\d+)?/g;
+
+export function levelOf({ kind, text }) {
+  if (LATE.test(text)) return "detail";
+  return LEVEL_OF_KIND[kind] ?? "detail";
+}
+
+// Entries of one start with the same kind and the same words, whatever the figures, are alike.
+export const keyOf = ({ kind, text, start }) => `${start} ${kind} ${text.replace(NUMBERS, "#")}`;
+
+// The row among the nearest ones that already says what the entry says, or undefined. `rows` are
+// items with `folded`: { key, first, last, count }, times in seconds, nearest first.
+export function rowFor(entry, rows) {
+  const key = keyOf(entry);
+  return rows.slice(0, FOLDED_OVER_ROWS).find(({ folded }) => {
+    const gap = Math.max(folded.first - entry.unix_s, entry.unix_s - folded.last, 0);
+    return folded.key === key && gap <= FOLDED_WITHIN_S;
+  });
+}
+
+export const newFold = (entry) => ({
+  key: keyOf(entry),
+  first: entry.unix_s,
+  last: entry.unix_s,
+  count: 1,
+});
+
+export function fold(folded, entry) {
+  folded.count += 1;
+  folded.first = Math.min(folded.first, entry.unix_s);
+  folded.last = Math.max(folded.last, entry.unix_s);
+}
+
+export function countText({ count, first, last }) {
+  if (count === 1) return "";
+  const seconds = last - first;
+  return `× ${count} in ${seconds < 90 ? `${Math.max(seconds, 1).toFixed(0)} s` : `${(seconds / 60).toFixed(0)} min`}`;
+}

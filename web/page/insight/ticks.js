@@ -1,0 +1,24 @@
+// Round numbers and times for the axes of charts.
+
+const MAX_STEPS = 4;
+
+// Ticks that cover [low, high]: multiples of 1, 2 or 5 times a power of ten.
+export function ticksOf(low, high) {
+  const power = 10 ** Math.floor(Math.log10((high - low) / MAX_STEPS));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => (high - low) / one <= MAX_STEPS);
+  const first = Math.floor(low / step + 1e-9);
+  const last = Math.ceil(high / step - 1e-9);
+  return Array.from({ length: last - first + 1 }, (_, i) => (first + i) * step);
+}
+
+export const tickText = (value) =>
+  Math.abs(value) >= 1000
+    ? `${Number((value / 1000).toPrecision(3))}k`
+    : String(Number(value.toPrecision(3)));
+
+export const clockText = (unixS) =>
+  new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
+
+export function durationText(seconds) {
+  return seconds < 120 ? `${seconds.toFixed(0)} s` : `${(seconds / 60).toFixed(1)} min`;
+}

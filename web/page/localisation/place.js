@@ -1,0 +1,59 @@
+// The robot's place: what it knows of it, and a place that the operator proposes.
+
+import { post } from "../core/api.js";
+import { element, make, set, setText } from "../core/dom.js";
+import { attempt, notify } from "../core/toasts.js";
+
+const UNKNOWN = new Set(["ambiguous", "lost"]);
+// The place that is proposed: the pose that was asked for and the answer of the console.
+export const proposal = { asked: null, checked: null };
+const listeners = [];
+
+export const onProposal = (listener) => listeners.push(listener);
+
+export function showPlace({ place, phase, stop_latched: isStopped }) {
+  const isUnknown = UNKNOWN.has(place.state);
+  set(element("place-unknown"), { hidden: !isUnknown });
+  if (!isUnknown) return;
+  setText(element("place-text"), `◎ ${place.text}`);
+  const isDriving = phase === "driving" || phase === "leaving";
+  set(element("place-search"), { disabled: place.searching || isDriving || isStopped });
+  setText(element("place-search"), place.searching ? "Looking round …" : "Look round");
+}
+
+// Ask how well the camera's view fits at a pose, and offer to take it.
+export async function propose(pose) {
+  await attempt(async () => show(pose, await post("/pose?check=true", pose)));
+}
+
+function show(asked, checked) {
+  Object.assign(proposal, { asked, checked });
+  const panel = element("place-proposal");
+  set(panel, { hidden: !checked });
+  if (checked) {
+    const [text, id] = checked.fits ? ["Accept", "place-accept"] : ["Accept anyway", "place-force"];
+    panel.replaceChildren(
+      make("p", { "data-testid": "place-fit" }, checked.text),
+      make("button", { "data-testid": id, onclick: () => accept(!checked.fits) }, text),
+      make("button", { "data-testid": "place-cancel", onclick: () => show(null, null) }, "Cancel"),
+    );
+    panel.querySelector("button").focus();
+  }
+  for (const listener of listeners) listener();
+}
+
+async function accept(isForced) {
+  const { asked } = proposal;
+  await attempt(async () => {
+    await post(`/pose${isForced ? "?force=true" : ""}`, asked);
+    notify("The robot takes this to be its place.", { good: true });
+    show(null, null);
+  });
+}
+
+element("place-search").onclick = () => attempt(() => post("/localisation/search"));
+element("place-proposal").addEventListener("keydown", (event) => {
+  if (event.key !== "Escape") return;
+  event.stopPropagation();
+  show(null, null);
+});

@@ -1,0 +1,45 @@
+// Tools that take one point of the map: measuring a distance, and telling the robot where it is.
+
+import { distance, rounded } from "../core/geometry.js";
+import { propose } from "../localisation/place.js";
+import { notify } from "../core/toasts.js";
+import { draft, onDraft, setMode } from "../zones/draft.js";
+import { sketch } from "./world.js";
+
+const MIN_ARROW_M = 0.15;
+
+export function startMeasuring(from) {
+  setMode("measure");
+  sketch.measure = { from, to: from };
+}
+
+// The robot is at `at`; where the pointer goes next gives its heading.
+export function startPlacing(at) {
+  setMode("place");
+  sketch.robot = { at, yaw: 0 };
+}
+
+export function pointTo(at) {
+  if (sketch.measure) sketch.measure.to = at;
+  if (sketch.robot && distance(sketch.robot.at, at) > MIN_ARROW_M)
+    sketch.robot.yaw = Math.atan2(at[1] - sketch.robot.at[1], at[0] - sketch.robot.at[0]);
+}
+
+// The pointer was pressed and released at `at`.
+export function finishAt(at) {
+  pointTo(at);
+  const { measure, robot } = sketch;
+  if (measure && distance(measure.from, measure.to) > MIN_ARROW_M) {
+    notify(`${distance(measure.from, measure.to).toFixed(2)} m`, { good: true });
+    setMode("navigate");
+  }
+  if (!robot || distance(robot.at, at) <= MIN_ARROW_M) return;
+  setMode("navigate");
+  const [x, y] = robot.at;
+  propose({ x_m: rounded(x), y_m: rounded(y), yaw_rad: robot.yaw });
+}
+
+onDraft(() => {
+  if (draft.mode !== "measure") sketch.measure = null;
+  if (draft.mode !== "place") sketch.robot = null;
+});

@@ -1,0 +1,47 @@
+// The buttons of the mission and of the stop, each off where it would be refused, with the reason.
+
+import { post } from "../core/api.js";
+import { element, set } from "../core/dom.js";
+import { attempt } from "../core/toasts.js";
+
+const TITLES = { leave: "Drive out of the zone by the shortest path" };
+
+// Reason why an action is not possible now, or "" where it is.
+function refusalsOf(state) {
+  const { phase, queue, stop_latched: isStopped } = state;
+  const stopped = isStopped ? "The stop is latched: reset it first" : "";
+  const isDriving = ["driving", "leaving"].includes(phase);
+  return {
+    start:
+      stopped || (phase !== "idle" && "The mission has begun") || (!queue.length && "Add a goal first") || "",
+    pause: isDriving ? "" : "Nothing drives",
+    resume: phase === "paused" ? stopped : "The mission is not paused",
+    cancel: queue.length > 0 || phase !== "idle" ? "" : "There is no mission",
+    leave: stopped || (state.in_zone ? "" : "The robot is in no zone"),
+  };
+}
+
+export function enableButtons(state) {
+  const isViewer = document.body.dataset.role === "viewer";
+  const refusals = refusalsOf(state);
+  for (const button of document.querySelectorAll("[data-mission]")) {
+    const { mission } = button.dataset;
+    set(button, { disabled: refusals[mission] !== "", title: refusals[mission] || (TITLES[mission] ?? "") });
+  }
+  set(document.querySelector("[data-mission=leave]"), { hidden: refusals.leave !== "" });
+  set(element("stop"), { ariaPressed: String(state.stop_latched) });
+  set(element("reset"), {
+    disabled: !state.stop_latched || isViewer,
+    title: !state.stop_latched
+      ? "No stop is latched"
+      : isViewer
+        ? "Viewers cannot reset the stop"
+        : "Release the stop; a mission stays paused",
+  });
+  element("reset").classList.toggle("due", state.stop_latched && !isViewer);
+}
+
+for (const button of document.querySelectorAll("[data-mission]")) {
+  button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
+}
+element("reset").onclick = () => attempt(() => post("/stop/reset"));

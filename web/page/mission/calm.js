@@ -1,0 +1,43 @@
+// What keeps the status line calm: a hold is shown once it has lasted, and stays long enough to be
+// read; the line changes at most once a second.
+
+const SHOWN_AFTER_MS = 1000;
+const KEPT_MS = 2000;
+const LONGEST_STEP_MS = 500;
+
+// Return a function of (isHeld, nowMs) that says whether a hold is to be shown. Time held counts up
+// and free time counts down, so that a hold with short gaps is shown as one.
+export function holdFilter() {
+  let heldMs = 0;
+  let lastMs = null;
+  let shownSinceMs = null;
+  return (isHeld, nowMs) => {
+    const stepMs = lastMs === null ? 0 : Math.min(nowMs - lastMs, LONGEST_STEP_MS);
+    lastMs = nowMs;
+    heldMs = Math.min(Math.max(heldMs + (isHeld ? stepMs : -stepMs), 0), SHOWN_AFTER_MS);
+    if (shownSinceMs === null && heldMs >= SHOWN_AFTER_MS) shownSinceMs = nowMs;
+    if (shownSinceMs !== null && heldMs === 0 && nowMs - shownSinceMs >= KEPT_MS)
+      shownSinceMs = null;
+    return shownSinceMs !== null;
+  };
+}
+
+const RATE_WINDOW_MS = 10_000;
+const FEWEST_MS = 5000;
+// The gate lets a command live for a quarter of a second: with fewer images it holds the robot.
+export const NEEDED_HZ = 4;
+
+// Return a function of (serial, nowMs) that says how many images a second the robot handles, or null
+// before it can tell.
+export function rateMeter() {
+  let samples = [];
+  return (serial, nowMs) => {
+    const last = samples.at(-1);
+    // A gap in the states says nothing about the robot.
+    if (!last || serial < last.serial || nowMs - last.nowMs > 1000) samples = [];
+    samples.push({ serial, nowMs });
+    samples = samples.filter((sample) => nowMs - sample.nowMs <= RATE_WINDOW_MS);
+    const lastedMs = nowMs - samples[0].nowMs;
+    return lastedMs < FEWEST_MS ? null : (1000 * (serial - samples[0].serial)) / lastedMs;
+  };
+}

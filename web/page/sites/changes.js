@@ -1,0 +1,91 @@
+// The changes of the map against the accepted one: listed, drawn on the map, accepted one by one.
+
+import { get, post } from "../core/api.js";
+import { make, setText } from "../core/dom.js";
+import { attempt, notify } from "../core/toasts.js";
+import { overlays, redraw } from "../map/map.js";
+import { centreOn } from "../map/view.js";
+
+const COLOURS = { appeared: "#e5322d", gone: "#0a84ff" };
+const TEXTS = { appeared: "new obstacle", gone: "obstacle gone" };
+const DASH = [6, 4];
+const WIDTH_PX = 2.5;
+const note = make("p", { class: "empty", role: "status", "data-testid": "changes-note" });
+const list = make("ul", { class: "list", "data-testid": "changes" });
+const all = make("button", { "data-testid": "changes-all" }, "Accept the whole map");
+const again = make("button", { "data-testid": "changes-refresh" }, "Compare again");
+let listed = { areas: [], listing: null };
+
+export const section = make(
+  "section",
+  { "aria-label": "Changes of the map" },
+  make("h2", {}, "Changes of the map"),
+  note,
+  list,
+  make("div", { class: "row" }, all, again),
+);
+
+export async function refresh() {
+  try {
+    show(await get("/map/changes"));
+  } catch (error) {
+    show({ areas: [], listing: null, accepted: true });
+    setText(note, error.message);
+  }
+}
+
+export function hide() {
+  listed = { areas: [], listing: null };
+  redraw();
+}
+
+function show(changes) {
+  listed = changes;
+  list.replaceChildren(...changes.areas.map(itemOf));
+  const more = changes.left_out ? `, the ${changes.left_out} smallest are left out` : "";
+  setText(
+    note,
+    !changes.accepted
+      ? "No map has been accepted yet. What is accepted now is what later maps are compared with."
+      : changes.areas.length
+        ? `${inWords(changes.areas.length)} from the accepted map${more}.`
+        : "The map is as it was accepted.",
+  );
+  redraw();
+}
+
+const inWords = (count) => (count === 1 ? "1 area differs" : `${count} areas differ`);
+
+function middleOf(outline) {
+  const sum = outline.reduce(([x, y], [px, py]) => [x + px, y + py], [0, 0]);
+  return sum.map((value) => value / outline.length);
+}
+
+function itemOf(area) {
+  const [x, y] = middleOf(area.outline);
+  const text = `${TEXTS[area.kind]}, ${area.area_m2.toFixed(2)} m²`;
+  const place = `(${x.toFixed(1)}, ${y.toFixed(1)})`;
+  const accept = make("button", { "data-testid": "change-accept" }, "Accept");
+  accept.setAttribute("aria-label", `Accept: ${text} at ${place}`);
+  accept.onclick = () => attempt(() => acceptAreas(listed.listing, [area.id]));
+  const where = make(
+    "button",
+    { title: "Show it on the map", "aria-label": `Show on the map: ${text} at ${place}` },
+    place,
+  );
+  where.onclick = () => centreOn([x, y]);
+  const label = make("span", { class: "label" }, text);
+  return make("li", { "data-testid": "change", "data-kind": area.kind }, label, where, accept);
+}
+
+async function acceptAreas(listing, areas) {
+  show(await post("/map/changes/accept", { listing, areas }));
+  notify("Accepted.", { good: true });
+}
+
+all.onclick = () => attempt(() => acceptAreas(null, []));
+again.onclick = () => attempt(refresh);
+// Dashed, and red or blue: the colour is not the only sign, the list names the kind.
+overlays.push(({ line }) => {
+  for (const area of listed.areas) line(area.outline, COLOURS[area.kind], WIDTH_PX, DASH, true);
+});

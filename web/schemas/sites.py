@@ -1,0 +1,144 @@
+"""Sites in requests and answers, and the document of a site archive."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, StrictBool, StrictStr
+
+from navcore.mission.beware_list import LARGEST_CLASS_ID
+from navcore.mission.mission import MAX_GOALS
+from web.interface.sites import SITE_NAME, PointPair, Site, Tag
+from web.interface.wire import DOCUMENTED
+from web.schemas.beware import BewareEntry
+from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians
+from web.schemas.mission import GoalIn
+from web.schemas.zones import MAX_FILE, MAX_IMPORT, ImportedFeatureIn
+
+SiteName = Annotated[StrictStr, Field(pattern=SITE_NAME)]
+TagIn = Annotated[Tag, Body()]
+Tags = Annotated[list[TagIn], Field(max_length=1000)]
+AreaId = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+Pair = tuple[Corner, Corner]
+
+
+class SiteIn(Closed):
+    """Name of a new site."""
+
+    name: SiteName
+    """1 to 40 letters, digits, blanks, `-` and `_`, beginning with a letter or digit."""
+
+
+class PoseIn(Closed):
+    """Pose in the map frame."""
+
+    x_m: Metres
+    """x in metres of the map frame."""
+    y_m: Metres
+    """y in metres of the map frame."""
+    yaw_rad: Radians
+    """Heading in radians, counter-clockwise from x."""
+
+
+class SiteChangesIn(Closed):
+    """Changed fields of a site; what is left out stays."""
+
+    name: SiteName | None = None
+    """New name; null leaves it unchanged."""
+    dock: PoseIn | None = None
+    """Pose of the robot in its dock; null removes it."""
+    tags: Tags | None = None
+    """Fiducial markers of the site; null removes them."""
+
+
+class AlignmentIn(Closed):
+    """Two points that are known in the frame of a map and in that of the site."""
+
+    on_map: Pair
+    """Points (x, y) in metres of the map's own frame."""
+    on_site: Pair
+    """The same points in metres of the map frame of the site."""
+
+    def pairs(self) -> tuple[PointPair, PointPair]:
+        """Return both pairs of points."""
+        return self.on_map, self.on_site
+
+
+class Nav2ImportIn(Closed):
+    """Content of the two files of a Nav2 map, and where it lies."""
+
+    name: SiteName
+    """Name of the new site."""
+    yaml: Annotated[StrictStr, Field(max_length=20_000)]
+    """Text of the YAML file."""
+    picture: Annotated[StrictStr, Field(max_length=MAX_FILE)]
+    """PGM or PNG file in base64."""
+    alignment: AlignmentIn | None = None
+    """Where the map lies; null if its frame is that of the site."""
+
+
+class AcceptIn(Closed):
+    """Changed areas to take over into the accepted map."""
+
+    listing: Annotated[int, Field(strict=True, ge=0, le=2**53)] | None = None
+    """Number of the listing that the operator has seen; null for the whole present map."""
+    areas: Annotated[tuple[AreaId, ...], Field(max_length=1000)] = ()
+    """Numbers of areas of that listing."""
+
+
+class SitesOut(BaseModel):
+    """All sites."""
+
+    model_config = DOCUMENTED
+
+    chosen: str
+    """Name of the site in use."""
+    sites: tuple[Site, ...]
+    """Sites by name."""
+
+
+class StoredMissionIn(Closed):
+    """Saved mission in an archive."""
+
+    goals: Annotated[list[GoalIn], Field(max_length=MAX_GOALS)]
+    """Goals in order."""
+    loop: StrictBool
+    """Whether reached goals are queued again."""
+
+
+class BewareDocument(Closed):
+    """Beware list in an archive."""
+
+    classes: Annotated[list[BewareEntry], Field(max_length=LARGEST_CLASS_ID)]
+    """Classes of the list."""
+    retired: Annotated[
+        list[tuple[Name, Annotated[int, Field(strict=True, ge=1, le=LARGEST_CLASS_ID)]]],
+        Field(max_length=LARGEST_CLASS_ID),
+    ]
+    """Names and ids of removed classes, whose points may be on the map."""
+
+
+Features = Annotated[list[ImportedFeatureIn], Field(max_length=MAX_IMPORT)]
+
+
+class SiteDocument(Closed):
+    """`site.json` of an archive."""
+
+    format: Literal["bewarenav site"]
+    """Mark of the format."""
+    version: Literal[1]
+    """Version of the format."""
+    zones: Features
+    """Zones as GeoJSON Features."""
+    zone_sets: Annotated[dict[Name, Features], Field(max_length=50)]
+    """Zones of each set; there `expires_at_s` is the remaining time."""
+    missions: Annotated[dict[Name, StoredMissionIn], Field(max_length=200)]
+    """Saved missions by name."""
+    beware: BewareDocument | None
+    """Beware list; null for that of the package."""
+    dock: PoseIn | None
+    """Pose in the dock."""
+    tags: Tags
+    """Fiducial markers."""
+    accepted: dict[str, Any] | None
+    """Accepted map, packed; null without one."""
