@@ -59,7 +59,9 @@ class EventDetector:
             self._zones(now_s, before.zones, intent.zones)
             if before.beware is not intent.beware:
                 self._beware(now_s, before.beware, intent.beware)
-        if decision is not None and decision is not self._decision:
+        # What changes while the mission is paused is told when it goes on.
+        paused = intent.mission.phase is Phase.PAUSED
+        if decision is not None and decision is not self._decision and not paused:
             self._path(now_s, decision, intent)
         self._settle(now_s, pose)
 

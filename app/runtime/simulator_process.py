@@ -35,8 +35,9 @@ from sim.simulator import Simulator
 COMMAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 START_S = 60.0
 """Longest time until the first frame, seconds."""
-MAX_BEHIND_S = 0.25
-"""Lag behind real time that the simulator makes up, seconds; a longer lag is given up."""
+MAX_BEHIND_S = 0.1
+"""Lag behind real time that the simulator makes up, seconds; a longer lag is given up, and the
+world stood still meanwhile."""
 JOIN_S = 2.0
 """Longest wait for the end of the process and of the thread, seconds."""
 
@@ -156,15 +157,17 @@ def _serve(
     outbox = LatestMessageQueue(link, "frames")
     world = load_scenario(scenario)
     with Simulator(world, seed=seed, odometry=odometry, gnss=gnss) as simulator:
-        frame, start_s, start_ns = None, time.monotonic(), simulator.now_ns()
+        # Machine's clock minus simulated clock. It grows only by pauses of the world: between the
+        # stamps of two frames never passes less time than in the world, even while a lag is made
+        # up.
+        frame, lead_ns = None, time.monotonic_ns() - simulator.now_ns()
         while _obey(link, simulator):
-            behind_s = time.monotonic() - start_s - (simulator.now_ns() - start_ns) / 1e9
-            if behind_s > MAX_BEHIND_S:
-                start_s += behind_s
-            elif behind_s <= 0:
-                time.sleep(min(-behind_s + 1e-3, 0.01))
+            behind_ns = time.monotonic_ns() - simulator.now_ns() - lead_ns
+            if behind_ns > MAX_BEHIND_S * 1e9:
+                lead_ns += behind_ns
+            elif behind_ns <= 0:
+                time.sleep(min(-behind_ns / 1e9 + 1e-3, 0.01))
                 continue
-            lead_ns = time.monotonic_ns() - simulator.now_ns()
             simulator.step()
             if simulator.newest_frame() is not frame:
                 frame = simulator.newest_frame()

@@ -33,6 +33,8 @@ class Observation:
     """(N,) depth in metres at which each point was measured."""
     max_range_m: float
     """Largest depth in metres that was used."""
+    spec: GridSpec
+    """Grid of the box and of the cells."""
     box: Box
     """Part of the grid that the camera can measure."""
     cells_seen: npt.NDArray[np.int64]
@@ -99,6 +101,7 @@ def observe(
         rgb=frame.rgb.reshape(-1, 3)[pixels],
         range_m=depth,
         max_range_m=rules.max_range_m,
+        spec=spec,
         box=view.box,
         cells_seen=_grid_cells(np.flatnonzero(seen), view, spec),
         heights_seen=seen[seen != 0],

@@ -83,8 +83,14 @@ class PointMap:
         """Replace or append the points of the frame's pose ID, and remove those it sees through.
 
         With `labels` the confidence of uncertain points follows every image (`confidence.py`);
-        without, the first confidence stays.
+        without, the first confidence stays. Raises `ValueError` for an observation on another grid
+        than the map's present one.
         """
+        if observation.spec != self.spec:
+            raise ValueError(
+                f"observation of a grid of {observation.spec.rows} × {observation.spec.cols} cells,"
+                f" the map has {self.spec.rows} × {self.spec.cols}"
+            )
         if labels is not None:
             self._update_confidence(frame, labels, observation.box)
         pose_id = self.pose_ids.id_of(frame.pose)

@@ -133,6 +133,17 @@ def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
     assert "A shorter path has opened" in written(event_log)[-1][1]
 
 
+def test_a_path_that_opens_while_the_mission_is_paused_is_told_when_it_goes_on() -> None:
+    event_log, driving = EventLog(), intent()
+    detector = EventDetector(event_log, driving)
+    paused = dataclasses.replace(driving, mission=driving.mission.pause())
+    closed, open_ = decision(box(-0.5, 0.5, -3.0, 3.0)), decision(EMPTY)
+    for now_s, state, seen in ((0.0, driving, closed), (2.0, paused, open_), (4.0, driving, open_)):
+        detector.on_tick(now_s, state, seen, HERE)
+    said = [text for kind, text in written(event_log) if kind == "replanned"]
+    assert len(said) == 2 and "no path" in said[0] and said[1].startswith("A path has opened")
+
+
 def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
     event_log = EventLog()
     before = intent(driving=False)

@@ -29,7 +29,7 @@ EMPTY = BewareList(classes=())
 def observe_scene(cloud: PointMap, *things: Paint) -> None:
     frame = picture(*things)
     labels = ColourSegmenter().segment(frame, RED_LIST)
-    cloud.insert(observe(frame, labels, RED_LIST, SPEC, ObservationConfig()), frame, labels)
+    cloud.insert(observe(frame, labels, RED_LIST, cloud.spec, ObservationConfig()), frame, labels)
 
 
 def test_a_class_removed_from_the_list_keeps_its_name_on_the_map_and_can_be_restored(

@@ -16,6 +16,7 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from sim.simulator import STEPS_PER_S
 
 AHEAD = Twist(v_mps=0.4, w_radps=0.0)
 
@@ -65,6 +66,23 @@ def test_a_simulator_that_hangs_blocks_no_sender(robot: SimulatorProcess) -> Non
     assert later is not None
     time.sleep(1.0)
     assert abs(speed(robot)) < 0.02
+
+
+def test_a_lag_that_is_made_up_puts_no_frames_closer_together_than_the_camera_took_them(
+    robot: SimulatorProcess,
+) -> None:
+    process = robot._process.pid
+    assert process is not None
+    stamps, frame = [], robot.newest_frame()
+    for _ in range(30):
+        os.kill(process, signal.SIGSTOP)
+        time.sleep(0.08)
+        os.kill(process, signal.SIGCONT)
+        frame = robot.wait_frame(frame, 20.0)
+        assert frame is not None
+        assert frame.stamp_ns <= robot.now_ns()
+        stamps.append(frame.stamp_ns)
+    assert min(np.diff(stamps)) > 0.1e9 - 1e9 / STEPS_PER_S
 
 
 def test_a_world_that_does_not_come_up_is_told_and_leaves_nothing_behind() -> None:

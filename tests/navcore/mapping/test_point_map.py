@@ -170,10 +170,19 @@ def seen(
         rgb=np.zeros((len(points), 3), dtype=np.uint8),
         range_m=np.ones(len(points), dtype=np.float32),
         max_range_m=5.0,
+        spec=SMALL,
         box=(0, 0, SMALL.rows, SMALL.cols),
         cells_seen=np.empty(0, dtype=np.int64),
         heights_seen=np.empty(0, dtype=np.uint64),
     )
+
+
+def test_an_observation_of_another_grid_is_refused_and_changes_nothing() -> None:
+    cloud = PointMap(SMALL, MappingConfig())
+    larger = dataclasses.replace(SMALL, cols=SMALL.cols + 256)
+    with pytest.raises(ValueError, match="60 × 316 cells, the map has 60 × 60"):
+        cloud.insert(dataclasses.replace(seen(SPOT), spec=larger), BLIND)
+    assert not len(cloud.points.points_map) and not len(cloud.poses)
 
 
 BLIND = dataclasses.replace(picture(), depth_m=np.zeros_like(picture().depth_m))
