@@ -201,7 +201,8 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
         beware=beware_list(settings.beware),
         config=config,
     )
-    return bool(summary["relocalisation"]["wrong"] == 0)
+    searches = (summary["switched_on"], *summary["wrong_map"].values())
+    return all(found["wrong"] == 0 for found in searches)
 
 
 def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:

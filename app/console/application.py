@@ -19,7 +19,7 @@ import torch
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
 from app.console.site_map import beware_of, map_of
-from app.console.sites import MISSION_PERIOD_S, mission_of
+from app.console.sites import SESSION_PERIOD_S, last_place_of, mission_of
 from app.runtime.background import Background, ThreadBackground
 from app.runtime.engine_memory import EngineMemory
 from app.runtime.fault_injection import FaultInjector
@@ -145,7 +145,8 @@ def console(
         controller = _controller_of(site, back_end.spec, perception, config, stages, background)
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
-        controller.navigator.adopt_map()
+        last = last_place_of(site) if options.kept is None else None
+        controller.navigator.adopt_map(last)
         stack.callback(  # when the loop has stopped
             lambda: keeper.finish(point_map, controller.intent.beware.names)
         )
@@ -168,10 +169,10 @@ def console(
             world_tags=back_end.tags,
         )
         stack.callback(operations.close)
-        stack.callback(operations.sites.keep_mission)
+        stack.callback(operations.sites.keep_session)
         for work, period_s, name in (
             (lambda: operations.zones.expire(), EXPIRY_S, "expiry of zones"),
-            (operations.sites.keep_mission, MISSION_PERIOD_S, "mission to disk"),
+            (operations.sites.keep_session, SESSION_PERIOD_S, "session to disk"),
         ):
             thread = PeriodicThread(work, period_s=period_s, name=name)
             thread.start()

@@ -1,4 +1,4 @@
-"""The sites of a running console: the one in use, its accepted map, its goals over a restart."""
+"""The sites of a running console: the one in use, its accepted map, its session over a restart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.errors import Outdated, Refused
 from navcore.formats.nav2_map import read as nav2_map_of
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
@@ -30,8 +30,12 @@ from web.interface.snapshots import TickSnapshot
 
 MISSION = ("mission in progress", "mission")
 """Kind and name of the stored document."""
-MISSION_PERIOD_S = 0.5
-"""Time between two looks for a changed mission, seconds: a kill loses no more of it."""
+LAST_PLACE = ("place of the robot", "last")
+"""Kind and name of the stored document."""
+SESSION_PERIOD_S = 0.5
+"""Time between two looks for a changed mission or place, seconds: a kill loses no more of it."""
+MOVED_M, MOVED_RAD = 0.1, 0.1
+"""Motion after which the place of the robot is stored again."""
 MAX_AREAS = 200
 """Largest number of changed areas in a listing."""
 MAX_LISTINGS = 8
@@ -88,6 +92,7 @@ class LiveSites:
         self._user, self._config, self._world, self._has_own_map = user, config, world, has_own_map
         self._lock = threading.RLock()
         self._saved: Mission | None = None
+        self._placed: Pose2 | None = None
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
         self._use_tags()
@@ -205,15 +210,19 @@ class LiveSites:
             save_accepted(self._store.site, accept(before, seen.present, chosen))
             return self.changes()
 
-    # The mission over a restart
+    # The session over a restart
 
-    def keep_mission(self) -> None:
-        """Store the goals and the phase if they have changed; called periodically."""
+    def keep_session(self) -> None:
+        """Store the goals, the phase and the place of the robot if they have changed; called
+        periodically."""
         with self._lock:
-            mission = self._controller.intent.mission
+            mission, place = self._controller.intent.mission, self._controller.place
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
+            if self._has_own_map and place.is_known and _has_moved(self._placed, place.T_map_base):
+                self._placed = place.T_map_base
+                self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(self._placed))
 
     # Inside
 
@@ -224,7 +233,7 @@ class LiveSites:
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site)
         self._keeper.write_now()
-        self.keep_mission()
+        self.keep_session()
 
         def edit(intent: OperatorState) -> OperatorState:
             # A version that was in force names one list only, at whatever site.
@@ -236,7 +245,7 @@ class LiveSites:
 
         def replace_map() -> None:
             self._controller.navigator.map.restore(stored.state)
-            self._controller.navigator.adopt_map()
+            self._controller.navigator.adopt_map(last_place_of(site))
             self._keeper.use(site.map_file, stored.class_names)
 
         with self._user.leaving_site():
@@ -247,6 +256,7 @@ class LiveSites:
                 self._store.use(before.name)
                 raise
             self._user.enter_site(site)
+        self._placed = None
         self._use_tags()
         self._listings.clear()
 
@@ -301,6 +311,21 @@ def mission_of(site: SiteStore) -> Mission:
         next_id=record["next_id"],
         loop=record["loop"],
     ).stored()
+
+
+def last_place_of(site: SiteStore) -> Pose2 | None:
+    """Return T_map_base at which the robot was last known to be at a site; None if it never was."""
+    kind, name = LAST_PLACE
+    record = site.documents(kind).get(name)
+    return None if record is None else Pose2(**record)
+
+
+def _has_moved(before: Pose2 | None, now: Pose2) -> bool:
+    return (
+        before is None
+        or before.distance_to(now.x_m, now.y_m) > MOVED_M
+        or abs(wrap_angle(now.yaw_rad - before.yaw_rad)) > MOVED_RAD
+    )
 
 
 def _mission_record(mission: Mission) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,6 @@ from navcore.localisation.keyframe_chain import KnownPoses
 from navcore.localisation.localiser import Localiser
 from navcore.localisation.odometry_model import OdometryStep
 from navcore.localisation.scan import Keyframe, Scan, scan_of
-from navcore.mapping.pose_ids import PoseIds
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.navigator import TickResult
 from navcore.perception.ground import ground_heights
@@ -233,37 +232,6 @@ def keyframes_of(
     localiser = Localiser(pose_ids, exact)
     follow(localiser, drive, drive.true_poses, scans)
     return localiser.keyframes
-
-
-def run(
-    drive: Drive,
-    grade: OdometryGrade,
-    seeds: Iterable[int],
-    *,
-    config: LocalisationConfig,
-    pose_ids: Callable[[], PoseIds],
-    mapped: Drive | None = None,
-    max_slope: float = 0.15,
-) -> dict[str, Any]:
-    """Return the table of a drive with the odometry of each seed: in the saved map of another drive
-    of the same world where that is given, else in a new map.
-
-    `pose_ids` makes an empty list of poses.
-    """
-    scans = scans_of(drive, max_slope, config)
-    keyframes: tuple[Keyframe, ...] = ()
-    known = pose_ids()
-    if mapped is not None:
-        keyframes = keyframes_of(mapped, scans_of(mapped, max_slope, config), known, config)
-    rows = []
-    for seed in seeds:
-        ids = pose_ids()
-        ids.restore(known.array())
-        localiser = Localiser(ids, config)
-        localiser.load(keyframes)
-        odometry = odometry_of(drive, grade, seed, drive.true_poses[0])
-        rows.append({"seed": float(seed), **figures(follow(localiser, drive, odometry, scans))})
-    return {"grade": str(grade), "distance_m": drive.distance_m, **summarise(rows)}
 
 
 def summarise(rows: Iterable[dict[str, float]]) -> dict[str, Any]:

@@ -56,6 +56,7 @@ class Localisation:
         self.closures: LoopClosures | None = None
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
+        self._last: Pose2 | None = None
         self._place_map: PlaceMap | None = None
         self._relocaliser: Relocaliser | None = None
         self._is_lost = False
@@ -72,7 +73,7 @@ class Localisation:
             self.tracker.place(frame.pose, self._start.covariance, frame)
         estimate = self.tracker.update(frame, excluded_pixels(frame, labels, people), ground_m)
         self._loops.note(self.tracker.take_edges())
-        estimate = self._confirmed(self._fixed(frame, estimate), frame.stamp_ns)
+        estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
         if not self._is_lost:
             self._relocaliser = None
@@ -103,24 +104,30 @@ class Localisation:
             return dataclasses.replace(estimate, state=LocalisationState.LOCATED, since_m=0.0)
         return estimate
 
-    def _confirmed(self, estimate: LocalisationEstimate, stamp_ns: int) -> LocalisationEstimate:
+    def _confirmed(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         """Return the estimate, which is ambiguous until the scans have confirmed the place at which
-        the robot started in a saved map, or lost if they contradict it."""
-        if self._start is None or estimate.state is LocalisationState.LOST:
-            self._start = None
+        the robot started in a saved map.
+
+        What they contradict is lost, unless the robot may stand where it stood at the end of the
+        session before: then that place is checked in the same way.
+        """
+        if self._start is None:
             return estimate
-        verdict = self._start.after(estimate, stamp_ns)
+        is_lost = estimate.state is LocalisationState.LOST
+        verdict = False if is_lost else self._start.after(estimate, frame.stamp_ns)
         if verdict is None:
-            return dataclasses.replace(
-                estimate,
-                state=LocalisationState.AMBIGUOUS,
-                candidates=(estimate.T_map_base,),
-            )
+            return _between(estimate, estimate.T_map_base)
         self._start = None
         if verdict:
             return estimate
-        self.tracker.lose(stamp_ns)
-        return dataclasses.replace(estimate, state=LocalisationState.LOST, since_ns=stamp_ns)
+        if self._last is not None:
+            self._start, last = StartCheck(self._config.start), self._last
+            self._last = None
+            self.tracker.place(last, self._start.covariance, frame)
+            return _between(self.tracker.estimate(frame), last)
+        if not is_lost:
+            self.tracker.lose(frame.stamp_ns)
+        return dataclasses.replace(estimate, state=LocalisationState.LOST, since_ns=frame.stamp_ns)
 
     def next_task(self) -> Task | None:
         """Return what to compute now beside the tick; None for nothing."""
@@ -178,7 +185,7 @@ class Localisation:
     def place(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
         """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
-        self._relocaliser, self._is_lost, self._start = None, False, None
+        self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
@@ -208,14 +215,25 @@ class Localisation:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
 
-    def load(self, keyframes: Iterable[Keyframe]) -> None:
+    def load(self, keyframes: Iterable[Keyframe], last: Pose2 | None = None) -> None:
         """Take the keyframes of a saved map, whose poses are constants, and begin again: odometry's
-        pose counts as the place in the map until the scans have confirmed it, or contradict it."""
+        pose counts as the place in the map until the scans have confirmed it, or contradict it.
+
+        `last`: T_map_base at the end of the session before, which is tried next; None if unknown.
+        """
         self.tracker = Localiser(self._pose_ids, self._config)
         self.tracker.load(keyframes)
         self._relocaliser, self._place_map, self._is_lost = None, None, False
         self._restart_chain()
-        self._start = StartCheck(self._config.start) if len(self.tracker.saved_map) else None
+        has_map = len(self.tracker.saved_map) > 0
+        self._start = StartCheck(self._config.start) if has_map else None
+        self._last = last if has_map else None
+
+
+def _between(estimate: LocalisationEstimate, place: Pose2) -> LocalisationEstimate:
+    """Return the estimate of a robot that waits until the scans have told whether a place is
+    right."""
+    return dataclasses.replace(estimate, state=LocalisationState.AMBIGUOUS, candidates=(place,))
 
 
 def _ambiguous(estimate: LocalisationEstimate, proposal: PlaceProposal) -> LocalisationEstimate:

@@ -33,12 +33,20 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Pose2]:
         first.close()
 
 
-def driven_m(kept: tuple[Path, Pose2], *, start: Pose2 | None, knows_scans: bool = True) -> float:
-    """Return how far the robot goes in 6 s of a mission in the kept map; its odometry says that it
-    stands at the start of the world."""
+def driven_m(
+    kept: tuple[Path, Pose2],
+    *,
+    start: Pose2 | None,
+    knows_scans: bool = True,
+    last: Pose2 | None = None,
+    max_time_s: float = 6.0,
+) -> float:
+    """Return how far the robot goes in some seconds of a mission in the kept map; its odometry says
+    that it stands at the start of the world. `last`: where it stood at the end of the session
+    before."""
     path, _ = kept
     settings = EpisodeSettings(
-        beware=BEWARE, start=start, odometry_origin=OFFICE.start_pose, max_time_s=6.0
+        beware=BEWARE, start=start, odometry_origin=OFFICE.start_pose, max_time_s=max_time_s
     )
     episode = Episode(OFFICE, settings, seed=3)
     try:
@@ -46,9 +54,13 @@ def driven_m(kept: tuple[Path, Pose2], *, start: Pose2 | None, knows_scans: bool
         load_map(navigator.map, BEWARE, prior=None, kept=path)
         if not knows_scans:
             navigator.map.scans = lambda: stored(())
-        navigator.adopt_map()
+        navigator.adopt_map(last)
         episode.run()
-        assert navigator.place.is_known == (start is None or not knows_scans)
+        stood_there = last is not None and last == start
+        assert navigator.place.is_known == (start is None or stood_there or not knows_scans)
+        if navigator.place.is_known and knows_scans:
+            true = episode.simulator.true_pose()
+            assert navigator.place.T_map_base.distance_to(true.x_m, true.y_m) < 0.15
         return episode.simulator.referee.distance_m
     finally:
         episode.close()
@@ -59,6 +71,15 @@ def test_elsewhere_the_robot_stands_and_where_it_believes_to_be_it_drives(
 ) -> None:
     assert driven_m(kept, start=kept[1]) < 0.05
     assert driven_m(kept, start=None) > 0.5
+
+
+def test_where_it_stood_at_the_end_of_the_session_before_it_knows_its_place_again(
+    kept: tuple[Path, Pose2],
+) -> None:
+    _, place = kept
+    other = Pose2(x_m=place.x_m, y_m=place.y_m, yaw_rad=place.yaw_rad + 2.0)
+    assert driven_m(kept, start=place, last=place, max_time_s=9.0) > 0.5
+    assert driven_m(kept, start=place, last=other, max_time_s=9.0) < 0.05
 
 
 def test_without_its_scans_the_robot_would_drive_off(kept: tuple[Path, Pose2]) -> None:

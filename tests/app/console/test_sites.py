@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.console.beware_editor import BewareEditor
-from app.console.sites import LiveSites, mission_of
+from app.console.sites import LiveSites, last_place_of, mission_of
 from app.console.zone_editor import ZoneEditor
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import OperatorState
@@ -22,6 +22,7 @@ from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration, Outdated, Refused
+from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping import map_file
 from navcore.mapping.point_map import PointMap
@@ -245,7 +246,7 @@ def test_goals_and_mission_come_back_paused(desk: Desk) -> None:
         lambda mission: mission.add(0.0, 3.0, SPEC, name="a").add(1.0, 4.0, SPEC).repeat(True)
     )
     desk.controller.change_mission(lambda mission: mission.start())
-    desk.sites.keep_mission()
+    desk.sites.keep_session()
     back = mission_of(desk.store.site)
     assert (back.queue, back.loop, back.phase, back.restored) == (
         drive.queue,
@@ -255,12 +256,29 @@ def test_goals_and_mission_come_back_paused(desk: Desk) -> None:
     )
     assert not back.resume().restored and not back.cancel().restored
     desk.controller.change_mission(lambda mission: mission.cancel())
-    desk.sites.keep_mission()
+    desk.sites.keep_session()
     assert mission_of(desk.store.site).queue == ()
     desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
-    desk.sites.keep_mission()
+    desk.sites.keep_session()
     waiting = mission_of(desk.store.site)
     assert (waiting.phase, waiting.restored) == (Phase.IDLE, True)
+
+
+def test_the_place_of_the_robot_comes_back_unless_it_was_not_known(desk: Desk) -> None:
+    assert last_place_of(desk.store.site) is None
+    desk.sites.keep_session()
+    here = desk.controller.place.T_map_base
+    assert last_place_of(desk.store.site) == here
+    localisation = desk.controller.navigator.localisation
+    there = Pose2(x_m=here.x_m + 1.0, y_m=here.y_m, yaw_rad=here.yaw_rad)
+    desk.controller.navigator.place_robot(there, np.eye(3) * 1e-4, FRAMES[0])
+    desk.tick()
+    localisation.search(0)
+    desk.tick()
+    assert not desk.controller.place.is_known
+    desk.sites.keep_session()
+    assert last_place_of(desk.store.site) == here
+    assert last_place_of(desk.store.sites.open("hall")) is None
 
 
 def test_without_a_tick_a_site_is_not_left(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
